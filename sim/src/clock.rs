@@ -1,0 +1,496 @@
+//! Embassy's time driver on the host: one clock per thread, virtual or real.
+//!
+//! `cargo test` gives every test its own thread, so every test has its own clock and all of them
+//! can run in parallel. In [`Pace::Virtual`] time stands still while anything can be done and then
+//! jumps to the next alarm; in [`Pace::Wall`] it is the real time.
+//!
+//! The root future is polled when it was woken or when one of its alarms is due, never "just in
+//! case", so that a wake-up which the code under test forgets is seen. Each waker has one alarm,
+//! the earliest that was asked for since it last rang: this is what embassy's own executor does
+//! with each task, and like there a ring polls the task, which asks again for whatever it still
+//! waits for.
+
+mod waker;
+
+use core::cell::{Cell, RefCell};
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use std::sync::Arc;
+use std::time::Instant as WallInstant;
+
+use embassy_time::{Duration, Instant};
+
+use self::waker::Root;
+
+/// So many polls at one and the same instant of virtual time are a busy loop.
+const BUSY_LOOP_POLLS: u32 = 1_000_000;
+
+/// How time passes on this thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pace {
+    /// Jumps to the next alarm as soon as nothing is left to do.
+    #[default]
+    Virtual,
+    /// Real time; the thread sleeps until the next alarm.
+    Wall,
+}
+
+struct Alarm {
+    at: u64,
+    waker: Waker,
+}
+
+struct Clock {
+    /// The time in ticks; in `Wall` pace the time at which `wall` was taken.
+    base: Cell<u64>,
+    wall: Cell<Option<WallInstant>>,
+    alarms: RefCell<Vec<Alarm>>,
+    running: Cell<bool>,
+    root: Arc<Root>,
+}
+
+thread_local! {
+    static CLOCK: Clock = Clock {
+        base: const { Cell::new(0) },
+        wall: const { Cell::new(None) },
+        alarms: const { RefCell::new(Vec::new()) },
+        running: const { Cell::new(false) },
+        root: Root::of_this_thread(),
+    };
+}
+
+impl Clock {
+    fn now(&self) -> u64 {
+        let passed = self
+            .wall
+            .get()
+            .map_or(0, |since| since.elapsed().as_micros());
+        self.base.get() + u64::try_from(passed).unwrap_or(u64::MAX)
+    }
+
+    fn next_alarm(&self) -> Option<u64> {
+        self.alarms.borrow().iter().map(|alarm| alarm.at).min()
+    }
+
+    /// Wakes everything that is due, the earliest first.
+    fn ring(&self, now: u64) {
+        loop {
+            let due = {
+                let mut alarms = self.alarms.borrow_mut();
+                let first = (0..alarms.len()).min_by_key(|&i| alarms[i].at);
+                match first {
+                    Some(i) if alarms[i].at <= now => alarms.remove(i),
+                    _ => return,
+                }
+            };
+            // The borrow has ended: a waker may do what it likes.
+            due.waker.wake();
+        }
+    }
+}
+
+struct ThreadClock;
+
+embassy_time_driver::time_driver_impl!(static DRIVER: ThreadClock = ThreadClock);
+
+impl embassy_time_driver::Driver for ThreadClock {
+    fn now(&self) -> u64 {
+        CLOCK.with(Clock::now)
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        // "At the end of time" is how embassy says never; armed, it would hide a deadlock.
+        if at == u64::MAX {
+            return;
+        }
+        CLOCK.with(|clock| {
+            if at <= clock.now() {
+                waker.wake_by_ref();
+                return;
+            }
+            let mut alarms = clock.alarms.borrow_mut();
+            match alarms.iter_mut().find(|alarm| alarm.waker.will_wake(waker)) {
+                Some(alarm) => alarm.at = alarm.at.min(at),
+                None => alarms.push(Alarm {
+                    at,
+                    waker: waker.clone(),
+                }),
+            }
+        });
+    }
+}
+
+/// Sets this thread's clock to 0 in [`Pace::Virtual`] and forgets all alarms.
+pub fn reset() {
+    CLOCK.with(|clock| {
+        assert!(
+            !clock.running.get(),
+            "clock::reset() inside a running future"
+        );
+        clock.base.set(0);
+        clock.wall.set(None);
+        let forgotten = clock.alarms.take();
+        drop(forgotten);
+    });
+}
+
+/// Changes the pace of this thread's clock; the time goes on from where it is.
+pub fn set_pace(pace: Pace) {
+    CLOCK.with(|clock| {
+        clock.base.set(clock.now());
+        clock.wall.set((pace == Pace::Wall).then(WallInstant::now));
+    });
+}
+
+/// The pace of this thread's clock.
+pub fn pace() -> Pace {
+    CLOCK.with(|clock| {
+        if clock.wall.get().is_some() {
+            Pace::Wall
+        } else {
+            Pace::Virtual
+        }
+    })
+}
+
+/// The time on this thread in ns; it has the grain of embassy's tick, 1 µs.
+pub fn now_ns() -> u64 {
+    Instant::now().as_micros() * 1000
+}
+
+/// Runs a future to its end.
+///
+/// # Panics
+///
+/// In [`Pace::Virtual`], when the future can never end: nothing is woken and no alarm is armed, or
+/// it wakes itself without end while no time passes.
+pub fn run<F: Future>(future: F) -> F::Output {
+    match drive(future, None) {
+        Some(output) => output,
+        None => unreachable!("a run without a limit ends with the future"),
+    }
+}
+
+/// Runs a future for at most `limit`; `None` when that time has passed and it has not ended.
+///
+/// The future is still polled for what is due exactly at the limit. It may be a `&mut` to a pinned
+/// future, to be run on later.
+///
+/// # Panics
+///
+/// As [`run`]: a deadlock before the limit is a deadlock, not a time-out.
+pub fn run_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
+    drive(future, Some((Instant::now() + limit).as_ticks()))
+}
+
+/// [`run_for`] in real time, whatever the pace of this thread otherwise is.
+pub fn run_wall_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
+    struct Restore(Pace);
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            set_pace(self.0);
+        }
+    }
+    let _restore = Restore(pace());
+    set_pace(Pace::Wall);
+    run_for(future, limit)
+}
+
+/// Lets time pass with no future running.
+pub fn advance(by: Duration) {
+    // Not `run_for(pending())`: with nothing armed that is a deadlock.
+    run(embassy_time::Timer::after(by));
+}
+
+fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
+    struct Running;
+    impl Drop for Running {
+        fn drop(&mut self) {
+            CLOCK.with(|clock| clock.running.set(false));
+        }
+    }
+
+    let root = CLOCK.with(|clock| {
+        assert!(
+            !clock.running.replace(true),
+            "a run of the clock inside another one on the same thread"
+        );
+        clock.root.clone()
+    });
+    let _running = Running;
+    let waker = waker::waker(&root);
+    // The first poll asks for all its alarms anew; what an earlier root left behind must not ring.
+    CLOCK.with(|clock| {
+        clock
+            .alarms
+            .borrow_mut()
+            .retain(|alarm| !alarm.waker.will_wake(&waker))
+    });
+
+    let mut future = pin!(future);
+    let mut context = Context::from_waker(&waker);
+    let mut polls = 0;
+    root.wake();
+    loop {
+        if root.take_woken() {
+            if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
+                return Some(output);
+            }
+            polls += 1;
+        }
+        let virtual_pace = pace() == Pace::Virtual;
+        let now = CLOCK.with(|clock| {
+            let now = clock.now();
+            clock.ring(now);
+            now
+        });
+        if root.is_woken() {
+            if virtual_pace {
+                assert!(
+                    polls < BUSY_LOOP_POLLS,
+                    "busy loop: the future woke itself {polls} times at {now} µs and no time passed"
+                );
+            } else if end.is_some_and(|end| now > end) {
+                return None;
+            }
+            continue;
+        }
+        let next = CLOCK.with(Clock::next_alarm);
+        if !virtual_pace {
+            if end.is_some_and(|end| now >= end) {
+                return None;
+            }
+            // With nothing armed there may still be another thread that will wake us.
+            let until = [next, end].into_iter().flatten().min();
+            root.park(until.map(|until| core::time::Duration::from_micros(until - now)));
+            continue;
+        }
+        let Some(next) = next else {
+            panic!(
+                "deadlock at {now} µs: nothing is woken and no alarm is armed, so nothing can ever happen again"
+            );
+        };
+        polls = 0;
+        if let Some(end) = end.filter(|&end| next > end) {
+            CLOCK.with(|clock| clock.base.set(end));
+            return None;
+        }
+        CLOCK.with(|clock| {
+            clock.base.set(next);
+            clock.ring(next);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::future::{pending, poll_fn};
+    use embassy_futures::join::join3;
+    use embassy_futures::select::{Either, select};
+    use embassy_time::{Ticker, Timer};
+
+    #[test]
+    fn virtual_time_jumps_to_the_next_alarm() {
+        reset();
+        let real = WallInstant::now();
+        run(async {
+            Timer::after_secs(3600).await;
+            assert_eq!(now_ns(), 3_600_000_000_000);
+            let mut ticker = Ticker::every(Duration::from_millis(50));
+            for _ in 0..20 {
+                ticker.next().await;
+            }
+            assert_eq!(now_ns(), 3_601_000_000_000);
+        });
+        assert!(real.elapsed().as_secs() < 10);
+    }
+
+    #[test]
+    fn the_limit_stops_a_future_and_is_the_time_afterwards() {
+        reset();
+        assert_eq!(
+            run_for(Timer::after_millis(11), Duration::from_millis(10)),
+            None
+        );
+        assert_eq!(now_ns(), 10_000_000);
+        // What is due exactly at the limit still happens.
+        assert_eq!(
+            run_for(Timer::after_millis(10), Duration::from_millis(10)),
+            Some(())
+        );
+        assert_eq!(now_ns(), 20_000_000);
+        advance(Duration::from_micros(7));
+        assert_eq!(now_ns(), 20_007_000);
+    }
+
+    #[test]
+    fn a_pinned_future_can_be_run_on() {
+        reset();
+        let mut future = pin!(async {
+            Timer::after_millis(30).await;
+            5
+        });
+        assert_eq!(run_for(&mut future, Duration::from_millis(20)), None);
+        assert_eq!(run_for(&mut future, Duration::from_millis(20)), Some(5));
+        assert_eq!(now_ns(), 30_000_000);
+    }
+
+    #[test]
+    fn alarms_of_joined_futures_all_ring() {
+        reset();
+        let rung = RefCell::new(Vec::new());
+        let after = |ms| {
+            let rung = &rung;
+            async move {
+                Timer::after_millis(ms).await;
+                rung.borrow_mut().push((ms, now_ns() / 1_000_000));
+            }
+        };
+        run(join3(after(30), after(10), after(20)));
+        assert_eq!(*rung.borrow(), [(10, 10), (20, 20), (30, 30)]);
+    }
+
+    #[test]
+    fn the_loser_of_a_select_does_not_hold_the_clock() {
+        reset();
+        run(async {
+            match select(Timer::after_millis(1), Timer::after_secs(1000)).await {
+                Either::First(()) => {}
+                Either::Second(()) => panic!("the later timer won"),
+            }
+            Timer::after_millis(1).await;
+            assert_eq!(now_ns(), 2_000_000);
+        });
+    }
+
+    #[test]
+    fn each_thread_has_its_own_clock() {
+        reset();
+        advance(Duration::from_secs(5));
+        let other = std::thread::spawn(now_ns).join().unwrap();
+        assert_eq!(other, 0);
+        assert_eq!(now_ns(), 5_000_000_000);
+    }
+
+    #[test]
+    #[should_panic(expected = "deadlock at 0 µs")]
+    fn a_deadlock_panics() {
+        reset();
+        run(pending::<()>());
+    }
+
+    #[test]
+    #[should_panic(expected = "deadlock at 1000 µs")]
+    fn a_deadlock_panics_although_there_is_a_limit() {
+        reset();
+        run_for(
+            async {
+                Timer::after_millis(1).await;
+                pending::<()>().await;
+            },
+            Duration::from_secs(10),
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "deadlock")]
+    fn an_alarm_at_the_end_of_time_is_no_alarm() {
+        reset();
+        run(Timer::at(Instant::MAX));
+    }
+
+    #[test]
+    #[should_panic(expected = "busy loop")]
+    fn waking_oneself_for_ever_panics() {
+        reset();
+        run(poll_fn::<(), _>(|cx| {
+            cx.waker().wake_by_ref();
+            Poll::Pending
+        }));
+    }
+
+    #[test]
+    #[should_panic(expected = "deadlock")]
+    fn a_missed_wake_is_not_hidden_by_polling() {
+        reset();
+        let flag = Cell::new(false);
+        let waits = poll_fn(|_| {
+            if flag.get() {
+                Poll::Ready(())
+            } else {
+                Poll::Pending
+            }
+        });
+        run(async {
+            let waits = pin!(waits);
+            // Polled once at the start and never woken again, although the flag gets set.
+            let mut waits = Some(waits);
+            poll_fn(|cx| {
+                let done = waits
+                    .as_mut()
+                    .is_some_and(|w| w.as_mut().poll(cx).is_ready());
+                flag.set(true);
+                if done { Poll::Ready(()) } else { Poll::Pending }
+            })
+            .await;
+        });
+    }
+
+    #[test]
+    fn wakers_that_are_not_the_root_get_their_own_alarms() {
+        reset();
+        let (a, b) = (Root::of_this_thread(), Root::of_this_thread());
+        embassy_time_driver::schedule_wake(100, &waker::waker(&a));
+        embassy_time_driver::schedule_wake(300, &waker::waker(&a));
+        embassy_time_driver::schedule_wake(200, &waker::waker(&b));
+        run_for(Timer::after_micros(150), Duration::from_secs(1)).unwrap();
+        assert!(a.take_woken() && !b.is_woken());
+        run_for(Timer::after_micros(250), Duration::from_secs(1)).unwrap();
+        // One alarm per waker, the earliest: `a` was told at 100 and has not asked again.
+        assert!(!a.is_woken() && b.is_woken());
+    }
+
+    #[test]
+    fn wall_pace_is_real_time() {
+        reset();
+        let real = WallInstant::now();
+        assert_eq!(
+            run_wall_for(Timer::after_millis(20), Duration::from_secs(5)),
+            Some(())
+        );
+        let took = real.elapsed();
+        assert!(took.as_millis() >= 20, "{took:?}");
+        assert!(now_ns() >= 20_000_000);
+        assert_eq!(pace(), Pace::Virtual);
+        assert_eq!(
+            run_wall_for(Timer::after_secs(5), Duration::from_millis(20)),
+            None
+        );
+        assert!(real.elapsed().as_secs() < 4);
+    }
+
+    #[test]
+    fn another_thread_can_wake_a_wall_clock() {
+        reset();
+        let done = Arc::new(core::sync::atomic::AtomicBool::new(false));
+        let mut started = false;
+        let waits = poll_fn(|cx| {
+            if done.load(core::sync::atomic::Ordering::SeqCst) {
+                return Poll::Ready(());
+            }
+            if !core::mem::replace(&mut started, true) {
+                let (waker, done) = (cx.waker().clone(), done.clone());
+                std::thread::spawn(move || {
+                    std::thread::sleep(core::time::Duration::from_millis(10));
+                    done.store(true, core::sync::atomic::Ordering::SeqCst);
+                    waker.wake();
+                });
+            }
+            Poll::Pending
+        });
+        assert_eq!(run_wall_for(waits, Duration::from_secs(20)), Some(()));
+        assert!(now_ns() < 10_000_000_000);
+    }
+}

@@ -1,0 +1,88 @@
+//! The waker of the one future that a thread's clock runs.
+//!
+//! Its table is a `static`: with `Waker::from(Arc<impl Wake>)` the table is a constant that may
+//! exist more than once (Miri does that on purpose), two clones then do not recognise each other
+//! by `will_wake`, and embassy-sync answers by waking the "other" one at every registration.
+
+#![allow(unsafe_code)]
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::task::{RawWaker, RawWakerVTable, Waker};
+use core::time::Duration;
+use std::sync::Arc;
+use std::thread::{self, Thread};
+
+/// Whether the root future of a thread is to be polled. Any thread may say so.
+#[derive(Debug)]
+pub(super) struct Root {
+    woken: AtomicBool,
+    parked: AtomicBool,
+    thread: Thread,
+}
+
+impl Root {
+    pub(super) fn of_this_thread() -> Arc<Self> {
+        Arc::new(Self {
+            woken: AtomicBool::new(false),
+            parked: AtomicBool::new(false),
+            thread: thread::current(),
+        })
+    }
+
+    pub(super) fn wake(&self) {
+        self.woken.store(true, Ordering::SeqCst);
+        if self.parked.load(Ordering::SeqCst) {
+            self.thread.unpark();
+        }
+    }
+
+    pub(super) fn is_woken(&self) -> bool {
+        self.woken.load(Ordering::Acquire)
+    }
+
+    pub(super) fn take_woken(&self) -> bool {
+        self.woken.swap(false, Ordering::AcqRel)
+    }
+
+    /// Sleeps until woken or until the time has passed; it may also return early.
+    pub(super) fn park(&self, for_at_most: Option<Duration>) {
+        self.parked.store(true, Ordering::SeqCst);
+        // Read after the store above: a wake either is seen here or sees `parked` and unparks.
+        if !self.woken.load(Ordering::SeqCst) {
+            match for_at_most {
+                Some(time) => thread::park_timeout(time),
+                None => thread::park(),
+            }
+        }
+        self.parked.store(false, Ordering::SeqCst);
+    }
+}
+
+pub(super) fn waker(root: &Arc<Root>) -> Waker {
+    let data = Arc::into_raw(root.clone()).cast();
+    // SAFETY: `data` owns one strong count of an `Arc<Root>`, which is what the table expects, and
+    // `Root` is `Send` and `Sync`.
+    unsafe { Waker::from_raw(RawWaker::new(data, &TABLE)) }
+}
+
+static TABLE: RawWakerVTable = RawWakerVTable::new(clone, wake, wake_by_ref, drop);
+
+// SAFETY of all four: `data` came from `Arc::<Root>::into_raw`, and as long as a waker with it
+// exists one strong count belongs to that waker.
+
+unsafe fn clone(data: *const ()) -> RawWaker {
+    unsafe { Arc::increment_strong_count(data.cast::<Root>()) };
+    RawWaker::new(data, &TABLE)
+}
+
+unsafe fn wake(data: *const ()) {
+    unsafe { Arc::from_raw(data.cast::<Root>()) }.wake();
+}
+
+unsafe fn wake_by_ref(data: *const ()) {
+    unsafe { &*data.cast::<Root>() }.wake();
+}
+
+unsafe fn drop(data: *const ()) {
+    unsafe { Arc::decrement_strong_count(data.cast::<Root>()) };
+}

@@ -1,0 +1,20 @@
+//! Simulated ECUs with the turbines behind them, the serial line to them, and the clock that tests
+//! and the rig run on.
+//!
+//! Everything here is written from the two protocol documents and from the page that settles their
+//! open points (cited as `ZK-6`, `AMT-11`, ...), never from the driver under test: one misreading
+//! must not stand on both sides of the line and cancel itself out.
+//!
+//! - [`clock`]: embassy's time driver for the host, virtual for tests, wall clock for the rig.
+//! - [`line`]: baud rate, stop bits and the exact time that bytes take.
+//! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
+//! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
+//! - [`turbine`]: a plausible single-spool turbine.
+//! - [`amt`], [`zk`]: the two kinds of ECU.
+//! - [`log`]: what an ECU has obeyed, and when.
+
+#![deny(missing_docs, missing_debug_implementations, unsafe_code)]
+
+pub mod clock;
+pub mod ecu;
+pub mod line;

@@ -1,0 +1,109 @@
+//! A serial line's settings and the exact time that bytes take on it.
+
+use crate::ecu::Nanos;
+
+/// How many stop bits end a byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopBits {
+    /// 8N1: ten bits on the line for each byte.
+    One,
+    /// 8N2: eleven bits on the line for each byte.
+    Two,
+}
+
+/// Baud rate and stop bits; always 8 data bits and no parity (ZK-12, AMT-1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// Bits per second.
+    pub baud: u32,
+    /// How many stop bits the sender sends.
+    pub stop_bits: StopBits,
+}
+
+impl Line {
+    /// 8N1 at this baud rate.
+    pub const fn n1(baud: u32) -> Self {
+        Self {
+            baud,
+            stop_bits: StopBits::One,
+        }
+    }
+
+    /// 8N2 at this baud rate.
+    pub const fn n2(baud: u32) -> Self {
+        Self {
+            baud,
+            stop_bits: StopBits::Two,
+        }
+    }
+
+    /// Bits on the line for one byte: start bit, 8 data bits, stop bits.
+    pub const fn bits_per_byte(self) -> u64 {
+        match self.stop_bits {
+            StopBits::One => 10,
+            StopBits::Two => 11,
+        }
+    }
+
+    /// The time of `n` bytes sent back to back, from the first start bit to the end of the last
+    /// stop bit. The whole is rounded once, so that long runs do not gather an error.
+    pub fn byte_ns(self, n: u64) -> Nanos {
+        let baud = u128::from(self.baud.max(1));
+        let bits = u128::from(n) * u128::from(self.bits_per_byte());
+        let ns = (bits * 1_000_000_000 + baud / 2) / baud;
+        u64::try_from(ns).unwrap_or(u64::MAX)
+    }
+
+    /// Whether a receiver set like `self` makes sense of a sender set like `other`.
+    ///
+    /// Half a bit of error over the nine and a half bits that are sampled is 5 %; the usual rule
+    /// leaves 3 % for the difference of the two clocks. A receiver looks at the first stop bit
+    /// only, so the number of stop bits need not agree.
+    pub fn understands(self, other: Line) -> bool {
+        let (a, b) = (u64::from(self.baud), u64::from(other.baud));
+        a.abs_diff(b) * 100 <= a.max(b) * 3
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_the_amt_document() {
+        // "Time per byte 4,16 msec", "20,8 ms" for the five bytes of a control message.
+        let line = Line::n1(2400);
+        assert_eq!(line.byte_ns(1), 4_166_667);
+        assert_eq!(line.byte_ns(5), 20_833_333);
+        assert_eq!(line.byte_ns(6), 25_000_000);
+    }
+
+    #[test]
+    fn stop_bits_count() {
+        assert_eq!(Line::n1(9600).byte_ns(7), 7_291_667); // 70 bits (ZK-11)
+        assert_eq!(Line::n2(9600).byte_ns(7), 8_020_833); // 77 bits
+        assert_eq!(Line::n1(115_200).byte_ns(1), 86_806);
+    }
+
+    #[test]
+    fn no_error_gathers() {
+        for baud in [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400] {
+            assert_eq!(Line::n1(baud).byte_ns(u64::from(baud)), 10_000_000_000);
+            assert_eq!(Line::n2(baud).byte_ns(u64::from(baud)), 11_000_000_000);
+        }
+    }
+
+    #[test]
+    fn extremes_do_not_panic() {
+        assert_eq!(Line::n1(0).byte_ns(1), 10_000_000_000);
+        assert_eq!(Line::n1(1).byte_ns(u64::MAX), u64::MAX);
+    }
+
+    #[test]
+    fn only_like_baud_rates_understand_each_other() {
+        assert!(Line::n1(9600).understands(Line::n2(9600)));
+        assert!(Line::n1(115_200).understands(Line::n1(113_636)));
+        assert!(!Line::n1(9600).understands(Line::n1(4800)));
+        assert!(!Line::n1(9600).understands(Line::n1(10_000)));
+    }
+}
