@@ -18,3 +18,4 @@
 pub mod clock;
 pub mod ecu;
 pub mod line;
+pub mod wire;
