@@ -18,4 +18,5 @@
 pub mod clock;
 pub mod ecu;
 pub mod line;
+pub mod turbine;
 pub mod wire;
