@@ -1,0 +1,39 @@
+//! Links the firmware: gives the linker the memory map of the chosen board and the scripts of cortex-m-rt and
+//! defmt. Builds for the host, and of the library alone, need nothing of this.
+
+use std::{env, fs, path::Path};
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=memory");
+    println!("cargo:rerun-if-changed=memory.x");
+    let for_board = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "none");
+    if !for_board || env::var_os("CARGO_FEATURE_FIRMWARE").is_none() {
+        return;
+    }
+
+    // Feature `board-matek-h743` reaches us as CARGO_FEATURE_BOARD_MATEK_H743; its map is memory/matek-h743.x.
+    let boards: Vec<String> = env::vars()
+        .filter_map(|(name, _)| {
+            Some(
+                name.strip_prefix("CARGO_FEATURE_BOARD_")?
+                    .to_lowercase()
+                    .replace('_', "-"),
+            )
+        })
+        .collect();
+    let [board] = boards.as_slice() else {
+        panic!("the firmware needs exactly one board-* feature, not {boards:?}");
+    };
+
+    // memory.x in the package root includes board.x, which the linker finds in the folder added here.
+    let out = env::var("OUT_DIR").unwrap();
+    let map = format!("memory/{board}.x");
+    if let Err(error) = fs::copy(&map, Path::new(&out).join("board.x")) {
+        panic!("{map}: {error}");
+    }
+    println!("cargo:rustc-link-search={out}");
+    println!("cargo:rustc-link-arg-bins=--nmagic"); // no padding of the image to the host's page size
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+}

@@ -1,0 +1,178 @@
+//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts the errors of its line.
+//!
+//! `BufferedUart` only logs framing, noise and overrun errors. So a second handler, [`LineMonitor`], runs on the
+//! same interrupt *before* the driver's own (`bind_interrupts!` calls handlers in the order written) and counts
+//! the error flags it finds. It reads one register, the status, and writes none:
+//!
+//! - On the H7 the flags stay until they are cleared through ICR, which the driver does.
+//! - On the F4 the flags go when the status register is read and then the data register, both of which the
+//!   driver does next. A read of the status alone clears nothing.
+//!
+//! The hardware raises these flags together with an interrupt that is on anyway (RXNEIE: a byte is there, or was
+//! lost), and the driver clears every flag the monitor saw before the interrupt returns: each error counts once.
+//! An error that comes up between the two reads, a few dozen ns, is not counted; its byte is still received.
+
+use core::marker::PhantomData;
+
+use embassy_stm32::{
+    Peri,
+    interrupt::typelevel::{Binding, Handler},
+    pac::usart::Usart,
+    usart::{
+        BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, Instance,
+        RxPin, TxPin,
+    },
+};
+use jetlink::{
+    line::{Line, StopBits},
+    runner::LineErrors,
+};
+use static_cell::ConstStaticCell;
+
+use super::chip;
+
+/// An open ECU port.
+pub struct EcuPort {
+    /// From the ECU.
+    pub rx: BufferedUartRx<'static>,
+    /// To the ECU.
+    pub tx: BufferedUartTx<'static>,
+    /// What went wrong on the line, counted in the UART's interrupt.
+    pub errors: &'static LineErrors,
+}
+
+/// The memory behind the two directions of a UART.
+pub struct Buffers {
+    /// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
+    rx: [u8; 256],
+    /// A write that does not fit would wait for ever (embassy-stm32 0.6.0): room for several frames, the longest
+    /// has 7 bytes.
+    tx: [u8; 32],
+}
+
+impl Buffers {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self {
+            rx: [0; 256],
+            tx: [0; 32],
+        }
+    }
+}
+
+/// A UART that can be an ECU port; [`ecu_uarts!`] implements it.
+pub trait EcuUart: Instance {
+    /// Its registers.
+    const REGISTERS: Usart;
+
+    /// Its counters of line errors.
+    fn errors() -> &'static LineErrors;
+
+    /// Its memory, to be taken once.
+    fn buffers() -> &'static ConstStaticCell<Buffers>;
+}
+
+/// Interrupt handler that counts line errors. It must come before the driver's own.
+pub struct LineMonitor<T>(PhantomData<T>);
+
+impl<T: EcuUart> Handler<T::Interrupt> for LineMonitor<T> {
+    unsafe fn on_interrupt() {
+        let flags = chip::line_flags(T::REGISTERS);
+        if flags.overrun {
+            T::errors().overrun();
+        }
+        if flags.noise {
+            T::errors().noise();
+        }
+        if flags.framing {
+            T::errors().framing();
+        }
+        if flags.parity {
+            T::errors().parity();
+        }
+    }
+}
+
+/// The error flags of a UART.
+pub struct LineFlags {
+    /// A byte was lost because the one before it had not been fetched.
+    pub overrun: bool,
+    /// The samples of a bit did not agree.
+    pub noise: bool,
+    /// A stop bit was low.
+    pub framing: bool,
+    /// The parity bit was wrong.
+    pub parity: bool,
+}
+
+/// Makes UARTs ECU ports: binds their interrupts to the driver behind the monitor (as `Irqs`), and gives each
+/// its memory and counters.
+macro_rules! ecu_uarts {
+    ($($uart:ident),* $(,)?) => {
+        embassy_stm32::bind_interrupts!(struct Irqs {
+            $($uart =>
+                $crate::board::port::LineMonitor<embassy_stm32::peripherals::$uart>,
+                embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::$uart>;)*
+        });
+
+        $(impl $crate::board::port::EcuUart for embassy_stm32::peripherals::$uart {
+            const REGISTERS: embassy_stm32::pac::usart::Usart = embassy_stm32::pac::$uart;
+
+            fn errors() -> &'static jetlink::runner::LineErrors {
+                static ERRORS: jetlink::runner::LineErrors = jetlink::runner::LineErrors::new();
+                &ERRORS
+            }
+
+            fn buffers() -> &'static static_cell::ConstStaticCell<$crate::board::port::Buffers> {
+                static BUFFERS: static_cell::ConstStaticCell<$crate::board::port::Buffers> =
+                    static_cell::ConstStaticCell::new($crate::board::port::Buffers::new());
+                &BUFFERS
+            }
+        })*
+    };
+}
+pub(super) use ecu_uarts;
+
+/// Opens a port, if there is a line to open it for: 8 data bits, no parity.
+///
+/// # Panics
+///
+/// If the UART cannot make this baud rate.
+pub fn open<T: EcuUart>(
+    line: Option<Line>,
+    uart: Peri<'static, T>,
+    rx: Peri<'static, impl RxPin<T>>,
+    tx: Peri<'static, impl TxPin<T>>,
+    irqs: impl Binding<T::Interrupt, LineMonitor<T>>
+    + Binding<T::Interrupt, BufferedInterruptHandler<T>>
+    + 'static,
+) -> Option<EcuPort> {
+    let line = line?;
+    let mut config = Config::default();
+    config.baudrate = line.baud;
+    config.stop_bits = match line.stop_bits {
+        StopBits::One => embassy_stm32::usart::StopBits::STOP1,
+        StopBits::Two => embassy_stm32::usart::StopBits::STOP2,
+    };
+    // Wake the reader at each byte. Without this it wakes at the idle line, a whole byte time later.
+    config.eager_reads = Some(1);
+    // An open input must rest high, as an idle line does.
+    config.rx_pull = embassy_stm32::gpio::Pull::Up;
+
+    let buffers = T::buffers().take();
+    let uart = defmt::unwrap!(BufferedUart::new(
+        uart,
+        rx,
+        tx,
+        &mut buffers.tx,
+        &mut buffers.rx,
+        irqs,
+        config
+    ));
+    let (tx, rx) = uart.split();
+    Some(EcuPort {
+        rx,
+        tx,
+        errors: T::errors(),
+    })
+}

@@ -1,0 +1,50 @@
+//! What boards with an STM32H743 share: the names and registers that differ from one family of chips to another.
+
+use embassy_stm32::{
+    interrupt, // the module and the attribute
+    interrupt::Interrupt,
+    pac::{RCC, usart::Usart},
+    peripherals,
+};
+
+use super::{ENGINE_EXECUTOR, ResetCause, port::LineFlags};
+
+/// The independent watchdog.
+pub type Iwdg = peripherals::IWDG1;
+
+/// An interrupt of a peripheral that no board uses (HDMI-CEC): it carries the engines' executor.
+pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CEC;
+
+#[interrupt]
+unsafe fn CEC() {
+    // SAFETY: this is the executor's interrupt handler, and the interrupt is off until the executor has started.
+    unsafe { ENGINE_EXECUTOR.on_interrupt() }
+}
+
+/// Reads the error flags of a UART and leaves them as they are.
+pub fn line_flags(uart: Usart) -> LineFlags {
+    let status = uart.isr().read();
+    LineFlags {
+        overrun: status.ore(),
+        noise: status.ne(),
+        framing: status.fe(),
+        parity: status.pe(),
+    }
+}
+
+/// Why the chip was reset. Clears the flags, so only the first call after a reset knows.
+pub fn reset_cause() -> ResetCause {
+    let flags = RCC.rsr().read();
+    RCC.rsr().modify(|w| w.set_rmvf(true));
+    // Several flags are set at once (the pin's always, for the chip drives the pin): most telling first.
+    match () {
+        () if flags.porrstf() => ResetCause::PowerOn,
+        () if flags.borrstf() => ResetCause::BrownOut,
+        () if flags.iwdg1rstf() => ResetCause::Watchdog,
+        () if flags.wwdg1rstf() => ResetCause::WindowWatchdog,
+        () if flags.sftrstf() => ResetCause::Software,
+        () if flags.lpwrrstf() => ResetCause::LowPower,
+        () if flags.pinrstf() => ResetCause::Pin,
+        () => ResetCause::Unknown,
+    }
+}

@@ -1,0 +1,16 @@
+//! The firmware `jetlink-fw`. Build it for a board: `cargo fw board-matek-h743`.
+//!
+//! On the host this is a stub, so that builds of the workspace with any set of features go through.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+#![deny(missing_docs)]
+
+#[cfg(target_os = "none")]
+mod board;
+#[cfg(target_os = "none")]
+mod firmware;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for a board. Build it with: cargo fw board-matek-h743");
+    std::process::exit(1);
+}
