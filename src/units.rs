@@ -22,11 +22,7 @@ impl core::error::Error for OutOfRange {}
 
 /// Checks `given` against an inclusive range.
 pub(crate) const fn within(given: u32, min: u32, max: u32) -> Result<(), OutOfRange> {
-    if given < min || given > max {
-        Err(OutOfRange { given, min, max })
-    } else {
-        Ok(())
-    }
+    if given < min || given > max { Err(OutOfRange { given, min, max }) } else { Ok(()) }
 }
 
 macro_rules! quantity {

@@ -9,7 +9,7 @@
 //! There is no checksum. No data byte is ever 0xFF, so 0xFF always starts a frame (AMT-1).
 
 use crate::open_enum::open_enum;
-use crate::units::{Celsius, Millivolts, Rpm, Throttle};
+use crate::units::{Celsius, Millivolts, Throttle};
 
 /// First byte of every frame in both directions.
 pub const LEADER: u8 = 0xFF;
@@ -71,15 +71,8 @@ impl VoltageScale {
 
 impl Engine {
     /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::Mercury,
-        Self::Pegasus,
-        Self::Olympus,
-        Self::Titan,
-        Self::Nike,
-        Self::Lynx,
-        Self::Orion,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Mercury, Self::Pegasus, Self::Olympus, Self::Titan, Self::Nike, Self::Lynx, Self::Orion];
 
     /// Name in lower case.
     pub const fn name(self) -> &'static str {
@@ -143,9 +136,7 @@ impl Engine {
     /// Scale of the battery voltage; the document leaves Nike out (AMT-6).
     pub const fn battery_scale(self) -> Option<VoltageScale> {
         match self {
-            Self::Mercury | Self::Pegasus | Self::Olympus | Self::Titan => {
-                Some(VoltageScale::new(0, 10_000))
-            }
+            Self::Mercury | Self::Pegasus | Self::Olympus | Self::Titan => Some(VoltageScale::new(0, 10_000)),
             Self::Nike | Self::Lynx | Self::Orion => None,
         }
     }
@@ -505,11 +496,7 @@ impl Frame {
 
     fn setup(&self) -> Setup {
         let [_, _, pwth, pwtl, pwdiff, text @ ..] = self.bytes;
-        Setup {
-            pw: [pwth, pwtl, pwdiff],
-            text,
-            new_text: usize::from(self.len) == MAX_FRAME_LEN,
-        }
+        Setup { pw: [pwth, pwtl, pwdiff], text, new_text: usize::from(self.len) == MAX_FRAME_LEN }
     }
 }
 
@@ -592,7 +579,8 @@ impl Decoder {
             self.counters.bytes_skipped = self.counters.bytes_skipped.wrapping_add(1);
             return None;
         }
-        if let Some(slot) = self.frame.bytes.get_mut(self.pending()) {
+        let len = self.pending();
+        if let Some(slot) = self.frame.bytes.get_mut(len) {
             *slot = byte;
             self.frame.len += 1;
         }

@@ -8,8 +8,8 @@
 use crate::line::Line;
 use crate::open_enum::open_enum;
 use crate::units::{
-    Celsius, Grams, Hectopascals, Milliamps, Millilitres, MillilitresPerMinute, Millivolts,
-    OutOfRange, Pascals, Rpm, Throttle, within,
+    Celsius, Grams, Hectopascals, Milliamps, Millilitres, MillilitresPerMinute, Millivolts, OutOfRange,
+    Pascals, Rpm, Throttle, within,
 };
 use embassy_time::Duration;
 
@@ -501,9 +501,7 @@ impl Control {
             }),
             2 => {
                 reserved(low_nibble)?;
-                Action::from_parameter(byte2)
-                    .map(Self::Action)
-                    .ok_or(ControlError::Parameter(byte2.into()))
+                Action::from_parameter(byte2).map(Self::Action).ok_or(ControlError::Parameter(byte2.into()))
             }
             3 => reserved(low_nibble | byte2).map(|()| Self::Unlock),
             4 => reserved(low_nibble).map(|()| Self::IgnitionPump(IgnitionPumpVoltage(byte2))),
@@ -800,18 +798,14 @@ impl StatusFrame {
                 rate: Rate::from_code(byte5 & 3),
             },
             7 => Status::Fuel {
-                flow: MillilitresPerMinute::new(
-                    u16::from_be_bytes([byte4 & 3, byte3]) as u32 * 10,
-                ),
+                flow: MillilitresPerMinute::new(u16::from_be_bytes([byte4 & 3, byte3]) as u32 * 10),
                 total: Millilitres::new(((byte5 as u32) << 6 | (byte4 >> 2) as u32) * 100),
             },
             8 => Status::Idle {
                 idle_rpm: Rpm::new(byte3 as u32 * 1000),
                 pressure_requested: byte4 & 0x20 != 0,
                 closed_loop: byte4 & 0x10 != 0,
-                startup: Duration::from_millis(
-                    u16::from_be_bytes([byte4 & 0x0F, byte5]) as u64 * 100,
-                ),
+                startup: Duration::from_millis(u16::from_be_bytes([byte4 & 0x0F, byte5]) as u64 * 100),
             },
             9 => Status::Temperature { ecu: offset_50(byte3 as u16) },
             _ => Status::Unknown,
@@ -863,12 +857,7 @@ impl Decoder {
         Self {
             window: [0; STATUS_LEN],
             len: 0,
-            counters: DecoderCounters {
-                frames: 0,
-                unknown_frames: 0,
-                crc_failures: 0,
-                bytes_skipped: 0,
-            },
+            counters: DecoderCounters { frames: 0, unknown_frames: 0, crc_failures: 0, bytes_skipped: 0 },
         }
     }
 

@@ -1,0 +1,139 @@
+//! Between an engine's runner and everybody else: commands in, telemetry and events out.
+//!
+//! A [`Channel`] is one engine and belongs to it alone: two engines share nothing. There is no queue of
+//! commands. A [`Handle`] puts a command straight into the engine's state, under a lock that is held for
+//! microseconds, and gets its answer at once. So an old throttle can never follow a new one, and a stop
+//! cannot stand behind anything.
+
+use crate::command::{Command, Origin, Rejected};
+use crate::config::EngineConfig;
+use crate::engine::Engine;
+use crate::runner::Runner;
+use crate::telemetry::{Event, Telemetry};
+use crate::units::Hectopascals;
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicU32, Ordering};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::pubsub::{PubSubChannel, Subscriber};
+use embassy_sync::signal::Signal;
+use embassy_sync::watch::{self, Watch};
+use embassy_time::Instant;
+
+/// Events kept for a listener that is slow; older ones are lost to it, and it is told how many.
+pub const EVENTS_KEPT: usize = 32;
+/// Tasks that can listen to one engine's events, and as many again to its telemetry.
+pub const LISTENERS: usize = 4;
+
+/// Listens to one engine's events.
+pub type Events<'a> = Subscriber<'a, CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>;
+/// Waits for one engine's telemetry.
+pub type TelemetryReceiver<'a> = watch::Receiver<'a, CriticalSectionRawMutex, Telemetry, LISTENERS>;
+
+/// One engine, and what its runner and its handles share.
+pub struct Channel {
+    name: &'static str,
+    engine: Mutex<CriticalSectionRawMutex, RefCell<Engine>>,
+    /// The engine has something to say or to send that its runner has not seen.
+    pub(crate) poke: Signal<CriticalSectionRawMutex, ()>,
+    pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
+    pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
+    progress: AtomicU32,
+}
+
+impl core::fmt::Debug for Channel {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Channel").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl Channel {
+    /// For one engine.
+    pub fn new(config: &EngineConfig) -> Self {
+        Self {
+            name: config.name,
+            engine: Mutex::new(RefCell::new(Engine::new(config))),
+            poke: Signal::new(),
+            events: PubSubChannel::new(),
+            telemetry: Watch::new(),
+            progress: AtomicU32::new(0),
+        }
+    }
+
+    /// For a source of commands or a listener; as many as wanted.
+    pub const fn handle(&self) -> Handle<'_> {
+        Handle(self)
+    }
+
+    /// For the task that owns the UART: one.
+    pub const fn runner(&self) -> Runner<'_> {
+        Runner::new(self)
+    }
+
+    /// Does something with the engine. Short: interrupts wait meanwhile.
+    pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Engine) -> T) -> T {
+        self.engine.lock(|engine| act(&mut engine.borrow_mut()))
+    }
+
+    pub(crate) fn made_progress(&self) {
+        // Not an add-and-fetch: only the runner writes.
+        let count = self.progress.load(Ordering::Relaxed).wrapping_add(1);
+        self.progress.store(count, Ordering::Relaxed);
+    }
+}
+
+/// Commands one engine and listens to it. Copies may be used from several tasks.
+#[derive(Clone, Copy, Debug)]
+pub struct Handle<'a>(&'a Channel);
+
+impl<'a> Handle<'a> {
+    /// The engine's name.
+    pub const fn name(&self) -> &'static str {
+        self.0.name
+    }
+
+    /// Commands the engine. The latest command wins; a stop pre-empts whatever is going on. A source has to
+    /// repeat `Run` within the engine's age limit ([`crate::engine::Loss::hold`]).
+    ///
+    /// # Errors
+    /// [`Rejected`] with the reason; what was commanded before stays in force.
+    pub fn command(&self, command: Command, origin: Origin) -> Result<(), Rejected> {
+        let now = self.now();
+        let answer = self.0.with(|engine| engine.command(now, command, origin));
+        self.0.poke.signal(());
+        answer
+    }
+
+    /// Tells the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.
+    pub fn pressure(&self, pressure: Hectopascals) {
+        let now = self.now();
+        self.0.with(|engine| engine.pressure(now, pressure));
+    }
+
+    /// What is known of the engine now.
+    pub fn telemetry(&self) -> Telemetry {
+        let now = self.now();
+        self.0.with(|engine| engine.telemetry(now))
+    }
+
+    /// Waits for telemetry, one snapshot for each frame of the ECU or change of order.
+    /// `None` when [`LISTENERS`] tasks do so already.
+    pub fn telemetry_receiver(&self) -> Option<TelemetryReceiver<'a>> {
+        self.0.telemetry.receiver()
+    }
+
+    /// Listens to events from now on. `None` when [`LISTENERS`] tasks do so already.
+    pub fn events(&self) -> Option<Events<'a>> {
+        self.0.events.subscriber().ok()
+    }
+
+    /// A number that changes at least every 0.1 s while the engine's runner works: for a watchdog.
+    pub fn progress(&self) -> u32 {
+        self.0.progress.load(Ordering::Relaxed)
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "a command is stamped where it enters")]
+    fn now(&self) -> Instant {
+        Instant::now()
+    }
+}

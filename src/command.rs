@@ -1,0 +1,138 @@
+//! What can be asked of an engine, by whom, and why it may be refused.
+
+use crate::ecu::Service;
+use crate::units::{Rpm, Throttle};
+
+/// What a running engine shall do.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Demand {
+    /// A throttle, on every ECU.
+    Throttle(Throttle),
+    /// A shaft speed, where the ECU has a speed control of its own (ZK from version 4).
+    Rpm(Rpm),
+}
+
+/// What somebody asks of an engine. The latest wins; nothing is queued.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Command {
+    /// Stop at once, without cooling. Latched: it stays on the wire until [`Command::ReleaseStop`].
+    EmergencyStop,
+    /// Release a latched emergency stop. Accepted when the ECU reports an engine that does not run;
+    /// the engine is then in standby.
+    ReleaseStop,
+    /// Standby, with cooling: the normal way to shut down, and the first step to a start.
+    Standby,
+    /// Run. From standby it asks for a start, so it is refused unless [`Command::Standby`] was commanded
+    /// before: a source that keeps sending `Run` can never restart an engine that stopped.
+    Run(Demand),
+    /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise.
+    HandOverToPwm,
+    /// A service command of the ECU.
+    Service(Service),
+}
+
+/// Who gives a command.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Origin {
+    /// The node itself: at power-up, and when a stage of loss is reached.
+    Node,
+    /// A local emergency input.
+    Emergency,
+    /// Radio control.
+    Rc,
+    /// MAVLink.
+    Mavlink,
+    /// A test rig or bench program.
+    Bench,
+}
+
+/// What is ordered of an engine now, and by whom.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Ordered {
+    /// The order.
+    pub order: Order,
+    /// Who gave it.
+    pub origin: Origin,
+}
+
+/// What a link keeps on the wire.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Order {
+    /// Emergency stop.
+    EmergencyStop,
+    /// Standby.
+    Standby,
+    /// Run.
+    Run(Demand),
+    /// The ECU's PWM input rules (ZK-8).
+    Pwm,
+}
+
+/// Why a command was refused. Nothing changes when one is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Rejected {
+    /// An emergency stop is latched.
+    StopLatched,
+    /// A start has to begin with a command to standby.
+    StandbyFirst,
+    /// The ECU is not heard, so an engine cannot be started or serviced.
+    NoLink,
+    /// The ECU does not report a stopped engine.
+    NotStopped,
+    /// The ECU's protocol version is too low (ZK-7).
+    NeedsVersion {
+        /// Lowest version that knows the command.
+        needed: u8,
+        /// Version of the ECU, `None` while it is not known.
+        known: Option<u8>,
+    },
+    /// The ECU has no speed control: command a throttle.
+    NoSpeedControl,
+    /// More than the engine's maximum rpm.
+    AboveMaxRpm {
+        /// The maximum as the ECU reports it.
+        max: Rpm,
+    },
+    /// The line cannot carry this status rate (ZK-11).
+    RateTooFast,
+    /// The ECU of this engine has no such command.
+    NotSupported,
+    /// An earlier service command still waits for its confirmation.
+    Busy,
+}
+
+impl core::fmt::Display for Rejected {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::StopLatched => {
+                f.write_str("an emergency stop is latched: release it when the engine has stopped")
+            }
+            Self::StandbyFirst => f.write_str("command standby before a start"),
+            Self::NoLink => f.write_str("the ECU is not heard: check its power and wiring"),
+            Self::NotStopped => f.write_str("the engine has to be stopped for this"),
+            Self::NeedsVersion { needed, known: Some(known) } => {
+                write!(f, "this needs protocol version {needed}, the ECU has version {known}")
+            }
+            Self::NeedsVersion { needed, known: None } => {
+                write!(f, "this needs protocol version {needed}, the ECU has not given its version yet")
+            }
+            Self::NoSpeedControl => {
+                f.write_str("this ECU has no speed control: command a throttle instead of an rpm")
+            }
+            Self::AboveMaxRpm { max } => {
+                write!(f, "the ECU gives {} rpm as the engine's maximum", max.get())
+            }
+            Self::RateTooFast => f.write_str("the line is too slow for this status rate"),
+            Self::NotSupported => f.write_str("the ECU of this engine has no such command"),
+            Self::Busy => f.write_str("an earlier service command still waits for its confirmation"),
+        }
+    }
+}
+
+impl core::error::Error for Rejected {}

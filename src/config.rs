@@ -1,0 +1,201 @@
+//! Which engine sits on which port. Change [`ENGINES`], build, flash.
+//!
+//! The table is checked when it is compiled: a status rate that the line cannot carry, two engines on one
+//! port, a baud rate that no document prints or a reply that cannot fit its window do not build.
+
+use crate::ecu::EcuConfig;
+use crate::ecu::amt::{self, codec::Engine as AmtEngine};
+use crate::ecu::zk::{self, codec::Rate};
+use crate::engine::Loss;
+use crate::line::{Line, StopBits};
+use crate::link::Timing;
+
+/// The engines of this aircraft. `port` counts the board's ECU ports from 0: see the board's file under
+/// `src/board/` for their names and pins.
+pub const ENGINES: [EngineConfig; 4] = [
+    //                name       port  line                    ECU
+    EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
+    EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
+    EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
+    EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
+];
+
+const _: () = check(&ENGINES);
+
+/// One engine and the port it sits on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct EngineConfig {
+    /// Name in logs.
+    pub name: &'static str,
+    /// ECU port of the board, from 0.
+    pub port: u8,
+    /// Baud rate and stop bits.
+    pub line: Line,
+    /// The ECU and how it is spoken to.
+    pub ecu: EcuConfig,
+    /// When the ECU counts as heard and as lost.
+    pub timing: Timing,
+    /// What happens when the source of commands falls silent.
+    pub loss: Loss,
+}
+
+impl EngineConfig {
+    /// An engine with an AMT ECU and default settings.
+    pub const fn amt(name: &'static str, port: u8, line: Line, engine: Option<AmtEngine>) -> Self {
+        let config = amt::link::Config { engine, ..amt::link::Config::DEFAULT };
+        Self {
+            name,
+            port,
+            line,
+            ecu: EcuConfig::Amt(config),
+            timing: amt::link::Config::TIMING,
+            loss: Loss::DEFAULT,
+        }
+    }
+
+    /// An engine with a ZK ECU and default settings.
+    pub const fn zk(name: &'static str, port: u8, line: Line, rate: Rate) -> Self {
+        let config = zk::link::Config { rate, ..zk::link::Config::DEFAULT };
+        Self {
+            name,
+            port,
+            line,
+            ecu: EcuConfig::Zk(config),
+            timing: zk::link::Config::TIMING,
+            loss: Loss::DEFAULT,
+        }
+    }
+}
+
+/// What is wrong with a table of engines, and in which of its rows (from 0).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ConfigError {
+    /// The baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200.
+    BaudRate(usize),
+    /// Two rows name one port.
+    SamePort(usize, usize),
+    /// The status rate does not fit the line (ZK-11).
+    RateTooFast(usize),
+    /// An AMT line has one stop bit (AMT-1).
+    AmtStopBits(usize),
+    /// No reply fits the window: the guard is too long (AMT-11).
+    NoReplyFits(usize),
+    /// A link would never be up, or would be lost at once.
+    Timing(usize),
+}
+
+impl ConfigError {
+    /// A sentence without the row, for where nothing can be formatted.
+    pub const fn message(self) -> &'static str {
+        match self {
+            Self::BaudRate(_) => {
+                "an engine's baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200"
+            }
+            Self::SamePort(..) => "two engines sit on one port",
+            Self::RateTooFast(_) => {
+                "an engine's status rate does not fit its line: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
+            }
+            Self::AmtStopBits(_) => "an AMT line has one stop bit",
+            Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
+            Self::Timing(_) => "an engine's link timing is zero",
+        }
+    }
+
+    /// The row it was found in.
+    pub const fn row(self) -> usize {
+        match self {
+            Self::BaudRate(row)
+            | Self::SamePort(_, row)
+            | Self::RateTooFast(row)
+            | Self::AmtStopBits(row)
+            | Self::NoReplyFits(row)
+            | Self::Timing(row) => row,
+        }
+    }
+}
+
+impl core::fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "engine {}: {}", self.row(), self.message())
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// Checks a table of engines.
+///
+/// # Errors
+/// The first thing that is wrong.
+pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
+    let mut row = 0;
+    while row < engines.len() {
+        let engine = &engines[row];
+        if !engine.line.is_printed_rate() {
+            return Err(ConfigError::BaudRate(row));
+        }
+        if engine.timing.up_after == 0 || engine.timing.lost_after.as_ticks() == 0 {
+            return Err(ConfigError::Timing(row));
+        }
+        match &engine.ecu {
+            EcuConfig::Zk(config) => {
+                if !config.rate.fits(engine.line) {
+                    return Err(ConfigError::RateTooFast(row));
+                }
+            }
+            EcuConfig::Amt(config) => {
+                if matches!(engine.line.stop_bits, StopBits::Two) {
+                    return Err(ConfigError::AmtStopBits(row));
+                }
+                if config.reply_slack(engine.line).is_none() {
+                    return Err(ConfigError::NoReplyFits(row));
+                }
+            }
+        }
+        let mut other = 0;
+        while other < row {
+            if engines[other].port == engine.port {
+                return Err(ConfigError::SamePort(other, row));
+            }
+            other += 1;
+        }
+        row += 1;
+    }
+    Ok(())
+}
+
+/// Checks a table of engines while it is compiled.
+///
+/// ```
+/// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
+/// const GOOD: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100)];
+/// const _: () = check(&GOOD);
+/// ```
+///
+/// A status rate that the line cannot carry does not build (ZK-11):
+///
+/// ```compile_fail
+/// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
+/// const FAST: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(4800), Rate::Hz100)];
+/// const _: () = check(&FAST);
+/// ```
+///
+/// Nor do two engines on one port:
+///
+/// ```compile_fail
+/// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
+/// const TWICE: [EngineConfig; 2] = [
+///     EngineConfig::zk("a", 3, Line::new(9600), Rate::Hz20),
+///     EngineConfig::amt("b", 3, Line::new(2400), None),
+/// ];
+/// const _: () = check(&TWICE);
+/// ```
+///
+/// # Panics
+/// With what is wrong. In a `const` that stops the build.
+pub const fn check(engines: &[EngineConfig]) {
+    if let Err(error) = validate(engines) {
+        panic!("{}", error.message());
+    }
+}

@@ -1,0 +1,435 @@
+//! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
+//!
+//! ```text
+//!          ECU frame                       ECU frame
+//! ────┤FF d1 d2 d3 d4 d5├──────────────────┤FF …        ECU to host
+//!                       │
+//!                       ├FF o t o t┤                    host to ECU
+//!                       │◄── 30 ms ──►│                 the last stop bit is out before this (AMT-11)
+//! ```
+
+use super::codec::{CONTROL_LEN, VoltageScale};
+use super::codec::{Control, Decoder, Engine, ErrorBits, Frame, Message, Ops, State, SwitchPosition};
+use crate::command::{Demand, Order, Rejected};
+use crate::ecu::{Faults, Service as AnyService};
+use crate::line::{Line, LineError};
+use crate::link::{Link, Outbox, Output, Presence, Timing, Transmission};
+use crate::telemetry::{
+    Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
+    bump,
+};
+use crate::units::{Hectopascals, Rpm, Throttle};
+use embassy_time::{Duration, Instant};
+
+/// From the last stop bit of an ECU frame to the last stop bit of its reply (AMT-11).
+pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
+
+/// How an AMT ECU is spoken to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Config {
+    /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
+    pub engine: Option<Engine>,
+    /// Throttle sent with "run" until the ECU reports full operation: some want the stick up for a start
+    /// (AMT-14).
+    pub start_throttle: Throttle,
+    /// Left free at the end of the reply window, for the difference between two clocks.
+    pub reply_guard: Duration,
+}
+
+impl Config {
+    /// Engine not known, start throttle 0 %, guard 0.5 ms.
+    pub const DEFAULT: Self =
+        Self { engine: None, start_throttle: Throttle::IDLE, reply_guard: Duration::from_micros(500) };
+
+    /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
+    pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
+
+    /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
+    /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
+    pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
+        let needed = line.time_of(CONTROL_LEN as u32).as_ticks() + self.reply_guard.as_ticks();
+        if needed > REPLY_WINDOW.as_ticks() {
+            return None;
+        }
+        Some(Duration::from_ticks(REPLY_WINDOW.as_ticks() - needed))
+    }
+}
+
+/// Service commands of an AMT ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Service {
+    /// CTF: while running, the ECU stops the engine after its serial delay time. Sent until another command
+    /// is given; never used for a normal stop (AMT-13).
+    Ctf,
+}
+
+impl Service {
+    pub(crate) const fn needs_stopped_engine(self) -> bool {
+        match self {
+            Self::Ctf => false,
+        }
+    }
+}
+
+/// The conversation with one AMT ECU.
+#[derive(Clone, Debug)]
+pub struct AmtLink {
+    config: Config,
+    /// `None` where no reply fits the window: the line is then listened to, and every reply counts as missed.
+    slack: Option<Duration>,
+    presence: Presence,
+    decoder: Decoder,
+    report: Report,
+    outbox: Outbox,
+    counters: Counters,
+    order: Option<Order>,
+    ctf: bool,
+    /// End of the window of the reply that is going out.
+    sending: Option<Instant>,
+    /// End of the window of a frame that came while the reply before it was still going out.
+    due: Option<Instant>,
+    phase: Agreed<Phase>,
+    /// Full operation was reported, and nothing below it since: the demand goes out (AMT-14). A state
+    /// without a name does not end it.
+    released: bool,
+    engine: Agreed<Engine>,
+}
+
+impl AmtLink {
+    /// A link on a line of this setting.
+    pub fn new(config: Config, line: Line, timing: Timing) -> Self {
+        Self {
+            config,
+            slack: config.reply_slack(line),
+            presence: Presence::new(timing),
+            decoder: Decoder::new(),
+            report: Report::default(),
+            outbox: Outbox::default(),
+            counters: Counters::default(),
+            order: None,
+            ctf: false,
+            sending: None,
+            due: None,
+            phase: Agreed::new(None),
+            released: false,
+            engine: Agreed::new(config.engine),
+        }
+    }
+
+    fn frame(&mut self, now: Instant, frame: &Frame) {
+        if self.presence.frame(now) {
+            self.outbox.event(Event::LinkUp);
+        }
+        match frame.message() {
+            Message::Normal { switch, state, rpm, egt, throttle, vout } => {
+                self.state(now, state, switch, rpm);
+                self.rpm(now, rpm);
+                self.common(now, egt, throttle, vout);
+                self.faults(now, ErrorBits(0));
+            }
+            Message::Error { errors, egt, throttle, vout } => {
+                self.common(now, egt, throttle, vout);
+                self.faults(now, errors);
+            }
+            Message::Alternate { engine_id, idle, max, battery, external } => {
+                if let Some(engine) = Engine::from_id(engine_id) {
+                    let certain = self.engine.get().is_none();
+                    self.identify(now, engine, certain);
+                }
+                let engine = self.engine.get();
+                let vout = engine.and_then(Engine::vout_scale);
+                self.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
+                self.report.pump_max = Some(Timed::new(reading(max, vout), now));
+                let battery = reading(battery, engine.and_then(Engine::battery_scale));
+                self.report.supply = Some(Timed::new(battery, now));
+                let external = reading(external, engine.and_then(Engine::external_scale));
+                self.report.external_battery = Some(Timed::new(external, now));
+            }
+            Message::Setup(setup) => {
+                // AMT-9: its text is long enough to believe it at once.
+                if let Some(engine) = setup.engine() {
+                    self.identify(now, engine, true);
+                }
+                self.report.amt_setup = Some(Timed::new(setup, now));
+                self.outbox.event(Event::EcuStarted);
+            }
+            Message::Unknown => {
+                self.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
+            }
+        }
+        self.answer(now);
+    }
+
+    fn state(&mut self, now: Instant, state: State, switch: SwitchPosition, rpm: u8) {
+        let ecu_state = EcuState { code: state.code(), name: state.name() };
+        self.report.state = Some(Timed::new(ecu_state, now));
+        let switch_reported = match switch {
+            SwitchPosition::EmergencyStop => ReportedSwitch::Stop,
+            SwitchPosition::AutoStop => ReportedSwitch::Standby,
+            SwitchPosition::Run => ReportedSwitch::Run,
+        };
+        self.report.switch = Some(Timed::new(switch_reported, now));
+        if self.phase.see(phase_of(state, switch, rpm))
+            && let Some(phase) = self.phase.get()
+        {
+            self.outbox.event(Event::Phase(phase));
+            self.released = phase == Phase::Running || (phase == Phase::Unknown && self.released);
+        }
+        if let Some(phase) = self.phase.get() {
+            self.report.phase = Some(Timed::new(phase, now));
+        }
+    }
+
+    fn rpm(&mut self, now: Instant, raw: u8) {
+        self.report.rpm_raw = Some(Timed::new(raw, now));
+        // AMT-5: without a scale there is no rpm, and an old one would be a lie.
+        self.report.rpm = self
+            .engine
+            .get()
+            .and_then(Engine::rpm_step)
+            .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
+    }
+
+    fn common(
+        &mut self,
+        now: Instant,
+        egt: super::codec::EgtByte,
+        throttle: super::codec::ThrottleByte,
+        vout: u8,
+    ) {
+        self.report.egt = Some(Timed::new(egt.celsius(), now));
+        if let Ok(throttle) = Throttle::from_tenths(throttle.tenths()) {
+            self.report.throttle = Some(Timed::new(throttle, now));
+        }
+        let scale = self.engine.get().and_then(Engine::vout_scale);
+        self.report.pump = Some(Timed::new(reading(vout, scale), now));
+    }
+
+    fn faults(&mut self, now: Instant, bits: ErrorBits) {
+        let faults = Faults::Amt(bits);
+        let before = self.report.faults.map_or(Faults::Amt(ErrorBits(0)), |faults| faults.value);
+        self.report.faults = Some(Timed::new(faults, now));
+        if faults != before {
+            self.outbox.event(Event::Faults(faults));
+        }
+    }
+
+    fn identify(&mut self, now: Instant, engine: Engine, certain: bool) {
+        let told = self.report.amt_engine.is_some();
+        let changed = if certain { self.engine.set(engine) } else { self.engine.see(engine) };
+        if changed || (!told && self.engine.get() == Some(engine)) {
+            self.outbox.event(Event::EngineIdentified(engine));
+        }
+        if self.engine.get() == Some(engine) {
+            self.report.amt_engine = Some(Timed::new(engine, now));
+        }
+    }
+
+    /// AMT-11: one reply to this frame, right now or not at all.
+    fn answer(&mut self, now: Instant) {
+        let window_end = now + REPLY_WINDOW;
+        if self.outbox.idle() {
+            self.reply(now, window_end);
+        } else if self.due.replace(window_end).is_some() {
+            self.missed();
+        }
+    }
+
+    fn reply(&mut self, now: Instant, window_end: Instant) {
+        let start_by = self.slack.map(|slack| window_end - REPLY_WINDOW + slack);
+        match start_by {
+            Some(start_by) if now <= start_by => {
+                self.sending = Some(window_end);
+                self.outbox.put(Transmission::new(self.control().encode(), Some(start_by)));
+            }
+            _ => self.missed(),
+        }
+    }
+
+    fn missed(&mut self) {
+        bump(&mut self.counters.replies_missed);
+        self.outbox.event(Event::NotSent(NotSent::TooLate));
+    }
+
+    /// What the reply says. Nothing ordered yet means auto stop: every frame must be answered.
+    fn control(&self) -> Control {
+        let (ops, throttle) = match self.order {
+            Some(Order::EmergencyStop) => (Ops::EmergencyStop, Throttle::IDLE),
+            Some(Order::Run(Demand::Throttle(throttle))) => {
+                // AMT-14: until full operation, the start throttle.
+                (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
+            }
+            // An rpm is refused by `order`, a hand-over too.
+            None | Some(Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_))) => {
+                (Ops::AutoStop, Throttle::IDLE)
+            }
+        };
+        // AMT-13: asked for by its own name, and never instead of an emergency stop.
+        let ops = if self.ctf && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
+        Control { ops, throttle }
+    }
+
+    fn transmission_over(&mut self, now: Instant) {
+        self.sending = None;
+        self.outbox.done();
+        if let Some(window_end) = self.due.take() {
+            self.reply(now, window_end);
+        }
+    }
+}
+
+impl Link for AmtLink {
+    fn start(&mut self, now: Instant) {
+        self.presence.start(now);
+    }
+
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let (taken, frame) = self.decoder.feed(bytes);
+        if let Some(frame) = frame {
+            self.frame(now, &frame);
+        }
+        taken
+    }
+
+    fn line_error(&mut self, error: LineError) {
+        self.counters.line_error(error);
+    }
+
+    fn order(&mut self, _now: Instant, order: Order) -> Result<(), Rejected> {
+        match order {
+            Order::Run(Demand::Rpm(_)) => return Err(Rejected::NoSpeedControl),
+            Order::Pwm => return Err(Rejected::NotSupported),
+            Order::EmergencyStop | Order::Standby | Order::Run(Demand::Throttle(_)) => {}
+        }
+        self.order = Some(order);
+        self.ctf = false;
+        Ok(())
+    }
+
+    fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
+        match service {
+            AnyService::Amt(Service::Ctf) => {
+                self.ctf = true;
+                Ok(())
+            }
+            AnyService::Zk(_) => Err(Rejected::NotSupported),
+        }
+    }
+
+    fn pressure(&mut self, _now: Instant, _pressure: Hectopascals) {
+        // An AMT ECU never asks for it.
+    }
+
+    fn sent(&mut self, now: Instant) {
+        bump(&mut self.counters.sent);
+        if let Some(window_end) = self.sending {
+            match window_end.checked_duration_since(now) {
+                Some(margin) => {
+                    let worst = self.counters.worst_reply_margin.get_or_insert(margin);
+                    *worst = margin.min(*worst);
+                }
+                None => bump(&mut self.counters.replies_late),
+            }
+        }
+        self.transmission_over(now);
+    }
+
+    fn not_sent(&mut self, now: Instant, why: NotSent) {
+        self.counters.not_sent(why);
+        bump(&mut self.counters.replies_missed);
+        self.outbox.event(Event::NotSent(why));
+        self.transmission_over(now);
+    }
+
+    fn timeout(&mut self, now: Instant) {
+        if self.presence.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+        }
+    }
+
+    fn poll(&mut self) -> Output {
+        self.outbox.poll().unwrap_or(Output::Wait(self.presence.deadline()))
+    }
+
+    fn report(&self) -> &Report {
+        &self.report
+    }
+
+    fn state(&self) -> LinkState {
+        self.presence.state()
+    }
+
+    fn heard(&self) -> Option<Instant> {
+        self.presence.heard()
+    }
+
+    fn counters(&self) -> Counters {
+        let decoder = self.decoder.counters();
+        Counters {
+            frames: decoder.frames,
+            unknown_frames: decoder.unknown_frames,
+            truncated: decoder.truncated.wrapping_add(decoder.malformed),
+            bytes_skipped: decoder.bytes_skipped,
+            events_lost: self.outbox.events_lost,
+            ..self.counters
+        }
+    }
+}
+
+/// A value that changes only when two frames in a row say so: AMT frames have no checksum, and one odd
+/// frame must not drop the throttle of a running engine.
+#[derive(Clone, Copy, Debug)]
+struct Agreed<T> {
+    value: Option<T>,
+    candidate: Option<T>,
+}
+
+impl<T: Copy + PartialEq> Agreed<T> {
+    const fn new(value: Option<T>) -> Self {
+        Self { value, candidate: None }
+    }
+
+    const fn get(&self) -> Option<T> {
+        self.value
+    }
+
+    /// One frame says this. True if the value changed.
+    fn see(&mut self, seen: T) -> bool {
+        if self.value == Some(seen) {
+            self.candidate = None;
+            return false;
+        }
+        if self.candidate == Some(seen) {
+            return self.set(seen);
+        }
+        self.candidate = Some(seen);
+        false
+    }
+
+    /// It is certain. True if the value changed.
+    fn set(&mut self, value: T) -> bool {
+        self.candidate = None;
+        self.value.replace(value) != Some(value)
+    }
+}
+
+/// The ECU's state in plain words (AMT-3).
+fn phase_of(state: State, switch: SwitchPosition, rpm: u8) -> Phase {
+    match state {
+        State::NoStartClearance | State::StartClearance if rpm > 0 && switch != SwitchPosition::Run => {
+            // The document names no state for it: shut down, and the shaft still turns.
+            Phase::Cooling
+        }
+        State::NoStartClearance if switch == SwitchPosition::EmergencyStop => Phase::Stopped,
+        State::NoStartClearance | State::StartClearance => Phase::Standby,
+        State::Starting | State::StartedUp | State::IdleCalibration => Phase::Starting,
+        State::FullOperation | State::MaxRpm | State::MaxRpmField => Phase::Running,
+        State::Unknown(_) => Phase::Unknown,
+    }
+}
+
+fn reading(raw: u8, scale: Option<VoltageScale>) -> Reading {
+    Reading { raw, voltage: scale.map(|scale| scale.millivolts(raw)) }
+}

@@ -1,0 +1,645 @@
+//! The conversation with a ZK ECU: a command at every turn, ID 0 when nothing is commanded.
+//!
+//! What goes out at a turn, first match first:
+//!
+//! 1. an emergency stop, also out of turn, and again at every turn;
+//! 2. what an unlock was sent for, right behind it (ZK-13);
+//! 3. at every second turn at most: status rate, service command, atmospheric pressure;
+//! 4. the switch and the demand, in one of three modes (ZK-9), or ID 0.
+
+use super::codec::{
+    AccelerationCurve, Action, Control, Decoder, ErrorCode, IgnitionPumpVoltage, Rate, RpmCode, RpmFactor,
+    State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte,
+};
+use crate::command::{Demand, Order, Rejected};
+use crate::ecu::{Faults, Service as AnyService};
+use crate::line::{Line, LineError};
+use crate::link::{Link, Outbox, Output, Presence, Timing, Transmission, earlier};
+use crate::telemetry::{
+    Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
+    bump,
+};
+use crate::units::{Hectopascals, Rpm, Throttle};
+use embassy_time::{Duration, Instant};
+
+/// Between two attempts to set the status rate.
+const RATE_RETRY: Duration = Duration::from_secs(1);
+/// Attempts to set the status rate until it is given up.
+const RATE_ATTEMPTS: u8 = 5;
+/// For the ECU to show what a service command set: every status ID comes round well within this.
+const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
+/// Attempts of a service command that the ECU confirms.
+const SERVICE_ATTEMPTS: u8 = 3;
+/// Between two pressures (ZK-14).
+const PRESSURE_EVERY: Duration = Duration::from_secs(1);
+/// An older pressure is not sent: none is better than a stale one (ZK-14).
+const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
+
+/// How a ZK ECU is spoken to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Config {
+    /// Status rate; also the cadence of the commands (ZK-11).
+    pub rate: Rate,
+    /// Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go
+    /// in ID 1 (mode 1), until an rpm is demanded (mode 3).
+    pub split_switch: bool,
+}
+
+impl Config {
+    /// 20 Hz, switch and throttle in one command.
+    pub const DEFAULT: Self = Self { rate: Rate::Hz20, split_switch: false };
+
+    /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
+    pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
+}
+
+/// Service commands of a ZK ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Service {
+    /// Control ID 2.
+    Action(Action),
+    /// Unlock, then control ID 4; confirmed by status ID 5.
+    IgnitionPump(IgnitionPumpVoltage),
+    /// Unlock, then control ID 5; confirmed by status ID 5.
+    Curve(AccelerationCurve),
+}
+
+impl Service {
+    pub(crate) const fn needs_stopped_engine(self) -> bool {
+        !matches!(self, Self::Action(Action::Rate20Hz | Action::Rate50Hz | Action::Rate100Hz))
+    }
+
+    const fn control(self) -> Control {
+        match self {
+            Self::Action(action) => Control::Action(action),
+            Self::IgnitionPump(voltage) => Control::IgnitionPump(voltage),
+            Self::Curve(curve) => Control::Curve(curve),
+        }
+    }
+
+    const fn needs_unlock(self) -> bool {
+        matches!(self, Self::IgnitionPump(_) | Self::Curve(_))
+    }
+}
+
+/// Where a service command stands. Each state carries what ends it.
+#[derive(Clone, Copy, Debug)]
+enum ServiceState {
+    None,
+    /// Goes out at the next turn that is free for it.
+    Waiting {
+        service: Service,
+        attempts_left: u8,
+    },
+    /// The unlock is going out; the command follows at once.
+    Unlocking {
+        service: Service,
+        attempts_left: u8,
+    },
+    /// Until status ID 5 shows it.
+    Confirming {
+        service: Service,
+        attempts_left: u8,
+        until: Instant,
+    },
+}
+
+/// Where the setting of the status rate stands.
+#[derive(Clone, Copy, Debug)]
+enum RateState {
+    /// Status ID 6 has not said it yet.
+    NotKnown,
+    Confirmed,
+    Asking {
+        attempts_left: u8,
+        next_at: Instant,
+    },
+    GivenUp,
+}
+
+/// The conversation with one ZK ECU.
+#[derive(Clone, Debug)]
+pub struct ZkLink {
+    config: Config,
+    line: Line,
+    presence: Presence,
+    decoder: Decoder,
+    report: Report,
+    outbox: Outbox,
+    counters: Counters,
+    order: Option<Order>,
+    next_turn: Option<Instant>,
+    /// Something must go out before the next turn: as soon as the UART is free.
+    out_of_turn: bool,
+    /// Of two frames that take turns, the second is next.
+    second_next: bool,
+    /// The last turn was used for something else than switch and demand.
+    extra_last: bool,
+    /// The ECU reported a running engine, and nothing below it since. A state without a name does not end it.
+    released: bool,
+    /// The ECU was given a switch by ID 6: it ignores the one of ID 1 from then on (ZK-9).
+    switch_by_id6: bool,
+    wanted_rate: Rate,
+    rate: RateState,
+    service: ServiceState,
+    pressure: Option<Timed<Hectopascals>>,
+    next_pressure: Option<Instant>,
+}
+
+impl ZkLink {
+    /// A link on a line of this setting.
+    pub fn new(config: Config, line: Line, timing: Timing) -> Self {
+        Self {
+            config,
+            line,
+            presence: Presence::new(timing),
+            decoder: Decoder::new(),
+            report: Report::default(),
+            outbox: Outbox::default(),
+            counters: Counters::default(),
+            order: None,
+            next_turn: None,
+            out_of_turn: false,
+            second_next: false,
+            extra_last: false,
+            released: false,
+            switch_by_id6: false,
+            wanted_rate: config.rate,
+            rate: RateState::NotKnown,
+            service: ServiceState::None,
+            pressure: None,
+            next_pressure: None,
+        }
+    }
+
+    // -----------------------------------------------------------------------------------------
+    // What the ECU says
+    // -----------------------------------------------------------------------------------------
+
+    fn frame(&mut self, now: Instant, frame: &StatusFrame) {
+        if self.presence.frame(now) {
+            self.outbox.event(Event::LinkUp);
+        }
+        let version = self.version();
+        let voltage = |byte: VoltageByte| {
+            Some(Timed::new(Reading { raw: byte.0, voltage: byte.millivolts(version) }, now))
+        };
+        let report = &mut self.report;
+        report.rpm = Some(Timed::new(frame.rpm(), now));
+        match frame.status() {
+            Status::Engine { state, error, egt, switch } => {
+                report.egt = Some(Timed::new(egt, now));
+                report.switch = Some(Timed::new(reported(switch), now));
+                self.state(now, state);
+                self.faults(now, error);
+            }
+            Status::Voltages { radio, power, pump } => {
+                report.radio = voltage(radio);
+                report.supply = voltage(power);
+                report.pump = voltage(pump);
+            }
+            Status::Throttle { percent, pressure } => {
+                if let Ok(throttle) = Throttle::from_percent(percent) {
+                    report.throttle = Some(Timed::new(throttle, now));
+                }
+                report.pressure = Some(Timed::new(pressure, now));
+            }
+            Status::Load { current, thrust } => {
+                report.current = Some(Timed::new(current, now));
+                // ZK-7: thrust from version 2.
+                if knows(version, 2) {
+                    report.thrust = Some(Timed::new(thrust, now));
+                }
+            }
+            Status::Settings { ignition_pump, increase, decrease } => {
+                report.ignition_pump = Some(Timed::new(ignition_pump, now));
+                report.curve_increase = Some(Timed::new(increase, now));
+                report.curve_decrease = Some(Timed::new(decrease, now));
+                self.confirm();
+            }
+            Status::Identity { max_rpm, max_pump, version, rate } => {
+                report.max_rpm = Some(Timed::new(max_rpm, now));
+                let max_pump = Reading { raw: max_pump.0, voltage: max_pump.millivolts(Some(version)) };
+                report.pump_max = Some(Timed::new(max_pump, now));
+                let before = report.version.replace(Timed::new(version, now));
+                if before.is_none_or(|before| before.value != version) {
+                    self.switch_by_id6 = false;
+                    self.outbox.event(Event::VersionKnown(version));
+                }
+                report.rate = rate.map(|rate| Timed::new(rate, now));
+                self.compare_rate(now, rate);
+            }
+            Status::Fuel { flow, total } => {
+                report.fuel_flow = Some(Timed::new(flow, now));
+                report.fuel_total = Some(Timed::new(total, now));
+            }
+            Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+                report.idle_rpm = Some(Timed::new(idle_rpm, now));
+                // ZK-7: the rest of this frame from version 4.
+                if knows(version, 4) {
+                    report.pressure_requested = Some(Timed::new(pressure_requested, now));
+                    report.closed_loop = Some(Timed::new(closed_loop, now));
+                    report.startup = Some(Timed::new(startup, now));
+                }
+            }
+            Status::Temperature { ecu } => report.ecu_temperature = Some(Timed::new(ecu, now)),
+            Status::Unknown => {
+                // ZK-15: a frame, not noise.
+                report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
+            }
+        }
+    }
+
+    fn state(&mut self, now: Instant, state: State) {
+        let ecu_state = EcuState { code: state.code(), name: state.name() };
+        self.report.state = Some(Timed::new(ecu_state, now));
+        let phase = phase_of(state);
+        self.released = phase == Phase::Running || (phase == Phase::Unknown && self.released);
+        let before = self.report.phase.replace(Timed::new(phase, now));
+        if before.is_none_or(|before| before.value != phase) {
+            self.outbox.event(Event::Phase(phase));
+        }
+    }
+
+    fn faults(&mut self, now: Instant, error: ErrorCode) {
+        let faults = Faults::Zk(error);
+        let before = self.report.faults.replace(Timed::new(faults, now));
+        if before.map_or(!faults.is_empty(), |before| before.value != faults) {
+            self.outbox.event(Event::Faults(faults));
+        }
+    }
+
+    /// ZK-11: the rate is set by ID 2 and confirmed by status ID 6.
+    fn compare_rate(&mut self, now: Instant, reported: Option<Rate>) {
+        if reported == Some(self.wanted_rate) {
+            if !matches!(self.rate, RateState::Confirmed) {
+                self.outbox.event(Event::RateConfirmed(self.wanted_rate));
+            }
+            self.rate = RateState::Confirmed;
+        } else if matches!(self.rate, RateState::NotKnown | RateState::Confirmed) {
+            self.rate = RateState::Asking { attempts_left: RATE_ATTEMPTS, next_at: now };
+        }
+    }
+
+    /// ZK-13: what an unlocked command set is confirmed by status ID 5.
+    fn confirm(&mut self) {
+        let ServiceState::Confirming { service, .. } = self.service else { return };
+        let shown = match service {
+            Service::IgnitionPump(voltage) => {
+                self.report.ignition_pump.is_some_and(|shown| shown.value == voltage.millivolts())
+            }
+            Service::Curve(curve) => {
+                self.report.curve_increase.is_some_and(|shown| shown.value == curve.get())
+            }
+            Service::Action(_) => true,
+        };
+        if shown {
+            self.service = ServiceState::None;
+            self.outbox.event(Event::ServiceConfirmed(AnyService::Zk(service)));
+        }
+    }
+
+    fn version(&self) -> Option<Version> {
+        self.report.version.map(|version| version.value)
+    }
+
+    /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
+    fn require(&self, needed: Version) -> Result<(), Rejected> {
+        let known = self.version().map(Version::get);
+        if needed.get() <= known.unwrap_or(1) {
+            return Ok(());
+        }
+        Err(Rejected::NeedsVersion { needed: needed.get(), known })
+    }
+
+    // -----------------------------------------------------------------------------------------
+    // What goes out
+    // -----------------------------------------------------------------------------------------
+
+    fn turn(&mut self, now: Instant) {
+        let control = self.compose(now);
+        self.out_of_turn = false;
+        self.outbox.put(Transmission::new(control.encode(), None));
+    }
+
+    fn compose(&mut self, now: Instant) -> Control {
+        if self.order == Some(Order::EmergencyStop) {
+            // An unlock whose command was pre-empted begins anew, should the stop ever be released.
+            if let ServiceState::Unlocking { service, attempts_left } = self.service {
+                self.service = ServiceState::Waiting { service, attempts_left };
+            }
+            return self.switch_and_demand();
+        }
+        if let ServiceState::Unlocking { service, attempts_left } = self.service {
+            self.service = ServiceState::Confirming { service, attempts_left, until: now + CONFIRM_WITHIN };
+            self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+            return service.control();
+        }
+        // The demand never waits for two turns.
+        if !self.extra_last
+            && let Some(control) = self.extra(now)
+        {
+            self.extra_last = true;
+            return control;
+        }
+        self.extra_last = false;
+        self.switch_and_demand()
+    }
+
+    /// What may take the place of the demand for one turn, if anything is due.
+    fn extra(&mut self, now: Instant) -> Option<Control> {
+        self.rate_command(now).or_else(|| self.service_command(now)).or_else(|| self.pressure_command(now))
+    }
+
+    fn rate_command(&mut self, now: Instant) -> Option<Control> {
+        let RateState::Asking { attempts_left, next_at } = self.rate else { return None };
+        if now < next_at {
+            return None;
+        }
+        let Some(attempts_left) = attempts_left.checked_sub(1) else {
+            self.rate = RateState::GivenUp;
+            self.outbox.event(Event::RateNotConfirmed(self.wanted_rate));
+            return None;
+        };
+        self.rate = RateState::Asking { attempts_left, next_at: now + RATE_RETRY };
+        Some(Control::Action(self.wanted_rate.action()))
+    }
+
+    fn service_command(&mut self, now: Instant) -> Option<Control> {
+        if let ServiceState::Confirming { service, attempts_left, until } = self.service
+            && now >= until
+        {
+            self.service = ServiceState::Waiting { service, attempts_left };
+        }
+        let ServiceState::Waiting { service, attempts_left } = self.service else { return None };
+        let Some(attempts_left) = attempts_left.checked_sub(1) else {
+            self.service = ServiceState::None;
+            self.outbox.event(Event::ServiceFailed(AnyService::Zk(service)));
+            return None;
+        };
+        if service.needs_unlock() {
+            self.service = ServiceState::Unlocking { service, attempts_left };
+            return Some(Control::Unlock);
+        }
+        // Nothing in the status confirms an action.
+        self.service = ServiceState::None;
+        self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+        Some(service.control())
+    }
+
+    /// ZK-14: once a second while the ECU asks and a fresh pressure is known.
+    fn pressure_command(&mut self, now: Instant) -> Option<Control> {
+        let asked = self.report.pressure_requested.is_some_and(|asked| asked.value);
+        let pressure = self.pressure.filter(|pressure| pressure.age(now) <= PRESSURE_MAX_AGE)?;
+        let due = self.next_pressure.is_none_or(|at| now >= at);
+        let control = Control::Pressure(pressure.value);
+        if !asked || !due || self.require(control.min_version()).is_err() {
+            return None;
+        }
+        self.next_pressure = Some(now + PRESSURE_EVERY);
+        Some(control)
+    }
+
+    /// ZK-9: the frame of the mode in force. Where two frames make up a command they take turns.
+    fn switch_and_demand(&mut self) -> Control {
+        let Some(order) = self.order else { return Control::KeepAlive };
+        let (switch, demand) = match order {
+            Order::EmergencyStop => (Switch::Stop, Demand::Throttle(Throttle::IDLE)),
+            Order::Standby => (Switch::Standby, Demand::Throttle(Throttle::IDLE)),
+            Order::Pwm => (Switch::Pwm, Demand::Throttle(Throttle::IDLE)),
+            Order::Run(demand) => (Switch::Run, self.limited(demand)),
+        };
+        let factor = match (demand, self.report.max_rpm) {
+            (Demand::Rpm(_), Some(max)) => RpmFactor::covering(max.value),
+            _ => RpmFactor::OFF,
+        };
+        let by_id6 = self.switch_by_id6
+            || factor != RpmFactor::OFF
+            || (self.config.split_switch && knows(self.version(), 4) && order != Order::Pwm);
+        // The ECU ignores the switch of ID 1 in modes 2 and 3. It is sent all the same, and never as SW 0,
+        // because an ECU that restarted has forgotten ID 6 and would take SW 0 for a hand-over to PWM (ZK-8).
+        let with_throttle = |throttle| Control::Throttle { switch, throttle };
+        let mode = Control::Mode { factor, switch };
+        let (first, second) = match demand {
+            // Mode 3. The rpm goes first: the mode must not come into force with an old one.
+            Demand::Rpm(rpm) => (Control::Rpm(RpmCode::for_target(rpm, factor)), mode),
+            // Mode 2. An ECU that was given a switch by ID 6 has to be given the next one there, too.
+            Demand::Throttle(throttle) if by_id6 => (mode, with_throttle(throttle)),
+            // Mode 1.
+            Demand::Throttle(throttle) => return with_throttle(throttle),
+        };
+        let control = if self.second_next { second } else { first };
+        self.second_next = !self.second_next;
+        if let Control::Mode { switch, .. } = control {
+            self.switch_by_id6 = switch != Switch::Pwm;
+        }
+        control
+    }
+
+    /// Until the ECU reports a running engine the demand stays at its minimum: ignition demands it. The
+    /// learning states demand extremes, which are the operator's business.
+    fn limited(&self, demand: Demand) -> Demand {
+        match demand {
+            // An ECU of a version without speed control took the place of the one that was asked.
+            Demand::Rpm(_) if !knows(self.version(), 4) => Demand::Throttle(Throttle::IDLE),
+            _ if self.released => demand,
+            Demand::Throttle(_) => Demand::Throttle(Throttle::IDLE),
+            Demand::Rpm(rpm) => {
+                Demand::Rpm(self.report.idle_rpm.map_or(Rpm::new(0), |idle| idle.value.min(rpm)))
+            }
+        }
+    }
+
+    fn transmission_over(&mut self, now: Instant) {
+        self.outbox.done();
+        let unlocked = matches!(self.service, ServiceState::Unlocking { .. });
+        if self.out_of_turn || unlocked {
+            self.turn(now);
+        }
+    }
+}
+
+impl Link for ZkLink {
+    fn start(&mut self, now: Instant) {
+        self.presence.start(now);
+        self.next_turn = Some(now);
+    }
+
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let (taken, frame) = self.decoder.feed(bytes);
+        if let Some(frame) = frame {
+            self.frame(now, &frame);
+        }
+        taken
+    }
+
+    fn line_error(&mut self, error: LineError) {
+        self.counters.line_error(error);
+    }
+
+    fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
+        if let Order::Run(Demand::Rpm(rpm)) = order {
+            self.require(Control::Rpm(RpmCode::for_target(rpm, RpmFactor::OFF)).min_version())?;
+            // Status ID 6 carries the version and the maximum, so it is known here.
+            if let Some(max) = self.report.max_rpm
+                && rpm > max.value
+            {
+                return Err(Rejected::AboveMaxRpm { max: max.value });
+            }
+        }
+        let before = self.order.replace(order);
+        if before.map(kind) != Some(kind(order)) {
+            self.second_next = false;
+            if order == Order::EmergencyStop {
+                // ZK knows no window: a stop goes out at once.
+                if self.outbox.busy() {
+                    self.out_of_turn = true;
+                } else {
+                    self.turn(now);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn service(&mut self, now: Instant, service: AnyService) -> Result<(), Rejected> {
+        let AnyService::Zk(service) = service else { return Err(Rejected::NotSupported) };
+        let control = service.control();
+        self.require(control.min_version())?;
+        let rate = [Rate::Hz20, Rate::Hz50, Rate::Hz100]
+            .into_iter()
+            .find(|rate| control == Control::Action(rate.action()));
+        if let Some(rate) = rate {
+            if !rate.fits(self.line) {
+                return Err(Rejected::RateTooFast);
+            }
+            self.wanted_rate = rate;
+            self.rate = RateState::Asking { attempts_left: RATE_ATTEMPTS, next_at: now };
+            return Ok(());
+        }
+        if !matches!(self.service, ServiceState::None) {
+            return Err(Rejected::Busy);
+        }
+        self.service = ServiceState::Waiting { service, attempts_left: SERVICE_ATTEMPTS };
+        Ok(())
+    }
+
+    fn pressure(&mut self, now: Instant, pressure: Hectopascals) {
+        self.pressure = Some(Timed::new(pressure, now));
+    }
+
+    fn sent(&mut self, now: Instant) {
+        bump(&mut self.counters.sent);
+        self.transmission_over(now);
+    }
+
+    fn not_sent(&mut self, now: Instant, why: NotSent) {
+        self.counters.not_sent(why);
+        self.outbox.event(Event::NotSent(why));
+        // An unlock that did not go out unlocks nothing.
+        if let ServiceState::Unlocking { service, attempts_left } = self.service {
+            self.service = ServiceState::Waiting { service, attempts_left };
+        }
+        self.transmission_over(now);
+    }
+
+    fn timeout(&mut self, now: Instant) {
+        if self.presence.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+            // Whoever comes back may have restarted, with another rate.
+            self.rate = RateState::NotKnown;
+        }
+        let Some(due) = self.next_turn.filter(|due| now >= *due) else { return };
+        let delay = now - due;
+        let worst = self.counters.worst_turn_delay.get_or_insert(delay);
+        *worst = delay.max(*worst);
+        // Turns keep their beat; those that are over are skipped, never made up for in a burst.
+        let interval = self.wanted_rate.interval();
+        let next = due + interval;
+        self.next_turn = Some(if next > now { next } else { now + interval });
+        if self.outbox.idle() {
+            self.turn(now);
+        } else {
+            bump(&mut self.counters.turns_missed);
+        }
+    }
+
+    fn poll(&mut self) -> Output {
+        self.outbox.poll().unwrap_or_else(|| Output::Wait(earlier(self.next_turn, self.presence.deadline())))
+    }
+
+    fn report(&self) -> &Report {
+        &self.report
+    }
+
+    fn state(&self) -> LinkState {
+        self.presence.state()
+    }
+
+    fn heard(&self) -> Option<Instant> {
+        self.presence.heard()
+    }
+
+    fn counters(&self) -> Counters {
+        let decoder = self.decoder.counters();
+        Counters {
+            frames: decoder.frames,
+            unknown_frames: decoder.unknown_frames,
+            crc_failures: decoder.crc_failures,
+            bytes_skipped: decoder.bytes_skipped,
+            events_lost: self.outbox.events_lost,
+            ..self.counters
+        }
+    }
+}
+
+/// What makes one order another: not its numbers.
+fn kind(order: Order) -> u8 {
+    match order {
+        Order::EmergencyStop => 0,
+        Order::Standby => 1,
+        Order::Run(Demand::Throttle(_)) => 2,
+        Order::Run(Demand::Rpm(_)) => 3,
+        Order::Pwm => 4,
+    }
+}
+
+fn knows(version: Option<Version>, needed: u8) -> bool {
+    version.is_some_and(|version| version.get() >= needed)
+}
+
+fn reported(switch: SwitchStatus) -> ReportedSwitch {
+    match switch {
+        SwitchStatus::Stop => ReportedSwitch::Stop,
+        SwitchStatus::Standby => ReportedSwitch::Standby,
+        SwitchStatus::Run => ReportedSwitch::Run,
+        SwitchStatus::Unknown(code) => ReportedSwitch::Unknown(code),
+    }
+}
+
+/// The ECU's state in plain words.
+const fn phase_of(state: State) -> Phase {
+    match state {
+        State::Stop => Phase::Stopped,
+        State::Standby => Phase::Standby,
+        State::Cooling => Phase::Cooling,
+        State::IgnitionMinThrottle | State::Ignition | State::Preheat | State::FuelRamp | State::Restart => {
+            Phase::Starting
+        }
+        State::LearningMax
+        | State::LearningMin
+        | State::LearningIdle
+        | State::RunningMin
+        | State::RunningPumpLimit
+        | State::Running => Phase::Running,
+        State::TestGlowPlug
+        | State::TestMainValve
+        | State::TestIgnitionValve
+        | State::TestPump
+        | State::TestStarter
+        | State::FuelExhaustAir => Phase::Service,
+        State::Unknown(_) => Phase::Unknown,
+    }
+}

@@ -1,0 +1,220 @@
+//! What the conversation with an ECU is to everybody above it, and the parts every link is made of.
+//!
+//! A link is a state machine without IO and without a clock. Inputs carry the time; after each input
+//! [`Link::poll`] is called until it says [`Output::Wait`]. One frame per input keeps what is pending
+//! bounded, so nothing allocates and nothing is forgotten.
+
+use crate::command::{Order, Rejected};
+use crate::ecu::Service;
+use crate::line::LineError;
+use crate::telemetry::{Counters, Event, LinkState, NotSent, Report, bump};
+use crate::units::Hectopascals;
+use embassy_time::{Duration, Instant};
+use heapless::Deque;
+
+/// Bytes of the longest transmission.
+pub const MAX_TRANSMISSION: usize = 5;
+
+/// Bytes to send, all at once.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Transmission {
+    bytes: [u8; MAX_TRANSMISSION],
+    len: u8,
+    /// The first start bit may not come later than this; if it would, do not send.
+    pub start_by: Option<Instant>,
+}
+
+impl Transmission {
+    /// From the bytes of a frame; what is longer than [`MAX_TRANSMISSION`] does not compile.
+    pub(crate) fn new<const N: usize>(frame: [u8; N], start_by: Option<Instant>) -> Self {
+        const { assert!(N <= MAX_TRANSMISSION) };
+        let mut bytes = [0; MAX_TRANSMISSION];
+        for (slot, byte) in bytes.iter_mut().zip(frame) {
+            *slot = byte;
+        }
+        Self { bytes, len: N as u8, start_by }
+    }
+
+    /// The bytes.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len.into()).unwrap_or_default()
+    }
+}
+
+/// What a link wants done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Output {
+    /// Send this now, then call [`Link::sent`] or [`Link::not_sent`]. Nothing else is handed out to send
+    /// before that.
+    Transmit(Transmission),
+    /// Tell whoever listens.
+    Event(Event),
+    /// Nothing more until the next input; call [`Link::timeout`] at this instant.
+    Wait(Option<Instant>),
+}
+
+/// When an ECU counts as heard and as lost.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Timing {
+    /// Good frames in a row, none of them `lost_after` later than the one before, until the link is up.
+    pub up_after: u8,
+    /// Silence until it is lost.
+    pub lost_after: Duration,
+}
+
+/// A conversation with an ECU.
+pub trait Link {
+    /// The conversation begins.
+    fn start(&mut self, now: Instant);
+    /// Bytes came. It takes them up to the end of one frame and says how many it took; call again with
+    /// the rest, after draining [`Link::poll`].
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
+    /// The UART saw a fault.
+    fn line_error(&mut self, error: LineError);
+    /// Keep this on the wire from now on.
+    ///
+    /// # Errors
+    /// [`Rejected`] if this ECU cannot do it; what was ordered before stays. An emergency stop and standby
+    /// are never refused.
+    fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected>;
+    /// Do this once.
+    ///
+    /// # Errors
+    /// [`Rejected`] if this ECU cannot do it, or not now.
+    fn service(&mut self, now: Instant, service: Service) -> Result<(), Rejected>;
+    /// The atmospheric pressure, for an ECU that asks for it.
+    fn pressure(&mut self, now: Instant, pressure: Hectopascals);
+    /// The last stop bit of the transmission is out.
+    fn sent(&mut self, now: Instant);
+    /// The transmission did not happen, or not whole.
+    fn not_sent(&mut self, now: Instant, why: NotSent);
+    /// The instant given by [`Output::Wait`] has come. Early calls do nothing.
+    fn timeout(&mut self, now: Instant);
+    /// What to do now.
+    fn poll(&mut self) -> Output;
+    /// What the ECU has said.
+    fn report(&self) -> &Report;
+    /// Whether the ECU is heard.
+    fn state(&self) -> LinkState;
+    /// When the last good frame was complete.
+    fn heard(&self) -> Option<Instant>;
+    /// What was counted.
+    fn counters(&self) -> Counters;
+}
+
+/// Whether an ECU is heard: silence is found by a timer, never at the next byte.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Presence {
+    timing: Timing,
+    state: LinkState,
+    frames_in_a_row: u8,
+    heard: Option<Instant>,
+    silent_at: Option<Instant>,
+}
+
+impl Presence {
+    pub const fn new(timing: Timing) -> Self {
+        Self { timing, state: LinkState::Silent, frames_in_a_row: 0, heard: None, silent_at: None }
+    }
+
+    pub fn start(&mut self, now: Instant) {
+        self.silent_at = Some(now + self.timing.lost_after);
+    }
+
+    /// A good frame came. True if that brought the link up.
+    pub fn frame(&mut self, now: Instant) -> bool {
+        self.heard = Some(now);
+        self.silent_at = Some(now + self.timing.lost_after);
+        self.frames_in_a_row = self.frames_in_a_row.saturating_add(1);
+        let up = self.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
+        if up {
+            self.state = LinkState::Up;
+        }
+        up
+    }
+
+    /// True if the link is lost as of now.
+    pub fn timeout(&mut self, now: Instant) -> bool {
+        if self.silent_at.is_none_or(|at| now < at) {
+            return false;
+        }
+        self.silent_at = None;
+        self.frames_in_a_row = 0;
+        let lost = self.state != LinkState::Lost;
+        self.state = LinkState::Lost;
+        lost
+    }
+
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.silent_at
+    }
+
+    pub const fn state(&self) -> LinkState {
+        self.state
+    }
+
+    pub const fn heard(&self) -> Option<Instant> {
+        self.heard
+    }
+}
+
+/// What waits to be handed out, and whether the UART is busy with what was.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outbox {
+    waiting: Option<Transmission>,
+    busy: bool,
+    events: Deque<Event, 16>,
+    /// Events that found no room.
+    pub events_lost: u32,
+}
+
+impl Outbox {
+    /// Replaces what waits: the latest wins.
+    pub fn put(&mut self, transmission: Transmission) {
+        self.waiting = Some(transmission);
+    }
+
+    pub fn event(&mut self, event: Event) {
+        if self.events.push_back(event).is_err() {
+            bump(&mut self.events_lost);
+        }
+    }
+
+    /// The UART is free again.
+    pub fn done(&mut self) {
+        self.busy = false;
+    }
+
+    pub const fn busy(&self) -> bool {
+        self.busy
+    }
+
+    /// Nothing waits and the UART is free.
+    pub const fn idle(&self) -> bool {
+        !self.busy && self.waiting.is_none()
+    }
+
+    /// The next thing to do, if any.
+    pub fn poll(&mut self) -> Option<Output> {
+        if let Some(event) = self.events.pop_front() {
+            return Some(Output::Event(event));
+        }
+        if self.busy {
+            return None;
+        }
+        let transmission = self.waiting.take()?;
+        self.busy = true;
+        Some(Output::Transmit(transmission))
+    }
+}
+
+/// The earlier of two instants, where there are any.
+pub(crate) fn earlier(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    }
+}
