@@ -1,0 +1,81 @@
+//! The library inside somebody's own Embassy firmware: one ZK engine on USART1 of an STM32H743.
+//!
+//! It compiles for the board (`cargo build --release --target thumbv7em-none-eabihf --features
+//! board-matek-h743 --example own_firmware`); on the host it is a stub. `docs/porting.md` walks through it.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use defmt_rtt as _;
+    use embassy_executor::Spawner;
+    use embassy_stm32::usart::{self, BufferedInterruptHandler, BufferedUart};
+    use embassy_stm32::{bind_interrupts, peripherals};
+    use embassy_time::{Duration, Ticker};
+    use jetlink::channels::{Channel, Handle};
+    use jetlink::command::{Command, Origin};
+    use jetlink::config::{EngineConfig, check};
+    use jetlink::ecu::zk::codec::Rate;
+    use jetlink::line::Line;
+    use jetlink::runner::{LineErrors, Runner};
+    use static_cell::StaticCell;
+
+    // 1. The engine. `check` finds a mistake in it while this compiles.
+    const ENGINE: EngineConfig = EngineConfig::zk("engine", 0, Line::new(9600), Rate::Hz50);
+    const _: () = check(&[ENGINE]);
+
+    bind_interrupts!(struct Irqs {
+        USART1 => BufferedInterruptHandler<peripherals::USART1>;
+    });
+
+    // 2. A task that owns the UART. It wants a higher priority than whatever computes for long: see how
+    //    src/firmware.rs uses an InterruptExecutor.
+    #[embassy_executor::task]
+    async fn engine(runner: Runner<'static>, uart: BufferedUart<'static>) {
+        // Where the driver returns line errors, or nobody counts them, an empty counter does.
+        static ERRORS: LineErrors = LineErrors::new();
+        let (tx, rx) = uart.split();
+        runner.run(rx, tx, &ERRORS).await
+    }
+
+    // 3. Anything that commands or listens has a handle; they can be copied.
+    #[embassy_executor::task]
+    async fn pilot(handle: Handle<'static>) {
+        let mut tick = Ticker::every(Duration::from_millis(100));
+        loop {
+            if let Err(why) = handle.command(Command::Standby, Origin::Bench) {
+                defmt::warn!("refused: {}", why);
+            }
+            defmt::info!("rpm {}", handle.telemetry().report.rpm);
+            tick.next().await;
+        }
+    }
+
+    #[embassy_executor::main]
+    async fn main(spawner: Spawner) {
+        let p = embassy_stm32::init(embassy_stm32::Config::default());
+
+        let mut config = usart::Config::default();
+        config.baudrate = ENGINE.line.baud;
+        // 4. Every byte as it comes: without this the reader wakes at the idle line, too late for AMT.
+        config.eager_reads = Some(1);
+        static TX: StaticCell<[u8; 32]> = StaticCell::new();
+        static RX: StaticCell<[u8; 256]> = StaticCell::new();
+        let (tx, rx) = (TX.init([0; 32]), RX.init([0; 256]));
+        let uart = defmt::unwrap!(BufferedUart::new(p.USART1, p.PA10, p.PA9, tx, rx, Irqs, config));
+
+        static CHANNEL: StaticCell<Channel> = StaticCell::new();
+        let channel: &'static Channel = CHANNEL.init(Channel::new(&ENGINE));
+        spawner.spawn(defmt::unwrap!(engine(channel.runner(), uart)));
+        spawner.spawn(defmt::unwrap!(pilot(channel.handle())));
+    }
+
+    #[panic_handler]
+    fn panic(_: &core::panic::PanicInfo) -> ! {
+        cortex_m::peripheral::SCB::sys_reset()
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for a board: see the first lines of examples/own_firmware.rs.");
+}

@@ -1,0 +1,45 @@
+//! Bench only (feature `demo`): commands every engine through one fixed cycle after another, so that somebody
+//! at a bench sees an engine controller react. It is a source of commands like any other: it speaks ten times
+//! a second, and what it asks can be refused.
+
+use embassy_time::{Duration, Instant, Ticker};
+use jetlink::command::{Command, Demand, Origin};
+use jetlink::node::Node;
+use jetlink::units::Throttle;
+
+/// Between two commands; well within the 1 s for which a source may be silent.
+const PERIOD: Duration = Duration::from_millis(100);
+
+const fn run_at(percent: u8) -> Command {
+    match Throttle::from_percent(percent) {
+        Ok(throttle) => Command::Run(Demand::Throttle(throttle)),
+        Err(_) => panic!("a throttle of the demonstration is above 100 %"),
+    }
+}
+
+/// One cycle: what is commanded, and for how many seconds. Never more than 40 % of throttle.
+const CYCLE: [(Command, u64); 6] = [
+    (Command::Standby, 10),
+    (run_at(0), 60), // long enough for a start
+    (run_at(20), 15),
+    (run_at(40), 15),
+    (run_at(0), 10),
+    (Command::Standby, 120), // shut down and cool
+];
+
+/// Commands all engines of the node, for ever.
+#[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
+pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
+    let mut tick = Ticker::every(PERIOD);
+    loop {
+        for (command, seconds) in CYCLE {
+            defmt::info!("demonstration: {}", command);
+            let end = Instant::now() + Duration::from_secs(seconds);
+            while Instant::now() < end {
+                // What is refused is told by the engine's events.
+                let _ = node.command_all(command, Origin::Bench);
+                tick.next().await;
+            }
+        }
+    }
+}
