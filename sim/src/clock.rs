@@ -62,10 +62,7 @@ thread_local! {
 
 impl Clock {
     fn now(&self) -> u64 {
-        let passed = self
-            .wall
-            .get()
-            .map_or(0, |since| since.elapsed().as_micros());
+        let passed = self.wall.get().map_or(0, |since| since.elapsed().as_micros());
         self.base.get() + u64::try_from(passed).unwrap_or(u64::MAX)
     }
 
@@ -112,10 +109,7 @@ impl embassy_time_driver::Driver for ThreadClock {
             let mut alarms = clock.alarms.borrow_mut();
             match alarms.iter_mut().find(|alarm| alarm.waker.will_wake(waker)) {
                 Some(alarm) => alarm.at = alarm.at.min(at),
-                None => alarms.push(Alarm {
-                    at,
-                    waker: waker.clone(),
-                }),
+                None => alarms.push(Alarm { at, waker: waker.clone() }),
             }
         });
     }
@@ -124,10 +118,7 @@ impl embassy_time_driver::Driver for ThreadClock {
 /// Sets this thread's clock to 0 in [`Pace::Virtual`] and forgets all alarms.
 pub fn reset() {
     CLOCK.with(|clock| {
-        assert!(
-            !clock.running.get(),
-            "clock::reset() inside a running future"
-        );
+        assert!(!clock.running.get(), "clock::reset() inside a running future");
         clock.base.set(0);
         clock.wall.set(None);
         let forgotten = clock.alarms.take();
@@ -145,13 +136,7 @@ pub fn set_pace(pace: Pace) {
 
 /// The pace of this thread's clock.
 pub fn pace() -> Pace {
-    CLOCK.with(|clock| {
-        if clock.wall.get().is_some() {
-            Pace::Wall
-        } else {
-            Pace::Virtual
-        }
-    })
+    CLOCK.with(|clock| if clock.wall.get().is_some() { Pace::Wall } else { Pace::Virtual })
 }
 
 /// The time on this thread in ns; it has the grain of embassy's tick, 1 µs.
@@ -212,21 +197,13 @@ fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
     }
 
     let root = CLOCK.with(|clock| {
-        assert!(
-            !clock.running.replace(true),
-            "a run of the clock inside another one on the same thread"
-        );
+        assert!(!clock.running.replace(true), "a run of the clock inside another one on the same thread");
         clock.root.clone()
     });
     let _running = Running;
     let waker = waker::waker(&root);
     // The first poll asks for all its alarms anew; what an earlier root left behind must not ring.
-    CLOCK.with(|clock| {
-        clock
-            .alarms
-            .borrow_mut()
-            .retain(|alarm| !alarm.waker.will_wake(&waker))
-    });
+    CLOCK.with(|clock| clock.alarms.borrow_mut().retain(|alarm| !alarm.waker.will_wake(&waker)));
 
     let mut future = pin!(future);
     let mut context = Context::from_waker(&waker);
@@ -310,16 +287,10 @@ mod tests {
     #[test]
     fn the_limit_stops_a_future_and_is_the_time_afterwards() {
         reset();
-        assert_eq!(
-            run_for(Timer::after_millis(11), Duration::from_millis(10)),
-            None
-        );
+        assert_eq!(run_for(Timer::after_millis(11), Duration::from_millis(10)), None);
         assert_eq!(now_ns(), 10_000_000);
         // What is due exactly at the limit still happens.
-        assert_eq!(
-            run_for(Timer::after_millis(10), Duration::from_millis(10)),
-            Some(())
-        );
+        assert_eq!(run_for(Timer::after_millis(10), Duration::from_millis(10)), Some(()));
         assert_eq!(now_ns(), 20_000_000);
         advance(Duration::from_micros(7));
         assert_eq!(now_ns(), 20_007_000);
@@ -416,21 +387,13 @@ mod tests {
     fn a_missed_wake_is_not_hidden_by_polling() {
         reset();
         let flag = Cell::new(false);
-        let waits = poll_fn(|_| {
-            if flag.get() {
-                Poll::Ready(())
-            } else {
-                Poll::Pending
-            }
-        });
+        let waits = poll_fn(|_| if flag.get() { Poll::Ready(()) } else { Poll::Pending });
         run(async {
             let waits = pin!(waits);
             // Polled once at the start and never woken again, although the flag gets set.
             let mut waits = Some(waits);
             poll_fn(|cx| {
-                let done = waits
-                    .as_mut()
-                    .is_some_and(|w| w.as_mut().poll(cx).is_ready());
+                let done = waits.as_mut().is_some_and(|w| w.as_mut().poll(cx).is_ready());
                 flag.set(true);
                 if done { Poll::Ready(()) } else { Poll::Pending }
             })
@@ -456,18 +419,12 @@ mod tests {
     fn wall_pace_is_real_time() {
         reset();
         let real = WallInstant::now();
-        assert_eq!(
-            run_wall_for(Timer::after_millis(20), Duration::from_secs(5)),
-            Some(())
-        );
+        assert_eq!(run_wall_for(Timer::after_millis(20), Duration::from_secs(5)), Some(()));
         let took = real.elapsed();
         assert!(took.as_millis() >= 20, "{took:?}");
         assert!(now_ns() >= 20_000_000);
         assert_eq!(pace(), Pace::Virtual);
-        assert_eq!(
-            run_wall_for(Timer::after_secs(5), Duration::from_millis(20)),
-            None
-        );
+        assert_eq!(run_wall_for(Timer::after_secs(5), Duration::from_millis(20)), None);
         assert!(real.elapsed().as_secs() < 4);
     }
 

@@ -15,8 +15,10 @@
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]
 
+pub mod amt;
 pub mod clock;
 pub mod ecu;
 pub mod line;
+pub mod log;
 pub mod turbine;
 pub mod wire;

@@ -23,18 +23,12 @@ pub struct Line {
 impl Line {
     /// 8N1 at this baud rate.
     pub const fn n1(baud: u32) -> Self {
-        Self {
-            baud,
-            stop_bits: StopBits::One,
-        }
+        Self { baud, stop_bits: StopBits::One }
     }
 
     /// 8N2 at this baud rate.
     pub const fn n2(baud: u32) -> Self {
-        Self {
-            baud,
-            stop_bits: StopBits::Two,
-        }
+        Self { baud, stop_bits: StopBits::Two }
     }
 
     /// Bits on the line for one byte: start bit, 8 data bits, stop bits.

@@ -66,10 +66,7 @@ pub enum Phase {
 impl Phase {
     /// From the first turn of the starter to idle.
     pub const fn is_starting(self) -> bool {
-        matches!(
-            self,
-            Self::Ignition | Self::Preheat | Self::FuelRamp | Self::LearningIdle
-        )
+        matches!(self, Self::Ignition | Self::Preheat | Self::FuelRamp | Self::LearningIdle)
     }
 
     /// Starting or running: there is something to stop.
@@ -257,16 +254,8 @@ impl Turbine {
 
     /// Current from the battery in A: electronics, pump, igniter, starter (assumed).
     pub fn current(&self) -> f64 {
-        let igniter = if self.phase == Phase::Ignition {
-            3.0
-        } else {
-            0.0
-        };
-        let starter = if self.starter_target() > 0.0 {
-            6.0
-        } else {
-            0.0
-        };
+        let igniter = if self.phase == Phase::Ignition { 3.0 } else { 0.0 };
+        let starter = if self.starter_target() > 0.0 { 6.0 } else { 0.0 };
         0.3 + 0.5 * self.pump_voltage() + igniter + starter
     }
 
@@ -348,24 +337,16 @@ impl Turbine {
             Phase::Preheat if in_phase_s >= p.preheat_s => self.enter(Phase::FuelRamp),
             Phase::Preheat => {}
             Phase::FuelRamp if self.rpm >= 0.99 * p.idle_rpm => self.enter(Phase::LearningIdle),
-            Phase::FuelRamp if in_phase_s >= 3.0 * p.ramp_s => {
-                self.stop_because(Trip::StartTimeout)
-            }
+            Phase::FuelRamp if in_phase_s >= 3.0 * p.ramp_s => self.stop_because(Trip::StartTimeout),
             Phase::FuelRamp => {}
             Phase::LearningIdle if in_phase_s >= p.learn_s => self.enter(Phase::Running),
             Phase::LearningIdle => {}
-            Phase::Running if !self.lit && self.rpm < 0.8 * p.idle_rpm => {
-                self.stop_because(Trip::FlameOut)
-            }
+            Phase::Running if !self.lit && self.rpm < 0.8 * p.idle_rpm => self.stop_because(Trip::FlameOut),
             Phase::Running => {}
         }
         if self.phase.is_live() {
             // One second over the limit, so that a single sample does not stop an engine.
-            self.hot_steps = if self.egt > self.parameters.egt_limit {
-                self.hot_steps + 1
-            } else {
-                0
-            };
+            self.hot_steps = if self.egt > self.parameters.egt_limit { self.hot_steps + 1 } else { 0 };
             if f64::from(self.hot_steps) * DT > 1.0 {
                 self.hot_steps = 0;
                 self.stop_because(Trip::OverTemperature);
@@ -413,24 +394,13 @@ impl Turbine {
         } else {
             let coast = -self.rpm / p.coast_s - 150.0;
             let starter = self.starter_target();
-            if self.rpm < starter {
-                (starter - self.rpm) / 1.2
-            } else {
-                coast
-            }
+            if self.rpm < starter { (starter - self.rpm) / 1.2 } else { coast }
         };
         self.rpm = (self.rpm + rate * DT).max(0.0);
 
         let load = p.load(self.rpm);
         let (egt, egt_lag) = match self.phase {
-            _ if !self.lit => (
-                AMBIENT,
-                if self.rpm > 1000.0 {
-                    p.cooling_s
-                } else {
-                    6.0 * p.cooling_s
-                },
-            ),
+            _ if !self.lit => (AMBIENT, if self.rpm > 1000.0 { p.cooling_s } else { 6.0 * p.cooling_s }),
             Phase::Preheat => (0.6 * p.egt_idle, 2.5),
             // A start is hottest half way up, where much fuel meets little air.
             Phase::FuelRamp if self.hot_start => (p.egt_limit + 150.0, 2.0),
@@ -448,8 +418,7 @@ impl Turbine {
             Phase::Preheat => 0.25 * p.flow_idle,
             Phase::FuelRamp => p.flow_idle * (0.3 + 0.6 * in_phase_s / p.ramp_s).min(0.9),
             Phase::LearningIdle | Phase::Running => {
-                let steady =
-                    p.flow_idle + (p.flow_max - p.flow_idle) * (0.4 * load + 0.6 * load * load);
+                let steady = p.flow_idle + (p.flow_max - p.flow_idle) * (0.4 * load + 0.6 * load * load);
                 (steady * (1.0 + 0.15 * excess)).clamp(0.5 * p.flow_idle, p.flow_max)
             }
             _ => 0.0,

@@ -44,13 +44,7 @@ pub struct Settings {
 impl Settings {
     /// Both ends set alike, with rings of 64 and 256 bytes.
     pub const fn new(line: Line, seed: u64) -> Self {
-        Self {
-            node: line,
-            ecu: line,
-            tx_ring: 64,
-            rx_ring: 256,
-            seed,
-        }
+        Self { node: line, ecu: line, tx_ring: 64, rx_ring: 256, seed }
     }
 }
 
@@ -66,36 +60,19 @@ pub fn connect_mismatched<E: Ecu>(
     ecu_line: Line,
     seed: u64,
 ) -> (WireRx, WireTx, Plug<E>) {
-    connect_with(
-        ecu,
-        Settings {
-            ecu: ecu_line,
-            ..Settings::new(node, seed)
-        },
-    )
+    connect_with(ecu, Settings { ecu: ecu_line, ..Settings::new(node, seed) })
 }
 
 /// As [`connect`], with everything settable.
 pub fn connect_with<E: Ecu>(ecu: E, settings: Settings) -> (WireRx, WireTx, Plug<E>) {
     let port = Rc::new(RefCell::new(Port::new(settings.tx_ring, settings.rx_ring)));
     let mut seeds = fastrand::Rng::with_seed(settings.seed);
-    let ends = |sender: Line, receiver: Line| Ends {
-        sender,
-        matched: receiver.understands(sender),
-    };
-    let wire = Wire {
+    let ends = |sender: Line, receiver: Line| Ends { sender, matched: receiver.understands(sender) };
+    let mut wire = Wire {
         ecu,
         port: port.clone(),
-        to_node: Lane::new(
-            Direction::ToNode,
-            ends(settings.ecu, settings.node),
-            seeds.u64(..),
-        ),
-        to_ecu: Lane::new(
-            Direction::ToEcu,
-            ends(settings.node, settings.ecu),
-            seeds.u64(..),
-        ),
+        to_node: Lane::new(Direction::ToNode, ends(settings.ecu, settings.node), seeds.u64(..)),
+        to_ecu: Lane::new(Direction::ToEcu, ends(settings.node, settings.ecu), seeds.u64(..)),
         babble_rng: seeds.fork(),
         babble: None,
         babbled: 0,
@@ -104,9 +81,9 @@ pub fn connect_with<E: Ecu>(ecu: E, settings: Settings) -> (WireRx, WireTx, Plug
         scratch: Vec::new(),
         not_before: 0,
     };
-    let plug = Plug {
-        wire: Rc::new(RefCell::new(wire)),
-    };
+    // The ECU learns what time it is: a fresh one is powered up now.
+    wire.advance_ecu(clock::now_ns());
+    let plug = Plug { wire: Rc::new(RefCell::new(wire)) };
     (WireRx::new(port.clone()), WireTx::new(port), plug)
 }
 
@@ -170,10 +147,7 @@ impl<E: Ecu> Wire<E> {
         }
         if self.ecu.next_wake() <= at {
             self.advance_ecu(at);
-            assert!(
-                self.ecu.next_wake() > at,
-                "an ECU that wants to be woken in the past never ends"
-            );
+            assert!(self.ecu.next_wake() > at, "an ECU that wants to be woken in the past never ends");
         }
         self.start_ecu_byte(at);
     }
@@ -230,9 +204,7 @@ pub struct Plug<E> {
 
 impl<E> Clone for Plug<E> {
     fn clone(&self) -> Self {
-        Self {
-            wire: self.wire.clone(),
-        }
+        Self { wire: self.wire.clone() }
     }
 }
 
@@ -364,12 +336,7 @@ impl<E: Ecu> Plug<E> {
 
     /// What was recorded so far; the record goes on empty.
     pub fn take_log(&self) -> Vec<Entry> {
-        self.change(|wire| {
-            wire.record
-                .as_mut()
-                .map(core::mem::take)
-                .unwrap_or_default()
-        })
+        self.change(|wire| wire.record.as_mut().map(core::mem::take).unwrap_or_default())
     }
 
     /// Bytes that the node lost because it did not read in time.

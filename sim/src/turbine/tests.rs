@@ -3,13 +3,8 @@
 use super::*;
 use crate::ecu::SECOND;
 
-const ALL: [Parameters; 5] = [
-    Parameters::OLYMPUS,
-    Parameters::TITAN,
-    Parameters::MERCURY,
-    Parameters::PEGASUS,
-    Parameters::ZK_160K,
-];
+const ALL: [Parameters; 5] =
+    [Parameters::OLYMPUS, Parameters::TITAN, Parameters::MERCURY, Parameters::PEGASUS, Parameters::ZK_160K];
 
 struct Bench {
     turbine: Turbine,
@@ -33,11 +28,7 @@ impl Bench {
     fn until(&mut self, phase: Phase) -> f64 {
         let from = self.now;
         while self.turbine.phase() != phase {
-            assert!(
-                self.now - from < 300 * SECOND,
-                "never {phase:?}, but {:?}",
-                self.turbine.phase()
-            );
+            assert!(self.now - from < 300 * SECOND, "never {phase:?}, but {:?}", self.turbine.phase());
             self.wait(0.005);
         }
         (self.now - from) as f64 / 1e9
@@ -68,22 +59,11 @@ fn a_start_goes_through_its_phases_in_20_to_40_s() {
             assert!(bench.now < 60 * SECOND);
         }
         use Phase::*;
-        assert_eq!(
-            phases,
-            [Standby, Ignition, Preheat, FuelRamp, LearningIdle, Running]
-        );
+        assert_eq!(phases, [Standby, Ignition, Preheat, FuelRamp, LearningIdle, Running]);
         let took = bench.now as f64 / 1e9;
-        assert!(
-            (20.0..40.0).contains(&took),
-            "{}: {took} s",
-            parameters.name
-        );
+        assert!((20.0..40.0).contains(&took), "{}: {took} s", parameters.name);
         assert!((bench.turbine.start_time() - took).abs() < 0.1);
-        assert!(
-            hottest < parameters.egt_limit,
-            "{}: {hottest} °C",
-            parameters.name
-        );
+        assert!(hottest < parameters.egt_limit, "{}: {hottest} °C", parameters.name);
         assert!((bench.turbine.rpm() - parameters.idle_rpm).abs() < 0.02 * parameters.idle_rpm);
     }
 }
@@ -127,10 +107,7 @@ fn the_curve_sets_how_fast_it_accelerates() {
     };
     let (slow, normal, fast) = (time_to_full(10), time_to_full(30), time_to_full(60));
     assert!((2.0..6.0).contains(&normal), "{normal} s");
-    assert!(
-        slow > 2.5 * normal && fast < 0.7 * normal,
-        "{slow} {normal} {fast}"
-    );
+    assert!(slow > 2.5 * normal && fast < 0.7 * normal, "{slow} {normal} {fast}");
 }
 
 #[test]
@@ -161,11 +138,7 @@ fn standby_cools_and_stop_does_not() {
         assert_eq!(bench.turbine.fuel_flow(), 0.0);
         let later = bench.wait(60.0);
         assert_eq!(later.rpm(), 0.0);
-        assert!(
-            later.egt() > 150.0,
-            "without cooling it stays hot: {}",
-            later.egt()
-        );
+        assert!(later.egt() > 150.0, "without cooling it stays hot: {}", later.egt());
         // Standby after all: then it is cooled.
         bench.turbine.set_switch(Switch::Standby);
         bench.wait(0.01);
@@ -194,11 +167,7 @@ fn a_flame_out_is_noticed_and_holds_until_it_is_cleared() {
     assert!(bench.until(Phase::Cooling) < 10.0);
     assert_eq!(bench.turbine.trip(), Some(Trip::FlameOut));
     bench.until(Phase::Standby);
-    assert_eq!(
-        bench.wait(5.0).phase(),
-        Phase::Standby,
-        "still switched to run, and does not start"
-    );
+    assert_eq!(bench.wait(5.0).phase(), Phase::Standby, "still switched to run, and does not start");
     bench.turbine.clear_trip();
     bench.until(Phase::Running);
 }
@@ -211,12 +180,7 @@ fn a_hot_start_is_stopped() {
         bench.turbine.set_switch(Switch::Run);
         bench.until(Phase::FuelRamp);
         bench.until(Phase::Cooling);
-        assert_eq!(
-            bench.turbine.trip(),
-            Some(Trip::OverTemperature),
-            "{}",
-            parameters.name
-        );
+        assert_eq!(bench.turbine.trip(), Some(Trip::OverTemperature), "{}", parameters.name);
     }
 }
 
@@ -236,12 +200,9 @@ fn its_course_does_not_depend_on_how_often_it_is_asked() {
         let mut turbine = Turbine::new(Parameters::OLYMPUS);
         turbine.advance_to(0);
         let mut seen = vec![];
-        for (at, switch, throttle) in [
-            (0, Switch::Run, 0),
-            (40, Switch::Run, 700),
-            (50, Switch::Standby, 0),
-            (60, Switch::Standby, 0),
-        ] {
+        for (at, switch, throttle) in
+            [(0, Switch::Run, 0), (40, Switch::Run, 700), (50, Switch::Standby, 0), (60, Switch::Standby, 0)]
+        {
             let mut now = turbine.stepped_to.unwrap();
             while now < at * SECOND {
                 now = (now + step).min(at * SECOND);
@@ -249,12 +210,7 @@ fn its_course_does_not_depend_on_how_often_it_is_asked() {
             }
             turbine.set_switch(switch);
             turbine.set_demand(Demand::Throttle(throttle));
-            seen.push((
-                turbine.rpm(),
-                turbine.egt(),
-                turbine.fuel_total(),
-                turbine.phase(),
-            ));
+            seen.push((turbine.rpm(), turbine.egt(), turbine.fuel_total(), turbine.phase()));
         }
         seen
     };

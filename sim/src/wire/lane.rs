@@ -96,21 +96,12 @@ impl Lane {
         debug_assert!(self.sending.is_none(), "the shifter holds one byte");
         let mut run = match self.run {
             Some(run) if run.end == at => run,
-            _ => Run {
-                start: at,
-                bytes: 0,
-                end: at,
-            },
+            _ => Run { start: at, bytes: 0, end: at },
         };
         run.bytes += 1;
         run.end = run.start + self.ends.sender.byte_ns(run.bytes);
         self.run = Some(run);
-        self.sending = Some(Sending {
-            byte,
-            start: at,
-            end: run.end,
-            spoilt: self.cut,
-        });
+        self.sending = Some(Sending { byte, start: at, end: run.end, spoilt: self.cut });
     }
 
     pub(super) fn next_event(&self) -> Option<Nanos> {
@@ -124,12 +115,7 @@ impl Lane {
 
     /// Ends the byte in the shifter if it ends now, and sends it on its way.
     pub(super) fn end_byte(&mut self, at: Nanos, record: Option<&mut Vec<Entry>>) -> Option<u8> {
-        let Sending {
-            byte,
-            start,
-            end,
-            spoilt,
-        } = self.sending.take_if(|sending| sending.end <= at)?;
+        let Sending { byte, start, end, spoilt } = self.sending.take_if(|sending| sending.end <= at)?;
         let arrival = end + self.faults.delay_ns + self.random_up_to(self.faults.jitter_ns);
         let arrival = arrival.max(self.last_arrival);
 
@@ -141,27 +127,14 @@ impl Lane {
             Fate::Lost | Fate::Added => None,
         };
         self.arrive(arrival, received);
-        let added =
-            (!self.cut && self.strikes(self.faults.add_per_million)).then(|| self.rng.u8(..));
+        let added = (!self.cut && self.strikes(self.faults.add_per_million)).then(|| self.rng.u8(..));
         self.arrive(arrival, added.map(Arrival::Good));
 
         if let Some(record) = record {
             let direction = self.direction;
-            record.push(Entry {
-                direction,
-                byte,
-                start,
-                end,
-                fate,
-            });
+            record.push(Entry { direction, byte, start, end, fate });
             if let Some(byte) = added {
-                record.push(Entry {
-                    direction,
-                    byte,
-                    start: end,
-                    end,
-                    fate: Fate::Added,
-                });
+                record.push(Entry { direction, byte, start: end, end, fate: Fate::Added });
             }
         }
         Some(byte)
@@ -184,11 +157,7 @@ impl Lane {
                 value ^= u8::from(self.strikes(self.faults.flip_per_million)) << bit;
             }
         }
-        if value == byte {
-            Fate::Delivered
-        } else {
-            Fate::Flipped(value)
-        }
+        if value == byte { Fate::Delivered } else { Fate::Flipped(value) }
     }
 
     fn arrive(&mut self, at: Nanos, received: Option<Arrival>) {
@@ -200,9 +169,7 @@ impl Lane {
 
     /// The next byte that has arrived by now.
     pub(super) fn arrived(&mut self, now: Nanos) -> Option<Arrival> {
-        self.arrivals
-            .pop_front_if(|&mut (at, _)| at <= now)
-            .map(|(_, arrival)| arrival)
+        self.arrivals.pop_front_if(|&mut (at, _)| at <= now).map(|(_, arrival)| arrival)
     }
 
     fn strikes(&mut self, per_million: u32) -> bool {

@@ -18,17 +18,11 @@ struct Scripted {
 
 impl Scripted {
     fn says(at: Nanos, bytes: &[u8]) -> Self {
-        Self {
-            script: [(at, bytes.to_vec())].into(),
-            ..Self::default()
-        }
+        Self { script: [(at, bytes.to_vec())].into(), ..Self::default() }
     }
 
     fn bytes_heard(&self) -> Vec<u8> {
-        self.heard
-            .iter()
-            .filter_map(|(_, byte)| byte.ok())
-            .collect()
+        self.heard.iter().filter_map(|(_, byte)| byte.ok()).collect()
     }
 }
 
@@ -90,11 +84,7 @@ async fn read_for(rx: &mut WireRx, ms: u64) -> Vec<Result<u8, WireError>> {
 #[test]
 fn each_byte_arrives_at_the_first_tick_after_its_stop_bit() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(
-        Scripted::says(MILLIS, &[1, 2, 3, 4, 5, 6]),
-        Line::n1(2400),
-        0,
-    );
+    let (mut rx, _tx, plug) = connect(Scripted::says(MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
     let times = with(&plug, async {
         let mut times = Vec::new();
         let mut buf = [0; 16];
@@ -107,12 +97,7 @@ fn each_byte_arrives_at_the_first_tick_after_its_stop_bit() {
         times
     });
     // 1 ms + n * 4.1666.. ms, rounded up to the µs.
-    assert_eq!(
-        times,
-        [
-            5_167_000, 9_334_000, 13_500_000, 17_667_000, 21_834_000, 26_000_000
-        ]
-    );
+    assert_eq!(times, [5_167_000, 9_334_000, 13_500_000, 17_667_000, 21_834_000, 26_000_000]);
 }
 
 #[test]
@@ -127,12 +112,7 @@ fn write_returns_at_once_and_flush_at_the_last_stop_bit() {
         assert_eq!(clock::now_ns(), 7_167_000); // 40 bits at 9600 baud are 4166.6 µs
     });
     let heard = plug.ecu(|ecu| core::mem::take(&mut ecu.heard));
-    let expected = [
-        (4_041_667, 0xFF),
-        (5_083_333, 0x14),
-        (6_125_000, 0x64),
-        (7_166_667, 0xD3),
-    ];
+    let expected = [(4_041_667, 0xFF), (5_083_333, 0x14), (6_125_000, 0x64), (7_166_667, 0xD3)];
     assert_eq!(heard, expected.map(|(at, byte)| (at, Ok(byte))));
 }
 
@@ -194,11 +174,8 @@ fn a_clean_line_changes_nothing_in_100_000_bytes() {
     let sent: Vec<u8> = (0..100_000_u32).map(|i| (i * 7 + i / 256) as u8).collect();
     let (mut rx, mut tx, plug) = connect(Scripted::says(0, &sent), Line::n1(115_200), 3);
     with(&plug, async {
-        let (_, received) = join(
-            async { tx.write_all(&sent).await.unwrap() },
-            read_n(&mut rx, sent.len()),
-        )
-        .await;
+        let (_, received) =
+            join(async { tx.write_all(&sent).await.unwrap() }, read_n(&mut rx, sent.len())).await;
         assert!(received == sent);
         tx.flush().await.unwrap();
     });
@@ -208,11 +185,7 @@ fn a_clean_line_changes_nothing_in_100_000_bytes() {
 }
 
 /// Sends 10 000 bytes to the node over a line with these faults; what arrived, and the record.
-fn through(
-    faults: Faults,
-    framing: FramingAs,
-    seed: u64,
-) -> (Vec<Result<u8, WireError>>, Vec<Entry>) {
+fn through(faults: Faults, framing: FramingAs, seed: u64) -> (Vec<Result<u8, WireError>>, Vec<Entry>) {
     clock::reset();
     let sent: Vec<u8> = (0..10_000_u32).map(|i| i as u8).collect();
     let (mut rx, _tx, plug) = connect(Scripted::says(0, &sent), Line::n1(115_200), seed);
@@ -221,15 +194,8 @@ fn through(
     plug.record(true);
     let received = with(&plug, read_for(&mut rx, 2000));
     let log = plug.take_log();
-    let in_order: Vec<u8> = log
-        .iter()
-        .filter(|e| e.fate != Fate::Added)
-        .map(|e| e.byte)
-        .collect();
-    assert!(
-        in_order == sent,
-        "the record holds what was sent, not what became of it"
-    );
+    let in_order: Vec<u8> = log.iter().filter(|e| e.fate != Fate::Added).map(|e| e.byte).collect();
+    assert!(in_order == sent, "the record holds what was sent, not what became of it");
     (received, log)
 }
 
@@ -239,14 +205,8 @@ fn count(log: &[Entry], what: impl Fn(Fate) -> bool) -> usize {
 
 #[test]
 fn lost_bytes_are_lost() {
-    let (received, log) = through(
-        Faults {
-            lose_per_million: 50_000,
-            ..Faults::default()
-        },
-        FramingAs::Error,
-        1,
-    );
+    let (received, log) =
+        through(Faults { lose_per_million: 50_000, ..Faults::default() }, FramingAs::Error, 1);
     let lost = count(&log, |fate| fate == Fate::Lost);
     assert!((400..600).contains(&lost), "{lost}");
     assert_eq!(received.len(), 10_000 - lost);
@@ -255,14 +215,8 @@ fn lost_bytes_are_lost() {
 
 #[test]
 fn added_bytes_are_added() {
-    let (received, log) = through(
-        Faults {
-            add_per_million: 50_000,
-            ..Faults::default()
-        },
-        FramingAs::Error,
-        1,
-    );
+    let (received, log) =
+        through(Faults { add_per_million: 50_000, ..Faults::default() }, FramingAs::Error, 1);
     let added = count(&log, |fate| fate == Fate::Added);
     assert!((400..600).contains(&added), "{added}");
     assert_eq!(received.len(), 10_000 + added);
@@ -270,14 +224,8 @@ fn added_bytes_are_added() {
 
 #[test]
 fn flipped_bits_change_bytes() {
-    let (received, log) = through(
-        Faults {
-            flip_per_million: 10_000,
-            ..Faults::default()
-        },
-        FramingAs::Error,
-        1,
-    );
+    let (received, log) =
+        through(Faults { flip_per_million: 10_000, ..Faults::default() }, FramingAs::Error, 1);
     assert_eq!(received.len(), 10_000);
     let flipped = count(&log, |fate| matches!(fate, Fate::Flipped(_)));
     assert!((650..900).contains(&flipped), "{flipped}"); // 1 - 0.99^8 = 7.7 %
@@ -295,20 +243,11 @@ fn flipped_bits_change_bytes() {
 
 #[test]
 fn framing_errors_are_errors_or_wrong_data() {
-    let faults = Faults {
-        framing_per_million: 50_000,
-        ..Faults::default()
-    };
+    let faults = Faults { framing_per_million: 50_000, ..Faults::default() };
     let (received, log) = through(faults, FramingAs::Error, 1);
     let broken = count(&log, |fate| matches!(fate, Fate::Framing(_)));
     assert!((400..600).contains(&broken), "{broken}");
-    assert_eq!(
-        received
-            .iter()
-            .filter(|byte| **byte == Err(WireError::Framing))
-            .count(),
-        broken
-    );
+    assert_eq!(received.iter().filter(|byte| **byte == Err(WireError::Framing)).count(), broken);
     assert_eq!(received.len(), 10_000);
     assert_eq!(WireError::Framing.kind(), ErrorKind::InvalidData);
 
@@ -323,25 +262,15 @@ fn framing_errors_are_errors_or_wrong_data() {
 
 #[test]
 fn the_same_seed_gives_the_same_faults() {
-    assert!(
-        through(Faults::NOISY, FramingAs::Error, 5) == through(Faults::NOISY, FramingAs::Error, 5)
-    );
-    assert!(
-        through(Faults::NOISY, FramingAs::Error, 5) != through(Faults::NOISY, FramingAs::Error, 6)
-    );
+    assert!(through(Faults::NOISY, FramingAs::Error, 5) == through(Faults::NOISY, FramingAs::Error, 5));
+    assert!(through(Faults::NOISY, FramingAs::Error, 5) != through(Faults::NOISY, FramingAs::Error, 6));
 }
 
 #[test]
 fn delay_and_jitter_shift_arrivals_and_keep_the_order() {
     clock::reset();
     let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1, 2]), Line::n1(9600), 0);
-    plug.set_faults(
-        Faults {
-            delay_ns: 5 * MILLIS,
-            ..Faults::default()
-        },
-        Faults::default(),
-    );
+    plug.set_faults(Faults { delay_ns: 5 * MILLIS, ..Faults::default() }, Faults::default());
     with(&plug, async {
         read_n(&mut rx, 1).await;
         assert_eq!(clock::now_ns(), 6_042_000);
@@ -349,45 +278,21 @@ fn delay_and_jitter_shift_arrivals_and_keep_the_order() {
         assert_eq!(clock::now_ns(), 7_084_000);
     });
 
-    let (received, _) = through(
-        Faults {
-            jitter_ns: 50 * MILLIS,
-            ..Faults::default()
-        },
-        FramingAs::Error,
-        4,
-    );
-    assert!(
-        received
-            .iter()
-            .enumerate()
-            .all(|(i, byte)| *byte == Ok(i as u8))
-    );
+    let (received, _) = through(Faults { jitter_ns: 50 * MILLIS, ..Faults::default() }, FramingAs::Error, 4);
+    assert!(received.iter().enumerate().all(|(i, byte)| *byte == Ok(i as u8)));
 }
 
 #[test]
 fn faults_towards_the_ecu_reach_the_ecu_only() {
     clock::reset();
     let (mut rx, mut tx, plug) = connect(Scripted::says(0, &[1, 2, 3]), Line::n1(9600), 0);
-    plug.set_faults(
-        Faults::default(),
-        Faults {
-            framing_per_million: 1_000_000,
-            ..Faults::default()
-        },
-    );
+    plug.set_faults(Faults::default(), Faults { framing_per_million: 1_000_000, ..Faults::default() });
     with(&plug, async {
         tx.write_all(&[4, 5]).await.unwrap();
         assert_eq!(read_n(&mut rx, 3).await, [1, 2, 3]);
     });
     let heard = plug.ecu(|ecu| ecu.heard.clone());
-    assert_eq!(
-        heard,
-        [
-            (1_041_667, Err(LineFault::Framing)),
-            (2_083_333, Err(LineFault::Framing))
-        ]
-    );
+    assert_eq!(heard, [(1_041_667, Err(LineFault::Framing)), (2_083_333, Err(LineFault::Framing))]);
 }
 
 #[test]
@@ -419,28 +324,14 @@ fn a_stalled_transmitter_holds_writes_and_flushes_until_it_goes_on() {
         tx.write_all(&[1, 2, 3]).await.unwrap();
         Timer::after_micros(500).await;
         plug.stall_tx(true);
-        assert!(matches!(
-            select(tx.flush(), Timer::after_secs(1)).await,
-            Either::Second(())
-        ));
-        assert!(matches!(
-            select(tx.write(&[9]), Timer::after_secs(1)).await,
-            Either::Second(())
-        ));
-        assert_eq!(
-            plug.ecu(|ecu| ecu.bytes_heard()),
-            [1],
-            "the byte in the shifter goes out"
-        );
+        assert!(matches!(select(tx.flush(), Timer::after_secs(1)).await, Either::Second(())));
+        assert!(matches!(select(tx.write(&[9]), Timer::after_secs(1)).await, Either::Second(())));
+        assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1], "the byte in the shifter goes out");
         plug.stall_tx(false);
         tx.flush().await.unwrap();
         assert_eq!(clock::now_ns(), 2_000_500_000 + 2_084_000);
     });
-    assert_eq!(
-        plug.ecu(|ecu| ecu.bytes_heard()),
-        [1, 2, 3],
-        "the dropped write wrote nothing"
-    );
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1, 2, 3], "the dropped write wrote nothing");
 }
 
 #[test]
@@ -467,20 +358,12 @@ fn babble_fills_the_line_without_a_pause() {
         plug.babble(Some(Babble::Repeat(vec![0xFF, 0x0C])));
         let received = read_for(&mut rx, 1001).await;
         assert_eq!(received.len(), 960);
-        assert!(
-            received
-                .iter()
-                .zip([0xFF, 0x0C].iter().cycle())
-                .all(|(a, b)| *a == Ok(*b))
-        );
+        assert!(received.iter().zip([0xFF, 0x0C].iter().cycle()).all(|(a, b)| *a == Ok(*b)));
         tx.write_all(&[1]).await.unwrap();
         plug.babble(Some(Babble::Random));
         assert_eq!(read_for(&mut rx, 100).await.len(), 96);
         plug.babble(None);
-        assert!(
-            read_for(&mut rx, 100).await.len() <= 1,
-            "only the byte under way"
-        );
+        assert!(read_for(&mut rx, 100).await.len() <= 1, "only the byte under way");
     });
     assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1]);
 }

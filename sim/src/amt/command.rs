@@ -1,0 +1,202 @@
+//! The control message `FF OPS THR OPS THR` (AMT-10), read by itself and found in a stream of bytes.
+
+use crate::ecu::{LineFault, Nanos};
+
+/// Begins every message in both directions and occurs nowhere else (AMT-1).
+pub const HEAD: u8 = 0xFF;
+
+/// Bytes of a control message.
+pub const LENGTH: usize = 5;
+
+/// The operation switch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ops {
+    /// 0x11.
+    EmergencyStop,
+    /// 0x12: stop and cool.
+    AutoStop,
+    /// 0x14.
+    Run,
+    /// 0x91, "special functions": stops a running engine after the serial delay (AMT-13).
+    Ctf,
+}
+
+impl Ops {
+    /// The switch with this code.
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0x11 => Some(Self::EmergencyStop),
+            0x12 => Some(Self::AutoStop),
+            0x14 => Some(Self::Run),
+            0x91 => Some(Self::Ctf),
+            _ => None,
+        }
+    }
+
+    /// The code of this switch.
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::EmergencyStop => 0x11,
+            Self::AutoStop => 0x12,
+            Self::Run => 0x14,
+            Self::Ctf => 0x91,
+        }
+    }
+}
+
+/// What the host asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AmtCommand {
+    /// The operation switch.
+    pub ops: Ops,
+    /// Throttle in steps of half a percent, 0..=200.
+    pub throttle_half_percent: u8,
+}
+
+/// Why a control message is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadCommand {
+    /// Not five bytes, or the first is not 0xFF.
+    Shape,
+    /// A new head before the end.
+    Truncated,
+    /// The two copies of OPS or of THR differ.
+    Mismatch,
+    /// No such switch.
+    Ops(u8),
+    /// Throttle outside 32..=232.
+    Throttle(u8),
+}
+
+/// Reads one control message.
+pub fn parse_command(bytes: &[u8]) -> Result<AmtCommand, BadCommand> {
+    let &[HEAD, ops, throttle, ops_again, throttle_again] = bytes else {
+        return Err(BadCommand::Shape);
+    };
+    if bytes[1..].contains(&HEAD) {
+        return Err(BadCommand::Truncated);
+    }
+    if ops != ops_again || throttle != throttle_again {
+        return Err(BadCommand::Mismatch);
+    }
+    let Some(ops) = Ops::from_code(ops) else {
+        return Err(BadCommand::Ops(ops));
+    };
+    // THR = 2 x % + 32
+    match throttle.checked_sub(32) {
+        Some(throttle_half_percent @ 0..=200) => Ok(AmtCommand { ops, throttle_half_percent }),
+        _ => Err(BadCommand::Throttle(throttle)),
+    }
+}
+
+/// What a byte from the host has completed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    /// Nothing yet.
+    Part,
+    /// A byte that belongs to no message.
+    Stray,
+    /// A byte arrived broken, within a message or not; the message is lost with it.
+    Broken { in_message: bool },
+    /// A new message began within another one; the older one is lost.
+    Truncated,
+    /// Five bytes, and when the first of them began.
+    Message { start: Nanos, command: Result<AmtCommand, BadCommand> },
+}
+
+/// Finds control messages in what arrives.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Receiver {
+    bytes: [u8; LENGTH],
+    len: usize,
+    start: Nanos,
+}
+
+impl Receiver {
+    /// `start` is when this byte began, if it began a message.
+    pub(super) fn hear(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Heard {
+        let Ok(byte) = byte else {
+            return Heard::Broken { in_message: core::mem::take(&mut self.len) > 0 };
+        };
+        if byte == HEAD {
+            let interrupted = self.len > 0;
+            self.bytes[0] = byte;
+            self.len = 1;
+            self.start = start;
+            return if interrupted { Heard::Truncated } else { Heard::Part };
+        }
+        if self.len == 0 {
+            return Heard::Stray;
+        }
+        self.bytes[self.len] = byte;
+        self.len += 1;
+        if self.len < LENGTH {
+            return Heard::Part;
+        }
+        self.len = 0;
+        Heard::Message { start: self.start, command: parse_command(&self.bytes) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documents_example_50_percent_is_132() {
+        let command = AmtCommand { ops: Ops::Run, throttle_half_percent: 100 };
+        assert_eq!(parse_command(&[0xFF, 0x14, 132, 0x14, 132]), Ok(command));
+    }
+
+    #[test]
+    fn the_four_switches_and_the_ends_of_the_throttle() {
+        for (code, ops) in
+            [(0x11, Ops::EmergencyStop), (0x12, Ops::AutoStop), (0x14, Ops::Run), (0x91, Ops::Ctf)]
+        {
+            assert_eq!(ops.code(), code);
+            for (throttle, half_percent) in [(32, 0), (33, 1), (232, 200)] {
+                assert_eq!(
+                    parse_command(&[0xFF, code, throttle, code, throttle]),
+                    Ok(AmtCommand { ops, throttle_half_percent: half_percent })
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn everything_else_is_rejected_with_its_reason() {
+        for (bytes, reason) in [
+            (&[0xFF, 0x14, 132, 0x14, 133][..], BadCommand::Mismatch),
+            (&[0xFF, 0x14, 132, 0x12, 132], BadCommand::Mismatch),
+            (&[0xFF, 0x13, 132, 0x13, 132], BadCommand::Ops(0x13)),
+            (&[0xFF, 0x14, 31, 0x14, 31], BadCommand::Throttle(31)),
+            (&[0xFF, 0x14, 233, 0x14, 233], BadCommand::Throttle(233)),
+            (&[0xFF, 0x14, 0xFF, 0x14, 0xFF], BadCommand::Truncated),
+            (&[0xFE, 0x14, 132, 0x14, 132], BadCommand::Shape),
+            (&[0xFF, 0x14, 132, 0x14], BadCommand::Shape),
+            (&[], BadCommand::Shape),
+        ] {
+            assert_eq!(parse_command(bytes), Err(reason), "{bytes:02X?}");
+        }
+    }
+
+    #[test]
+    fn the_receiver_starts_over_at_every_head() {
+        let mut receiver = Receiver::default();
+        let bytes = [9, 0xFF, 0x14, 0xFF, 0x11, 32, 0x11, 32, 7];
+        let heard: Vec<Heard> = (0..).zip(bytes).map(|(at, byte)| receiver.hear(at, Ok(byte))).collect();
+        use Heard::{Part, Stray, Truncated};
+        let command = Ok(AmtCommand { ops: Ops::EmergencyStop, throttle_half_percent: 0 });
+        let message = Heard::Message { start: 3, command };
+        assert_eq!(heard, [Stray, Part, Part, Truncated, Part, Part, Part, message, Stray]);
+    }
+
+    #[test]
+    fn a_broken_byte_loses_the_message() {
+        let mut receiver = Receiver::default();
+        receiver.hear(0, Ok(0xFF));
+        assert_eq!(receiver.hear(1, Err(LineFault::Framing)), Heard::Broken { in_message: true });
+        assert_eq!(receiver.hear(2, Err(LineFault::Noise)), Heard::Broken { in_message: false });
+        assert_eq!(receiver.hear(3, Ok(0x14)), Heard::Stray);
+    }
+}
