@@ -1,12 +1,588 @@
-//! `jetlink decode`.
+//! `jetlink decode`: raw bytes from an ECU's TX line in, one JSON object a line out (JSON Lines).
+//!
+//! The codecs give the frames with their scale; this file gives names, units and order to what they say. It
+//! holds one read buffer, one line and one frame begun, however long the input is.
+//!
+//! What the stream tells about itself is kept while it is read, and wins over the hints of the command line:
+//!
+//! - ZK: status ID 6 tells the protocol version (ZK-6).
+//! - AMT: an alternate set tells the engine. An ID has one engine, so an ID without a name is another engine,
+//!   and from there on the engine is not known: no scale is better than a wrong one.
+//! - AMT: a set-up set tells the engine by its version, if that version has an engine printed (AMT-9). A version
+//!   without one tells nothing, since each engine had several and newer ones are to be expected: the set-up set
+//!   itself gives no engine, and what was known before it (a hint is for just this case) stays.
 
+use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
+use jetlink::ecu::amt::codec as amt;
+use jetlink::ecu::zk::codec as zk;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Arguments of `jetlink decode`.
+/// Exit status for an input that cannot be read (and an output that cannot be written).
+const CANNOT_READ: u8 = 1;
+/// Exit status for bad arguments, clap's own included.
+const BAD_ARGUMENTS: u8 = 2;
+
+/// Bytes of the read buffer and of the write buffer.
+const BUFFER: usize = 64 * 1024;
+
+/// Print what an ECU sent, from captured raw bytes, as JSON Lines.
+///
+/// Reads raw bytes as captured on the ECU's TX line and prints one JSON object a line to standard output for
+/// every frame, in the order of the bytes. A summary for people goes to standard error.
 #[derive(clap::Args, Debug)]
-pub struct Args {}
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Protocol that the ECU speaks.
+    #[arg(long, value_enum)]
+    protocol: Protocol,
+
+    /// AMT: the engine until the stream names it.
+    ///
+    /// It gives rpm and voltages their scale. An AMT ECU names its engine once after power-up (set-up set) and
+    /// then after every ten normal sets (alternate set). What the stream tells wins.
+    #[arg(
+        long,
+        value_name = "NAME",
+        value_parser = PossibleValuesParser::new(amt::Engine::ALL.map(amt::Engine::name)).try_map(engine)
+    )]
+    engine: Option<amt::Engine>,
+
+    /// ZK: the ECU's protocol version, 0 to 63, until the stream tells it.
+    ///
+    /// It gives voltages their scale. A ZK ECU tells its version in status-6. What the stream tells wins.
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = RangedI64ValueParser::<u8>::new().range(0..=63).try_map(zk::Version::new)
+    )]
+    zk_version: Option<zk::Version>,
+
+    /// File with the raw bytes; `-` or nothing for standard input.
+    #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+}
+
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Protocol {
+    /// AMT serial control: Mercury, Pegasus, Olympus, Titan, Nike, Lynx, Orion.
+    Amt,
+    /// ZK-Protocol.
+    Zk,
+}
+
+const HELP: &str = "\
+Output:
+  Every object has offset (of the frame's first byte in the input), protocol, frame and raw (the frame's
+  bytes in hex), then by frame:
+
+    zk, every frame  rpm
+    status-1         state_code state error_code error switch_code switch egt_c
+    status-2         radio_v power_v pump_v
+    status-3         throttle_pct pressure_pa
+    status-4         current_a thrust_kg
+    status-5         ignition_pump_v curve_increase curve_decrease
+    status-6         max_rpm max_pump_v protocol_version rate_hz
+    status-7         flow_l_min fuel_l
+    status-8         idle_rpm pressure_requested closed_loop startup_s
+    status-9         ecu_c
+    unknown-N        (another ID with a good CRC)
+    amt normal       engine switch state_code state rpm egt_c throttle_pct vout_v
+    amt error        engine errors error_bits egt_c throttle_pct vout_v
+    amt alternate    engine_code engine idle_v max_v battery_v external_v
+    amt setup        pw_min_us pw_max_us version date engine
+    amt unknown      (a kind the document does not name)
+
+  Values are in the unit of their name, exact to the protocol's own step. A value that cannot be known is
+  null and never left out: a voltage while the engine or the ZK version is not known, a scale that the
+  document does not give, a field of a ZK version newer than the one known. The bytes are always in raw.
+
+  Bytes that belong to no frame are skipped and counted. A frame that the end of the input cuts off is not
+  printed. AMT has no checksum: a 0xFF inside a frame drops it and starts a new one.
+
+Exit status:
+  0  the input was read to its end, or nobody reads the output any more
+  1  the input cannot be read, or the output not written
+  2  bad arguments
+
+Examples:
+  jetlink decode --protocol zk capture.bin
+  jetlink decode --protocol amt --engine olympus capture.bin | jq 'select(.frame == \"error\")'
+  cat /dev/ttyUSB0 | jetlink decode --protocol zk";
+
+fn engine(name: String) -> Result<amt::Engine, String> {
+    amt::Engine::ALL.into_iter().find(|engine| engine.name() == name).ok_or(name)
+}
 
 /// Runs it.
-pub fn run(_args: Args) -> ExitCode {
-    ExitCode::FAILURE
+pub fn run(args: Args) -> ExitCode {
+    let outcome = match (args.protocol, args.engine, args.zk_version) {
+        (Protocol::Amt, _, Some(_)) => Err(Failure::Arguments("--zk-version is only for --protocol zk")),
+        (Protocol::Zk, Some(_), _) => Err(Failure::Arguments("--engine is only for --protocol amt")),
+        (Protocol::Amt, engine, None) => decode_file(args.file, Amt { decoder: amt::Decoder::new(), engine }),
+        (Protocol::Zk, None, version) => decode_file(args.file, Zk { decoder: zk::Decoder::new(), version }),
+    };
+    // Nothing can be said any more once standard error is gone, so failing to say it is no failure.
+    match outcome {
+        Ok(summary) => {
+            let _ = write!(io::stderr(), "{summary}");
+            ExitCode::SUCCESS
+        }
+        // Whoever read the output has had enough of it, as `head` does: that is no failure of ours.
+        Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "error: {failure}");
+            ExitCode::from(if matches!(failure, Failure::Arguments(_)) { BAD_ARGUMENTS } else { CANNOT_READ })
+        }
+    }
+}
+
+/// Why it ended before the end of the input.
+#[derive(Debug)]
+enum Failure {
+    Arguments(&'static str),
+    Input { name: String, error: io::Error },
+    Output(io::Error),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Arguments(what) => f.write_str(what),
+            Self::Input { name, error } => write!(f, "cannot read {name}: {error}"),
+            Self::Output(error) => write!(f, "cannot write to standard output: {error}"),
+        }
+    }
+}
+
+fn decode_file(file: Option<PathBuf>, source: impl Source) -> Result<Summary, Failure> {
+    let file = file.filter(|path| path.as_os_str() != "-");
+    let name = file.as_ref().map_or_else(|| "standard input".into(), |path| path.display().to_string());
+    let input: io::Result<Box<dyn Read>> = match file {
+        Some(path) => File::open(path).map(|file| Box::new(file) as _),
+        None => Ok(Box::new(io::stdin().lock())),
+    };
+    let unreadable = |error| Failure::Input { name: name.clone(), error };
+    decode(
+        &mut input.map_err(unreadable)?,
+        &mut BufWriter::with_capacity(BUFFER, io::stdout().lock()),
+        source,
+        unreadable,
+    )
+}
+
+fn decode(
+    input: &mut dyn Read,
+    output: &mut dyn Write,
+    mut source: impl Source,
+    unreadable: impl Fn(io::Error) -> Failure,
+) -> Result<Summary, Failure> {
+    let mut summary = Summary::default();
+    let mut record = Record::default();
+    let mut buffer = vec![0; BUFFER];
+    loop {
+        let count = match input.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(count) => count,
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            Err(error) => return Err(unreadable(error)),
+        };
+        let before = source.counters();
+        let mut rest = &buffer[..count];
+        while !rest.is_empty() {
+            let (taken, frame) = source.feed(rest);
+            rest = &rest[taken..];
+            summary.bytes += taken as u64;
+            let Some(frame) = frame else { continue };
+            let kind = source.write(summary.bytes, &frame, &mut record);
+            output.write_all(record.line()).map_err(Failure::Output)?;
+            add(&mut summary.kinds, kind, 1);
+        }
+        // The decoder's counts wrap at 32 bits; what one buffer adds to them does not.
+        for ((what, before), (_, now)) in before.into_iter().zip(source.counters()) {
+            add(&mut summary.counters, what, now.wrapping_sub(before).into());
+        }
+        // So that frames of a live line come out when they come in, and not a buffer later.
+        output.flush().map_err(Failure::Output)?;
+    }
+    summary.pending = source.pending();
+    Ok(summary)
+}
+
+/// What was read, for people.
+#[derive(Default, Debug)]
+struct Summary {
+    bytes: u64,
+    kinds: Vec<(&'static str, u64)>,
+    counters: Vec<(&'static str, u64)>,
+    pending: usize,
+}
+
+/// At most as many entries as there are names: sixteen.
+fn add(counts: &mut Vec<(&'static str, u64)>, name: &'static str, more: u64) {
+    match counts.iter_mut().find(|(known, _)| *known == name) {
+        Some((_, count)) => *count += more,
+        None => counts.push((name, more)),
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames: u64 = self.kinds.iter().map(|(_, count)| count).sum();
+        writeln!(f, "{} bytes read", self.bytes)?;
+        writeln!(f, "{frames} frames")?;
+        let mut kinds = self.kinds.clone();
+        kinds.sort_unstable();
+        for (kind, count) in kinds {
+            writeln!(f, "  {count} {kind}")?;
+        }
+        for (what, count) in &self.counters {
+            writeln!(f, "{count} {what}")?;
+        }
+        writeln!(f, "{} bytes pending at the end", self.pending)
+    }
+}
+
+/// A protocol's decoder, with what the stream has told so far.
+trait Source {
+    type Frame;
+
+    /// Takes bytes up to the end of the first frame, as the codecs' decoders do.
+    fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>);
+
+    /// Learns from a frame that ends at `end` and writes what it says. Gives its name.
+    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str;
+
+    /// What the decoder counts, with words for people. The counts wrap.
+    fn counters(&self) -> Vec<(&'static str, u32)>;
+
+    /// Bytes of a frame begun.
+    fn pending(&self) -> usize;
+}
+
+// ---------------------------------------------------------------------------------------------
+// ZK
+// ---------------------------------------------------------------------------------------------
+
+#[derive(Debug)]
+struct Zk {
+    decoder: zk::Decoder,
+    version: Option<zk::Version>,
+}
+
+impl Zk {
+    /// A field that ECUs carry from a version on (ZK-7): nothing if the version is known to be lower. While
+    /// it is not known the field is given as it came, since its scale does not depend on the version.
+    fn since<T>(&self, needed: u8, value: T) -> Option<T> {
+        self.version.is_none_or(|version| version.get() >= needed).then_some(value)
+    }
+}
+
+impl Source for Zk {
+    type Frame = zk::StatusFrame;
+
+    fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
+        self.decoder.feed(bytes)
+    }
+
+    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str {
+        let name = zk_name(frame.id());
+        record.begin(end, "zk", name, frame.raw());
+        record.field("rpm", frame.rpm().get());
+        match frame.status() {
+            zk::Status::Engine { state, error, egt, switch } => {
+                record.field("state_code", state.code());
+                record.field("state", state.name());
+                record.field("error_code", error.code());
+                record.field("error", error.name());
+                record.field("switch_code", switch.code());
+                record.field("switch", switch.name());
+                record.field("egt_c", tenths(egt.tenths()));
+            }
+            zk::Status::Voltages { radio, power, pump } => {
+                for (key, byte) in [("radio_v", radio), ("power_v", power), ("pump_v", pump)] {
+                    record.field(key, zk_volts(byte, self.version));
+                }
+            }
+            zk::Status::Throttle { percent, pressure } => {
+                record.field("throttle_pct", percent);
+                record.field("pressure_pa", pressure.get());
+            }
+            zk::Status::Load { current, thrust } => {
+                record.field("current_a", thousandths(current.get()));
+                record.field("thrust_kg", self.since(2, thousandths(thrust.get())));
+            }
+            zk::Status::Settings { ignition_pump, increase, decrease } => {
+                record.field("ignition_pump_v", thousandths(ignition_pump.get()));
+                record.field("curve_increase", increase);
+                record.field("curve_decrease", decrease);
+            }
+            zk::Status::Identity { max_rpm, max_pump, version, rate } => {
+                self.version = Some(version);
+                record.field("max_rpm", max_rpm.get());
+                record.field("max_pump_v", zk_volts(max_pump, Some(version)));
+                record.field("protocol_version", version.get());
+                record.field("rate_hz", rate.map(zk::Rate::hz));
+            }
+            zk::Status::Fuel { flow, total } => {
+                record.field("flow_l_min", thousandths(flow.get()));
+                record.field("fuel_l", thousandths(total.get()));
+            }
+            zk::Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+                record.field("idle_rpm", idle_rpm.get());
+                record.field("pressure_requested", self.since(4, pressure_requested));
+                record.field("closed_loop", self.since(4, closed_loop));
+                // Twelve bits of 0.1 s.
+                record.field("startup_s", self.since(4, thousandths(startup.as_millis() as u32)));
+            }
+            zk::Status::Temperature { ecu } => record.field("ecu_c", tenths(ecu.tenths())),
+            zk::Status::Unknown => {}
+        }
+        name
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u32)> {
+        let counters = self.decoder.counters();
+        vec![
+            ("unknown frames", counters.unknown_frames),
+            ("CRC failures", counters.crc_failures),
+            ("bytes skipped", counters.bytes_skipped),
+        ]
+    }
+
+    fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+}
+
+/// Name of a frame by its ID, four bits. 15 does not come: 0xFF is the control head (ZK-16).
+fn zk_name(id: u8) -> &'static str {
+    match id {
+        0 => "unknown-0",
+        1 => "status-1",
+        2 => "status-2",
+        3 => "status-3",
+        4 => "status-4",
+        5 => "status-5",
+        6 => "status-6",
+        7 => "status-7",
+        8 => "status-8",
+        9 => "status-9",
+        10 => "unknown-10",
+        11 => "unknown-11",
+        12 => "unknown-12",
+        13 => "unknown-13",
+        14 => "unknown-14",
+        _ => "unknown-15",
+    }
+}
+
+fn zk_volts(byte: zk::VoltageByte, version: Option<zk::Version>) -> Option<f64> {
+    byte.millivolts(version).map(|voltage| thousandths(voltage.get()))
+}
+
+// ---------------------------------------------------------------------------------------------
+// AMT
+// ---------------------------------------------------------------------------------------------
+
+#[derive(Debug)]
+struct Amt {
+    decoder: amt::Decoder,
+    engine: Option<amt::Engine>,
+}
+
+impl Source for Amt {
+    type Frame = amt::Frame;
+
+    fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
+        self.decoder.feed(bytes)
+    }
+
+    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str {
+        let message = frame.message();
+        let name = match message {
+            amt::Message::Normal { .. } => "normal",
+            amt::Message::Error { .. } => "error",
+            amt::Message::Alternate { .. } => "alternate",
+            amt::Message::Setup(_) => "setup",
+            amt::Message::Unknown => "unknown",
+        };
+        record.begin(end, "amt", name, frame.raw());
+        match message {
+            amt::Message::Normal { switch, state, rpm, egt, throttle, vout } => {
+                let step = self.engine.and_then(amt::Engine::rpm_step);
+                record.field("engine", self.engine.map(amt::Engine::name));
+                record.field("switch", switch.name());
+                record.field("state_code", state.code());
+                record.field("state", state.name());
+                record.field("rpm", step.map(|step| u32::from(rpm) * step));
+                record.field("egt_c", tenths(egt.celsius().tenths()));
+                record.field("throttle_pct", tenths(throttle.tenths()));
+                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::Engine::vout_scale)));
+            }
+            amt::Message::Error { errors, egt, throttle, vout } => {
+                record.field("engine", self.engine.map(amt::Engine::name));
+                record.texts("errors", errors.names());
+                record.field("error_bits", errors.0);
+                record.field("egt_c", tenths(egt.celsius().tenths()));
+                record.field("throttle_pct", tenths(throttle.tenths()));
+                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::Engine::vout_scale)));
+            }
+            amt::Message::Alternate { engine_id, idle, max, battery, external } => {
+                self.engine = amt::Engine::from_id(engine_id);
+                let rpm_voltage = self.engine.and_then(amt::Engine::vout_scale);
+                record.field("engine_code", engine_id);
+                record.field("engine", self.engine.map(amt::Engine::name));
+                record.field("idle_v", amt_volts(idle, rpm_voltage));
+                record.field("max_v", amt_volts(max, rpm_voltage));
+                record
+                    .field("battery_v", amt_volts(battery, self.engine.and_then(amt::Engine::battery_scale)));
+                record.field(
+                    "external_v",
+                    amt_volts(external, self.engine.and_then(amt::Engine::external_scale)),
+                );
+            }
+            amt::Message::Setup(setup) => {
+                let engine = setup.engine();
+                self.engine = engine.or(self.engine);
+                // The codec gives an empty text for one that is not ASCII.
+                let known = |text: &str| (!text.is_empty()).then(|| text.to_owned());
+                record.field("pw_min_us", setup.pw_min_us());
+                record.field("pw_max_us", setup.pw_max_us());
+                record.field("version", known(setup.version()).as_deref());
+                record.field("date", known(setup.date()).as_deref());
+                record.field("engine", engine.map(amt::Engine::name));
+            }
+            amt::Message::Unknown => {}
+        }
+        name
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u32)> {
+        let counters = self.decoder.counters();
+        vec![
+            ("unknown frames", counters.unknown_frames),
+            ("truncated frames", counters.truncated),
+            ("malformed set-up sets", counters.malformed),
+            ("bytes skipped", counters.bytes_skipped),
+        ]
+    }
+
+    fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+}
+
+/// The document's own formula in the document's own numbers, so that both give the same: the codec's
+/// [`amt::VoltageScale::millivolts`] rounds, and one step is not a whole number of mV.
+fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
+    let scale = scale?;
+    let full_scale = f64::from(scale.full_scale_mv) / 1000.0;
+    Some(f64::from(scale.offset_mv) / 1000.0 + f64::from(raw) * full_scale / 255.0)
+}
+
+// ---------------------------------------------------------------------------------------------
+// JSON
+// ---------------------------------------------------------------------------------------------
+
+/// The number nearest to so many tenths, as one would write it.
+fn tenths(value: impl Into<f64>) -> f64 {
+    value.into() / 10.0
+}
+
+/// The number nearest to so many thousandths, as one would write it.
+fn thousandths(value: u32) -> f64 {
+    f64::from(value) / 1000.0
+}
+
+/// One line of output, with room that is used again for the next.
+///
+/// Written by hand and not through `serde_json::Value`: that would allocate some twenty times a frame, and
+/// print whole numbers among the decimals as `51.0`. Writing to a `Vec` does not fail.
+#[derive(Default, Debug)]
+struct Record(Vec<u8>);
+
+impl Record {
+    fn begin(&mut self, end: u64, protocol: &str, frame: &str, raw: &[u8]) {
+        self.0.clear();
+        self.field("offset", end - raw.len() as u64);
+        self.field("protocol", protocol);
+        self.field("frame", frame);
+        self.key("raw");
+        self.0.push(b'"');
+        for byte in raw {
+            for digit in [byte >> 4, byte & 0x0F] {
+                self.0.push(b"0123456789abcdef"[usize::from(digit)]);
+            }
+        }
+        self.0.push(b'"');
+    }
+
+    /// `key` must need no escapes; all of ours are literals without any.
+    fn key(&mut self, key: &str) {
+        self.0.push(if self.0.is_empty() { b'{' } else { b',' });
+        self.0.push(b'"');
+        self.0.extend_from_slice(key.as_bytes());
+        self.0.extend_from_slice(b"\":");
+    }
+
+    fn field(&mut self, key: &str, value: impl Json) {
+        self.key(key);
+        value.append_to(&mut self.0);
+    }
+
+    fn texts(&mut self, key: &str, values: impl Iterator<Item = &'static str>) {
+        self.key(key);
+        self.0.push(b'[');
+        for (i, value) in values.enumerate() {
+            if i > 0 {
+                self.0.push(b',');
+            }
+            value.append_to(&mut self.0);
+        }
+        self.0.push(b']');
+    }
+
+    fn line(&mut self) -> &[u8] {
+        self.0.extend_from_slice(b"}\n");
+        &self.0
+    }
+}
+
+/// A value of a field.
+trait Json {
+    fn append_to(&self, json: &mut Vec<u8>);
+}
+
+macro_rules! json_as_displayed {
+    ($($type:ty),+) => {
+        $(impl Json for $type {
+            fn append_to(&self, json: &mut Vec<u8>) {
+                let _ = write!(json, "{self}");
+            }
+        })+
+    };
+}
+// What Rust displays is JSON: for f64 the shortest decimals that read back the same, without exponent, whole
+// numbers without point. All of ours are finite, and none is -0.
+json_as_displayed!(bool, u8, u32, u64, i32, f64);
+
+impl Json for &str {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        // With escapes: the texts of a set-up set come from the wire and may hold anything.
+        let _ = serde_json::to_writer(json, self);
+    }
+}
+
+impl<T: Json> Json for Option<T> {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        match self {
+            Some(value) => value.append_to(json),
+            None => json.extend_from_slice(b"null"),
+        }
+    }
 }
