@@ -1,5 +1,5 @@
-//! Links the firmware: gives the linker the memory map of the chosen board and the scripts of cortex-m-rt and
-//! defmt. Builds for the host, and of the library alone, need nothing of this.
+//! Links the firmware: gives the linker the memory map of the chosen board and the scripts of
+//! cortex-m-rt and defmt. Builds for the host, and of the library alone, need nothing of this.
 
 use std::{env, fs, path::Path};
 
@@ -12,21 +12,19 @@ fn main() {
         return;
     }
 
-    // Feature `board-matek-h743` reaches us as CARGO_FEATURE_BOARD_MATEK_H743; its map is memory/matek-h743.x.
+    // Feature `board-matek-h743` reaches us as CARGO_FEATURE_BOARD_MATEK_H743; its map is
+    // memory/matek-h743.x.
     let boards: Vec<String> = env::vars()
         .filter_map(|(name, _)| {
-            Some(
-                name.strip_prefix("CARGO_FEATURE_BOARD_")?
-                    .to_lowercase()
-                    .replace('_', "-"),
-            )
+            Some(name.strip_prefix("CARGO_FEATURE_BOARD_")?.to_lowercase().replace('_', "-"))
         })
         .collect();
     let [board] = boards.as_slice() else {
         panic!("the firmware needs exactly one board-* feature, not {boards:?}");
     };
 
-    // memory.x in the package root includes board.x, which the linker finds in the folder added here.
+    // memory.x in the package root includes board.x, which the linker finds in the folder added
+    // here.
     let out = env::var("OUT_DIR").unwrap();
     let map = format!("memory/{board}.x");
     if let Err(error) = fs::copy(&map, Path::new(&out).join("board.x")) {

@@ -4,45 +4,44 @@
 //! |---|---|---|
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
 //! | `events`, one for each ECU | thread mode | logs what happens |
-//! | `status` | thread mode | logs one line a second for each engine, drives the LED |
-//! | `supervisor` | thread mode | feeds the watchdog while every engine's runner makes progress |
+//! | `status` | thread mode | logs a line a second for each engine, drives the LED |
+//! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
-//! Every engine starts in standby. Nothing here commands an engine, except the demonstration (feature `demo`).
-
-use defmt_rtt as _; // the logger
-use embassy_executor::Executor;
-use embassy_time::{Duration, Ticker};
-use jetlink::{
-    config::ENGINES,
-    line::Line,
-    node::{Handle, Node},
-    runner::Runner,
-};
-use static_cell::StaticCell;
+//! Every engine starts in standby. Nothing here commands an engine, except the demonstration
+//! (feature `demo`).
+#![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
 use crate::board::{self, EcuPort, Led, PORTS, Watchdog};
+use defmt_rtt as _; // the logger
+use embassy_executor::Executor;
+use embassy_sync::pubsub::WaitResult;
+use embassy_time::{Duration, Ticker, Timer};
+use jetlink::channels::Events;
+use jetlink::config::ENGINES;
+use jetlink::line::Line;
+use jetlink::node::Node;
+use jetlink::runner::Runner;
+use jetlink::telemetry::{LinkState, LossStage, Telemetry};
+use static_cell::StaticCell;
 
 /// How many engines this node runs.
 const N: usize = ENGINES.len();
 
-/// The line of each port that has an engine. A table of engines that does not fit the board does not build.
+/// The line of each port that has an engine. An engine on a port that the board lacks does not
+/// build.
 const LINES: [Option<Line>; PORTS.len()] = {
     let mut lines = [None; PORTS.len()];
     let mut i = 0;
     while i < N {
         let port = ENGINES[i].port as usize;
-        assert!(
-            port < PORTS.len(),
-            "an engine is on a port that this board does not have"
-        );
-        assert!(lines[port].is_none(), "two engines are on one port");
+        assert!(port < PORTS.len(), "an engine sits on a port that this board does not have");
         lines[port] = Some(ENGINES[i].line);
         i += 1;
     }
     lines
 };
 
-/// How often the supervisor looks. The watchdog allows for four missed looks; a runner makes progress every 100 ms.
+/// How often the supervisor looks. A runner shows progress every 0.1 s; the watchdog waits 1 s.
 const SUPERVISION: Duration = Duration::from_millis(250);
 
 #[cortex_m_rt::entry]
@@ -57,23 +56,25 @@ fn main() -> ! {
     log_ports();
 
     static NODE: StaticCell<Node<N>> = StaticCell::new();
-    let node: &'static Node<N> = NODE.init(Node::new(&ENGINES));
-
-    let engines = board::start_engine_executor();
-    for (i, config) in ENGINES.iter().enumerate() {
-        let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
-        engines.spawn(defmt::unwrap!(engine(node.runner(i), port)));
-    }
+    let node: &'static Node<N> = NODE.init(defmt::unwrap!(Node::new(&ENGINES)));
 
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
-        for (i, config) in ENGINES.iter().enumerate() {
-            spawner.spawn(defmt::unwrap!(events(config.name, node.handle(i))));
+        for handle in node.handles() {
+            // Listening before the engines run: no event is missed.
+            let heard = defmt::unwrap!(handle.events());
+            spawner.spawn(defmt::unwrap!(events(handle.name(), heard)));
         }
         spawner.spawn(defmt::unwrap!(status(node, board.led)));
         #[cfg(feature = "demo")]
-        spawner.spawn(defmt::unwrap!(demo(node)));
-        // Last: from here on a task that stands still means a reset.
+        spawner.spawn(defmt::unwrap!(demonstration(node)));
+
+        let engines = board::start_engine_executor();
+        for (config, runner) in ENGINES.iter().zip(node.runners()) {
+            let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
+            engines.spawn(defmt::unwrap!(engine(runner, port)));
+        }
+        // Last: from here on, an engine whose runner stands still means a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
 }
@@ -81,18 +82,11 @@ fn main() -> ! {
 /// Logs what is on each port.
 fn log_ports() {
     for (port, name) in PORTS.iter().enumerate() {
-        match ENGINES
-            .iter()
-            .find(|engine| usize::from(engine.port) == port)
-        {
-            Some(engine) => defmt::info!(
-                "port {=usize} ({=str}): {=str}, {}",
-                port,
-                name,
-                engine.name,
-                engine.line
-            ),
-            None => defmt::info!("port {=usize} ({=str}): free", port, name),
+        match ENGINES.iter().find(|engine| usize::from(engine.port) == port) {
+            Some(engine) => {
+                defmt::info!("port {=usize}, {=str}: {=str}, {}", port, name, engine.name, engine.line)
+            }
+            None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
     }
     defmt::info!("kept for MAVLink: {=str}", board::TELEMETRY_PORT);
@@ -104,44 +98,113 @@ async fn engine(runner: Runner<'static>, port: EcuPort) {
 }
 
 #[embassy_executor::task(pool_size = N)]
-async fn events(name: &'static str, handle: Handle<'static>) {
-    let mut events = handle.events();
+async fn events(name: &'static str, mut events: Events<'static>) {
     loop {
-        defmt::info!("{=str}: {}", name, events.next().await);
+        match events.next_message().await {
+            WaitResult::Message(event) => defmt::info!("{=str}: {}", name, event),
+            WaitResult::Lagged(lost) => defmt::warn!("{=str}: {=u64} events lost", name, lost),
+        }
     }
 }
 
+/// Status LED: one flash a second when all is well, five when an engine needs a look.
 #[embassy_executor::task]
 async fn status(node: &'static Node<N>, mut led: Led) {
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
         second.next().await;
-        for (i, config) in ENGINES.iter().enumerate() {
-            defmt::info!("{=str}: {}", config.name, node.handle(i).telemetry());
+        let mut flashes = 1;
+        for handle in node.handles() {
+            let telemetry = handle.telemetry();
+            defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));
+            if needs_a_look(&telemetry) {
+                flashes = 5;
+            }
         }
-        led.set(true);
+        for _ in 0..flashes {
+            led.set(true);
+            Timer::after_millis(50).await;
+            led.set(false);
+            Timer::after_millis(100).await;
+        }
     }
+}
+
+fn needs_a_look(engine: &Telemetry) -> bool {
+    engine.link != LinkState::Up
+        || engine.loss != LossStage::None
+        || engine.stop_latched
+        || engine.report.faults.is_some_and(|faults| !faults.value.is_empty())
+}
+
+/// What matters at a glance, in one line. What the ECU has not said is left out.
+struct StatusLine<'a>(&'a Telemetry);
+
+impl defmt::Format for StatusLine<'_> {
+    fn format(&self, f: defmt::Formatter) {
+        let Telemetry { link, report, ordered, loss, stop_latched, counters, .. } = self.0;
+        defmt::write!(f, "link {}", link);
+        if let Some(phase) = report.phase {
+            defmt::write!(f, ", {}", phase.value);
+        }
+        if let Some(rpm) = report.rpm {
+            defmt::write!(f, ", {=u32} rpm", rpm.value.get());
+        }
+        if let Some(egt) = report.egt {
+            defmt::write!(f, ", {=i16} °C", egt.value.tenths() / 10);
+        }
+        if let Some(throttle) = report.throttle {
+            defmt::write!(f, ", throttle {=u16} %", throttle.value.tenths() / 10);
+        }
+        if let Some(faults) = report.faults
+            && !faults.value.is_empty()
+        {
+            defmt::write!(f, ", faults {}", faults.value);
+        }
+        defmt::write!(f, "; ordered {} by {}", ordered.order, ordered.origin);
+        if *loss != LossStage::None {
+            defmt::write!(f, ", source lost: {}", loss);
+        }
+        if *stop_latched {
+            defmt::write!(f, ", emergency stop latched");
+        }
+        let on_the_line = [counters.framing_errors, counters.noise_errors, counters.overruns];
+        if on_the_line != [0; 3] {
+            let [framing, noise, overruns] = on_the_line;
+            defmt::write!(
+                f,
+                "; {=u32} framing, {=u32} noise, {=u32} overrun errors",
+                framing,
+                noise,
+                overruns
+            );
+        }
+    }
+}
+
+#[cfg(feature = "demo")]
+#[embassy_executor::task]
+async fn demonstration(node: &'static Node<N>) {
+    crate::demo::demonstrate(node).await
 }
 
 #[embassy_executor::task]
 async fn supervisor(node: &'static Node<N>, mut watchdog: Watchdog) {
-    let progress = || core::array::from_fn::<u32, N, _>(|i| node.handle(i).progress());
-    let mut at_last_feed = progress();
+    let mut at_last_feed = node.handles().map(|handle| handle.progress());
     watchdog.start();
     let mut look = Ticker::every(SUPERVISION);
     loop {
         look.next().await;
-        let now = progress();
         let mut all_moved = true;
-        for (config, (now, before)) in ENGINES.iter().zip(now.iter().zip(&at_last_feed)) {
-            if now == before {
-                defmt::error!("{=str}: its runner stands still", config.name);
+        for (handle, before) in node.handles().iter().zip(at_last_feed) {
+            if handle.progress() == before {
+                defmt::error!("{=str}: its runner stands still", handle.name());
                 all_moved = false;
             }
         }
         if all_moved {
             watchdog.feed();
-            at_last_feed = now;
+            at_last_feed = node.handles().map(|handle| handle.progress());
         }
     }
 }

@@ -6,6 +6,8 @@
 
 #[cfg(target_os = "none")]
 mod board;
+#[cfg(all(target_os = "none", feature = "demo"))]
+mod demo;
 #[cfg(target_os = "none")]
 mod firmware;
 

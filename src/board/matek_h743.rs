@@ -1,22 +1,21 @@
 //! Matek H743-WING: STM32H743VI, 8 MHz crystal, 400 MHz core.
 //!
-//! Pins from ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/MatekH743/hwdef.dat`. The board's pads bear the number of
-//! the UART: TX1 and RX1 are USART1.
-
-use embassy_stm32::{
-    Config,
-    rcc::{
-        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
-        Sysclk, VoltageScale,
-    },
-    time::Hertz,
-};
-use jetlink::line::Line;
+//! Pins from ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/MatekH743/hwdef.dat`. The board's pads bear
+//! the number of the UART: TX1 and RX1 are USART1.
 
 use super::{
     Board, Led, Watchdog,
     port::{ecu_uarts, open},
 };
+use embassy_stm32::{
+    Config,
+    rcc::{
+        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
+        VoltageScale,
+    },
+    time::Hertz,
+};
+use jetlink::line::Line;
 
 /// The board's name.
 pub const NAME: &str = "Matek H743-WING";
@@ -57,10 +56,7 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
 /// 8 MHz crystal, 800 MHz PLL, 400 MHz core, 200 MHz buses, 100 MHz for UARTs.
 fn clocks() -> Config {
     let mut config = Config::default();
-    config.rcc.hse = Some(Hse {
-        freq: Hertz(8_000_000),
-        mode: HseMode::Oscillator,
-    });
+    config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Oscillator });
     config.rcc.pll1 = Some(Pll {
         source: PllSource::HSE,
         prediv: PllPreDiv::DIV1,

@@ -1,9 +1,10 @@
-//! The boards: pins, clocks, interrupts, the watchdog. Nothing above this layer names a register or a pin.
+//! The boards: pins, clocks, interrupts, the watchdog. Nothing above this layer names a register or
+//! a pin.
 //!
-//! One feature chooses one board. A board is one file (`matek_h743.rs`, `pixracer.rs`) that says which of its
-//! UARTs are ECU ports; what all boards share is here and in `port.rs`, what a family of chips shares is in
-//! `stm32h7.rs` and `stm32f4.rs`. To add a board: that file, its lines below, `memory/<board>.x` and the feature
-//! in `Cargo.toml`.
+//! One feature chooses one board. A board is one file (`matek_h743.rs`, `pixracer.rs`) that says
+//! which of its UARTs are ECU ports; what all boards share is here and in `port.rs`, what a family
+//! of chips shares is in `stm32h7.rs` and `stm32f4.rs`. To add a board: that file, its lines below,
+//! `memory/<board>.x` and the feature in `Cargo.toml`.
 
 mod crash;
 mod port;
@@ -79,8 +80,8 @@ impl Led {
     }
 }
 
-/// The independent watchdog: its own oscillator (32 kHz, 17 to 47 kHz on a bad day), and nothing but a reset
-/// stops it.
+/// The independent watchdog: its own oscillator (32 kHz, 17 to 47 kHz on a bad day), and nothing
+/// but a reset stops it.
 pub struct Watchdog(IndependentWatchdog<'static, chip::Iwdg>);
 
 impl Watchdog {
@@ -94,7 +95,8 @@ impl Watchdog {
     /// Starts the watchdog.
     pub fn start(&mut self) {
         self.0.unleash();
-        // The counter starts from its reset value, 512 ms or less, whatever the timeout: load our own.
+        // The counter starts from its reset value, 512 ms or less, whatever the timeout: load our
+        // own.
         self.0.pet();
     }
 

@@ -2,21 +2,19 @@
 //!
 //! Pins from ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/Pixracer/hwdef.dat`.
 
-use embassy_stm32::{
-    Config, Peri,
-    gpio::{Level, Output, Pin, Speed},
-    rcc::{
-        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv,
-        PllSource, Sysclk,
-    },
-    time::Hertz,
-};
-use jetlink::line::Line;
-
 use super::{
     Board, Led, Watchdog,
     port::{ecu_uarts, open},
 };
+use embassy_stm32::{
+    Config, Peri,
+    gpio::{Level, Output, Pin, Speed},
+    rcc::{
+        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
+    },
+    time::Hertz,
+};
+use jetlink::line::Line;
 
 /// The board's name.
 pub const NAME: &str = "mRo Pixracer";
@@ -66,10 +64,7 @@ fn hold(pin: Peri<'static, impl Pin>, level: Level) {
 /// 24 MHz crystal, 336 MHz PLL, 168 MHz core, 42 MHz (APB1) and 84 MHz (APB2) for UARTs.
 fn clocks() -> Config {
     let mut config = Config::default();
-    config.rcc.hse = Some(Hse {
-        freq: Hertz(24_000_000),
-        mode: HseMode::Oscillator,
-    });
+    config.rcc.hse = Some(Hse { freq: Hertz(24_000_000), mode: HseMode::Oscillator });
     config.rcc.pll_src = PllSource::HSE;
     config.rcc.pll = Some(Pll {
         prediv: PllPreDiv::DIV24,

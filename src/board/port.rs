@@ -1,35 +1,36 @@
-//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts the errors of its line.
+//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts the errors of
+//! its line.
 //!
-//! `BufferedUart` only logs framing, noise and overrun errors. So a second handler, [`LineMonitor`], runs on the
-//! same interrupt *before* the driver's own (`bind_interrupts!` calls handlers in the order written) and counts
-//! the error flags it finds. It reads one register, the status, and writes none:
+//! `BufferedUart` only logs framing, noise and overrun errors. So a second handler,
+//! [`LineMonitor`], runs on the same interrupt *before* the driver's own (`bind_interrupts!` calls
+//! handlers in the order written) and counts the error flags it finds. It reads one register, the
+//! status, and writes none:
 //!
 //! - On the H7 the flags stay until they are cleared through ICR, which the driver does.
-//! - On the F4 the flags go when the status register is read and then the data register, both of which the
-//!   driver does next. A read of the status alone clears nothing.
+//! - On the F4 the flags go when the status register is read and then the data register, both of
+//!   which the driver does next. A read of the status alone clears nothing.
 //!
-//! The hardware raises these flags together with an interrupt that is on anyway (RXNEIE: a byte is there, or was
-//! lost), and the driver clears every flag the monitor saw before the interrupt returns: each error counts once.
-//! An error that comes up between the two reads, a few dozen ns, is not counted; its byte is still received.
+//! The hardware raises these flags together with an interrupt that is on anyway (RXNEIE: a byte is
+//! there, or was lost), and the driver clears every flag the monitor saw before the interrupt
+//! returns: each error counts once, bytes lost in a row count once. The H7's driver turns the
+//! UART's FIFO on; then the flags are those of the byte at its head. An error that comes up between
+//! the two reads, a few dozen ns, is not counted; its byte is still received.
 
+use super::chip;
 use core::marker::PhantomData;
-
 use embassy_stm32::{
     Peri,
     interrupt::typelevel::{Binding, Handler},
     pac::usart::Usart,
     usart::{
-        BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, Instance,
-        RxPin, TxPin,
+        BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, Instance, RxPin,
+        TxPin,
     },
 };
-use jetlink::{
-    line::{Line, StopBits},
-    runner::LineErrors,
-};
+use jetlink::line::{Line, StopBits};
+use jetlink::link::MAX_TRANSMISSION;
+use jetlink::runner::LineErrors;
 use static_cell::ConstStaticCell;
-
-use super::chip;
 
 /// An open ECU port.
 pub struct EcuPort {
@@ -45,18 +46,14 @@ pub struct EcuPort {
 pub struct Buffers {
     /// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
     rx: [u8; 256],
-    /// A write that does not fit would wait for ever (embassy-stm32 0.6.0): room for several frames, the longest
-    /// has 7 bytes.
-    tx: [u8; 32],
+    /// A write that finds too little room would wait for ever (embassy-stm32 0.6.0).
+    tx: [u8; 6 * MAX_TRANSMISSION],
 }
 
 impl Buffers {
     /// Empty.
     pub const fn new() -> Self {
-        Self {
-            rx: [0; 256],
-            tx: [0; 32],
-        }
+        Self { rx: [0; 256], tx: [0; _] }
     }
 }
 
@@ -77,36 +74,16 @@ pub struct LineMonitor<T>(PhantomData<T>);
 
 impl<T: EcuUart> Handler<T::Interrupt> for LineMonitor<T> {
     unsafe fn on_interrupt() {
-        let flags = chip::line_flags(T::REGISTERS);
-        if flags.overrun {
-            T::errors().overrun();
-        }
-        if flags.noise {
-            T::errors().noise();
-        }
-        if flags.framing {
-            T::errors().framing();
-        }
-        if flags.parity {
-            T::errors().parity();
+        for (raised, error) in chip::line_errors(T::REGISTERS) {
+            if raised {
+                T::errors().count(error);
+            }
         }
     }
 }
 
-/// The error flags of a UART.
-pub struct LineFlags {
-    /// A byte was lost because the one before it had not been fetched.
-    pub overrun: bool,
-    /// The samples of a bit did not agree.
-    pub noise: bool,
-    /// A stop bit was low.
-    pub framing: bool,
-    /// The parity bit was wrong.
-    pub parity: bool,
-}
-
-/// Makes UARTs ECU ports: binds their interrupts to the driver behind the monitor (as `Irqs`), and gives each
-/// its memory and counters.
+/// Makes UARTs ECU ports: binds their interrupts to the driver behind the monitor (as `Irqs`), and
+/// gives each its memory and counters.
 macro_rules! ecu_uarts {
     ($($uart:ident),* $(,)?) => {
         embassy_stm32::bind_interrupts!(struct Irqs {
@@ -154,25 +131,15 @@ pub fn open<T: EcuUart>(
         StopBits::One => embassy_stm32::usart::StopBits::STOP1,
         StopBits::Two => embassy_stm32::usart::StopBits::STOP2,
     };
-    // Wake the reader at each byte. Without this it wakes at the idle line, a whole byte time later.
+    // Wake the reader at each byte. Without this it wakes at the idle line, a whole byte time
+    // later.
     config.eager_reads = Some(1);
     // An open input must rest high, as an idle line does.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
 
     let buffers = T::buffers().take();
-    let uart = defmt::unwrap!(BufferedUart::new(
-        uart,
-        rx,
-        tx,
-        &mut buffers.tx,
-        &mut buffers.rx,
-        irqs,
-        config
-    ));
+    let uart =
+        defmt::unwrap!(BufferedUart::new(uart, rx, tx, &mut buffers.tx, &mut buffers.rx, irqs, config));
     let (tx, rx) = uart.split();
-    Some(EcuPort {
-        rx,
-        tx,
-        errors: T::errors(),
-    })
+    Some(EcuPort { rx, tx, errors: T::errors() })
 }

@@ -1,13 +1,14 @@
-//! What boards with an STM32H743 share: the names and registers that differ from one family of chips to another.
+//! What boards with an STM32H743 share: the names and registers that differ from one family of
+//! chips to another.
 
+use super::{ENGINE_EXECUTOR, ResetCause};
 use embassy_stm32::{
     interrupt, // the module and the attribute
     interrupt::Interrupt,
     pac::{RCC, usart::Usart},
     peripherals,
 };
-
-use super::{ENGINE_EXECUTOR, ResetCause, port::LineFlags};
+use jetlink::line::LineError;
 
 /// The independent watchdog.
 pub type Iwdg = peripherals::IWDG1;
@@ -17,26 +18,28 @@ pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CEC;
 
 #[interrupt]
 unsafe fn CEC() {
-    // SAFETY: this is the executor's interrupt handler, and the interrupt is off until the executor has started.
+    // SAFETY: this is the executor's interrupt handler, and the interrupt is off until the executor
+    // has started.
     unsafe { ENGINE_EXECUTOR.on_interrupt() }
 }
 
-/// Reads the error flags of a UART and leaves them as they are.
-pub fn line_flags(uart: Usart) -> LineFlags {
+/// Which error flags of a UART are up. Leaves them as they are.
+pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     let status = uart.isr().read();
-    LineFlags {
-        overrun: status.ore(),
-        noise: status.ne(),
-        framing: status.fe(),
-        parity: status.pe(),
-    }
+    [
+        (status.fe(), LineError::Framing),
+        (status.ne(), LineError::Noise),
+        (status.ore(), LineError::Overrun),
+        (status.pe(), LineError::Parity),
+    ]
 }
 
 /// Why the chip was reset. Clears the flags, so only the first call after a reset knows.
 pub fn reset_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|w| w.set_rmvf(true));
-    // Several flags are set at once (the pin's always, for the chip drives the pin): most telling first.
+    // Several flags are set at once (the pin's always, for the chip drives the pin): most telling
+    // first.
     match () {
         () if flags.porrstf() => ResetCause::PowerOn,
         () if flags.borrstf() => ResetCause::BrownOut,
