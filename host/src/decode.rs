@@ -78,24 +78,26 @@ enum Protocol {
 const HELP: &str = "\
 Output:
   Every object has offset (of the frame's first byte in the input), protocol, frame and raw (the frame's
-  bytes in hex), then by frame:
+  bytes in hex). The further fields by frame:
 
-    zk, every frame  rpm
-    status-1         state_code state error_code error switch_code switch egt_c
-    status-2         radio_v power_v pump_v
-    status-3         throttle_pct pressure_pa
-    status-4         current_a thrust_kg
-    status-5         ignition_pump_v curve_increase curve_decrease
-    status-6         max_rpm max_pump_v protocol_version rate_hz
-    status-7         flow_l_min fuel_l
-    status-8         idle_rpm pressure_requested closed_loop startup_s
-    status-9         ecu_c
-    unknown-N        (another ID with a good CRC)
-    amt normal       engine switch state_code state rpm egt_c throttle_pct vout_v
-    amt error        engine errors error_bits egt_c throttle_pct vout_v
-    amt alternate    engine_code engine idle_v max_v battery_v external_v
-    amt setup        pw_min_us pw_max_us version date engine
-    amt unknown      (a kind the document does not name)
+  zk
+    every frame  rpm
+    status-1     state_code state error_code error switch_code switch egt_c
+    status-2     radio_v power_v pump_v
+    status-3     throttle_pct pressure_pa
+    status-4     current_a thrust_kg
+    status-5     ignition_pump_v curve_increase curve_decrease
+    status-6     max_rpm max_pump_v protocol_version rate_hz
+    status-7     flow_l_min fuel_l
+    status-8     idle_rpm pressure_requested closed_loop startup_s
+    status-9     ecu_c
+    unknown-N    none: another ID with a good CRC
+  amt
+    normal       engine switch state_code state rpm egt_c throttle_pct vout_v
+    error        engine errors error_bits egt_c throttle_pct vout_v
+    alternate    engine_code engine idle_v max_v battery_v external_v
+    setup        pw_min_us pw_max_us version date engine
+    unknown      none: a kind that the document does not name
 
   Values are in the unit of their name, exact to the protocol's own step. A value that cannot be known is
   null and never left out: a voltage while the engine or the ZK version is not known, a scale that the
@@ -449,12 +451,10 @@ impl Source for Amt {
             amt::Message::Setup(setup) => {
                 let engine = setup.engine();
                 self.engine = engine.or(self.engine);
-                // The codec gives an empty text for one that is not ASCII.
-                let known = |text: &str| (!text.is_empty()).then(|| text.to_owned());
                 record.field("pw_min_us", setup.pw_min_us());
                 record.field("pw_max_us", setup.pw_max_us());
-                record.field("version", known(setup.version()).as_deref());
-                record.field("date", known(setup.date()).as_deref());
+                record.field("version", sent(setup.version()));
+                record.field("date", sent(setup.date()));
                 record.field("engine", engine.map(amt::Engine::name));
             }
             amt::Message::Unknown => {}
@@ -485,6 +485,11 @@ fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
     Some(f64::from(scale.offset_mv) / 1000.0 + f64::from(raw) * full_scale / 255.0)
 }
 
+/// A text of a set-up set. The codec gives an empty one if it is not ASCII.
+fn sent(text: &str) -> Option<Escaped<'_>> {
+    (!text.is_empty()).then_some(Escaped(text))
+}
+
 // ---------------------------------------------------------------------------------------------
 // JSON
 // ---------------------------------------------------------------------------------------------
@@ -507,7 +512,7 @@ fn thousandths(value: u32) -> f64 {
 struct Record(Vec<u8>);
 
 impl Record {
-    fn begin(&mut self, end: u64, protocol: &str, frame: &str, raw: &[u8]) {
+    fn begin(&mut self, end: u64, protocol: &'static str, frame: &'static str, raw: &[u8]) {
         self.0.clear();
         self.field("offset", end - raw.len() as u64);
         self.field("protocol", protocol);
@@ -571,10 +576,21 @@ macro_rules! json_as_displayed {
 // numbers without point. All of ours are finite, and none is -0.
 json_as_displayed!(bool, u8, u32, u64, i32, f64);
 
-impl Json for &str {
+/// A literal of this program or of the codecs: none needs an escape.
+impl Json for &'static str {
     fn append_to(&self, json: &mut Vec<u8>) {
-        // With escapes: the texts of a set-up set come from the wire and may hold anything.
-        let _ = serde_json::to_writer(json, self);
+        json.push(b'"');
+        json.extend_from_slice(self.as_bytes());
+        json.push(b'"');
+    }
+}
+
+/// A text from the wire, which may hold anything.
+struct Escaped<'a>(&'a str);
+
+impl Json for Escaped<'_> {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        let _ = serde_json::to_writer(json, self.0);
     }
 }
 
@@ -583,6 +599,91 @@ impl<T: Json> Json for Option<T> {
         match self {
             Some(value) => value.append_to(json),
             None => json.extend_from_slice(b"null"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::VecDeque;
+
+    /// Gives what it was told to give, piece by piece.
+    struct Script(VecDeque<io::Result<&'static [u8]>>);
+
+    impl Read for Script {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            let piece = self.0.pop_front().unwrap_or(Ok(&[]))?;
+            buffer[..piece.len()].copy_from_slice(piece);
+            Ok(piece.len())
+        }
+    }
+
+    fn run_zk(
+        script: impl IntoIterator<Item = io::Result<&'static [u8]>>,
+    ) -> (String, Result<Summary, Failure>) {
+        let mut output = Vec::new();
+        let mut input = Script(script.into_iter().collect());
+        let source = Zk { decoder: zk::Decoder::new(), version: None };
+        let unreadable = |error| Failure::Input { name: "the script".into(), error };
+        let result = decode(&mut input, &mut output, source, unreadable);
+        (String::from_utf8(output).unwrap(), result)
+    }
+
+    /// Two frames with a broken one and noise between.
+    const STREAM: &[u8] = b"\xF1\0\0\0\0\x4C\xA0\xF1\0\0\0\0\x4D\xA0\x12\xF6\0\0\xA0\0\x10\xAB";
+
+    #[test]
+    fn pieces_and_interruptions_change_nothing() {
+        let (whole, summary) = run_zk([Ok(STREAM)]);
+        assert_eq!(whole.lines().count(), 2);
+        let summary = summary.unwrap().to_string();
+        assert_eq!(
+            summary,
+            "22 bytes read\n2 frames\n  1 status-1\n  1 status-6\n0 unknown frames\n1 CRC failures\n8 bytes skipped\n\
+             0 bytes pending at the end\n"
+        );
+        for size in 1..STREAM.len() {
+            let pieces =
+                STREAM.chunks(size).flat_map(|piece| [Err(ErrorKind::Interrupted.into()), Ok(piece)]);
+            let (output, result) = run_zk(pieces);
+            assert_eq!(
+                (output, result.unwrap().to_string()),
+                (whole.clone(), summary.clone()),
+                "pieces of {size}"
+            );
+        }
+    }
+
+    #[test]
+    fn frames_before_a_read_error_are_printed() {
+        let (output, result) = run_zk([Ok(STREAM), Err(io::Error::other("the medium broke")), Ok(STREAM)]);
+        assert_eq!(output.lines().count(), 2);
+        assert_eq!(result.unwrap_err().to_string(), "cannot read the script: the medium broke");
+    }
+
+    #[test]
+    fn numbers_are_written_as_people_write_them() {
+        let mut json = Vec::new();
+        for value in [0.0, -50.0, 51.0, 12.3, tenths(-3), thousandths(1_638_300), 131_070.0, 6.25 / 255.0] {
+            value.append_to(&mut json);
+            json.push(b' ');
+        }
+        assert_eq!(
+            String::from_utf8(json).unwrap(),
+            "0 -50 51 12.3 -0.3 1638.3 131070 0.024509803921568627 "
+        );
+    }
+
+    /// Every step of a ZK value is printed with no more digits than the step has.
+    #[test]
+    fn no_step_shows_binary_dust() {
+        for thousand in (0..=3_276_700).step_by(10) {
+            let text = thousandths(thousand).to_string();
+            assert!(
+                text.split_once('.').is_none_or(|(_, decimals)| decimals.len() <= 2),
+                "{thousand}: {text}"
+            );
         }
     }
 }

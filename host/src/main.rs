@@ -16,7 +16,6 @@ struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Print what an ECU sent, from captured raw bytes, as JSON Lines.
     Decode(decode::Args),
     /// Run the firmware's own code against simulated ECUs.
     Rig(rig::Args),
