@@ -22,3 +22,4 @@ pub mod line;
 pub mod log;
 pub mod turbine;
 pub mod wire;
+pub mod zk;
