@@ -454,9 +454,8 @@ impl Ecu for AmtEcu {
         if let Power::On(session) = &mut self.power {
             session.window.sent(now, end);
             // A late call does not shift the beat, and what was missed altogether is not sent.
-            while session.next_frame <= now {
-                session.next_frame += self.config.period.max(1);
-            }
+            let period = self.config.period.max(1);
+            session.next_frame += ((now - session.next_frame) / period + 1) * period;
             session.next_frame = session.next_frame.max(end);
         }
     }

@@ -6,7 +6,7 @@
 //! must not stand on both sides of the line and cancel itself out.
 //!
 //! - [`clock`]: embassy's time driver for the host, virtual for tests, wall clock for the rig.
-//! - [`line`]: baud rate, stop bits and the exact time that bytes take.
+//! - [`mod@line`]: baud rate, stop bits and the exact time that bytes take.
 //! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.

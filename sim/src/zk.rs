@@ -798,8 +798,8 @@ impl Ecu for ZkEcu {
             session.last_status = Some(now);
             session.line_free = now + self.config.line.byte_ns(7);
             // A late call does not shift the beat, and what was missed altogether is not sent.
-            while session.next_status <= now {
-                session.next_status += period;
+            if let Some(late) = now.checked_sub(session.next_status) {
+                session.next_status += (late / period + 1) * period;
             }
         }
     }

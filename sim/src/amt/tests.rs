@@ -434,6 +434,38 @@ fn the_newer_engines_and_other_numbers() {
 }
 
 #[test]
+fn nothing_that_a_host_sends_upsets_it() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut bench = Bench::olympus();
+    for _ in 0..20_000 {
+        let mut bytes = [0xFF, 0x11, 32, 0x11, 32];
+        let at = rng.usize(1..3);
+        let any = rng.u8(..);
+        bytes[at] = *rng.choice(&[0x11, 0x12, 0x14, 0x91, 32, 232, 0xFF, any]).unwrap();
+        bytes[at + 2] = bytes[at];
+        if rng.u8(..) < 64 {
+            bytes[rng.usize(..5)] = rng.u8(..);
+        }
+        bench.reply_after(rng.u64(..12 * MILLIS), &bytes).wait(rng.u64(..500));
+        let now = bench.now;
+        match rng.u8(..) {
+            0 => bench.ecu.power(now, false),
+            1..20 => bench.ecu.power(now, true),
+            _ => {}
+        }
+        if rng.u8(..) == 0 {
+            bench.ecu.heard(now, Err(LineFault::Noise));
+        }
+        let turbine = bench.ecu.turbine();
+        assert!((0.0..=110_000.0).contains(&turbine.rpm()) && (0.0..=900.0).contains(&turbine.egt()));
+        assert!(bench.sets.iter().all(|(_, _, set)| !set[1..].contains(&0xFF)));
+        bench.sets.clear();
+    }
+    let stats = bench.ecu.stats;
+    assert!(stats.in_window > 1000 && stats.late > 100 && stats.bad.total() > 1000, "{stats:?}");
+}
+
+#[test]
 fn over_the_wire_a_host_task_keeps_it_running() {
     use embassy_futures::select::select;
     use embedded_io_async::{Read, Write};

@@ -419,3 +419,20 @@ fn injected_bytes_take_their_time() {
     assert_eq!(clock::now_ns(), 2_084_000);
     assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [3]);
 }
+
+#[test]
+fn in_wall_pace_bytes_take_real_time() {
+    clock::reset();
+    let (mut rx, mut tx, plug) = connect(Scripted::says(10 * MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
+    let real = std::time::Instant::now();
+    let node = async {
+        tx.write_all(&[7; 5]).await.unwrap();
+        assert_eq!(read_n(&mut rx, 6).await, [1, 2, 3, 4, 5, 6]);
+    };
+    assert!(clock::run_wall_for(select(node, plug.run()), Duration::from_secs(20)).is_some());
+    assert!(real.elapsed().as_millis() >= 35, "10 ms and six bytes of 4.17 ms");
+    let heard = plug.ecu(|ecu| ecu.heard.clone());
+    // However late the host was scheduled, bytes follow each other as on a line.
+    assert!(heard.windows(2).all(|pair| (4_166_666..=4_166_667).contains(&(pair[1].0 - pair[0].0))));
+    assert_eq!(heard.len(), 5);
+}

@@ -600,6 +600,35 @@ fn how_often_it_is_called_changes_nothing() {
 }
 
 #[test]
+fn nothing_that_a_host_sends_upsets_it() {
+    for version in 1..=6 {
+        let mut rng = fastrand::Rng::with_seed(u64::from(version));
+        let mut bench = Bench::version(version);
+        for _ in 0..5000 {
+            let mut bytes = frame(rng.u8(..), rng.u8(..));
+            if rng.u8(..) < 32 {
+                bytes[rng.usize(..4)] = rng.u8(..);
+            }
+            bench.send(&bytes[..if rng.u8(..) < 16 { rng.usize(..4) } else { 4 }]);
+            bench.wait(rng.u64(5..300));
+            let now = bench.now;
+            match rng.u8(..) {
+                0 => bench.ecu.power(now, false),
+                4..20 => bench.ecu.power(now, true),
+                1 => bench.ecu.heard(now, Err(LineFault::Noise)),
+                2 => bench.ecu.set_pwm(Some(Pwm { switch: Switch::Run, throttle: rng.u16(..) })),
+                3 => bench.ecu.set_pwm(None),
+                _ => {}
+            }
+            let turbine = bench.ecu.turbine();
+            assert!((0.0..=165_000.0).contains(&turbine.rpm()) && (0.0..=900.0).contains(&turbine.egt()));
+        }
+        let stats = bench.ecu.stats;
+        assert!(stats.accepted > 500 && stats.bad.total() > 500 && stats.frames_sent() > 500, "{stats:?}");
+    }
+}
+
+#[test]
 fn over_the_wire_it_starts_and_runs() {
     use embassy_futures::join::join;
     use embassy_futures::select::select;
