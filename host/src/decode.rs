@@ -8,9 +8,9 @@
 //! - ZK: status ID 6 tells the protocol version (ZK-6).
 //! - AMT: an alternate set tells the engine. An ID has one engine, so an ID without a name is another engine,
 //!   and from there on the engine is not known: no scale is better than a wrong one.
-//! - AMT: a set-up set tells the engine by its version, if that version has an engine printed (AMT-9). A version
-//!   without one tells nothing, since each engine had several and newer ones are to be expected: the set-up set
-//!   itself gives no engine, and what was known before it (a hint is for just this case) stays.
+//! - AMT: a set-up set tells the engine by its version, if an engine is printed for that version (AMT-9). A
+//!   version without one tells nothing, since each engine had several and newer ones are to be expected: the
+//!   set-up set itself gives no engine, and what was known before it (a hint is for just this case) stays.
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
@@ -44,7 +44,7 @@ pub struct Args {
     /// AMT: the engine until the stream names it.
     ///
     /// It gives rpm and voltages their scale. An AMT ECU names its engine once after power-up (set-up set) and
-    /// then after every ten normal sets (alternate set). What the stream tells wins.
+    /// after every ten normal sets (alternate set). What the stream tells wins.
     #[arg(
         long,
         value_name = "NAME",
