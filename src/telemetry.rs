@@ -296,6 +296,8 @@ pub struct Counters {
     pub crc_failures: u32,
     /// Frames begun and not finished (AMT), set-up sets without an end among them.
     pub truncated: u32,
+    /// Frames whose values were not believed, because the UART saw a fault while they came (AMT: no checksum).
+    pub damaged_frames: u32,
     /// Bytes that belonged to no frame.
     pub bytes_skipped: u32,
     /// Framing errors that the UART saw.

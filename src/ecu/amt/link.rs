@@ -60,8 +60,8 @@ impl Config {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Service {
-    /// CTF: while running, the ECU stops the engine after its serial delay time. Sent until another command
-    /// is given; never used for a normal stop (AMT-13).
+    /// CTF: while running, the ECU stops the engine after its serial delay time. Sent until standby or a stop is
+    /// ordered; new demands do not call it off. Never used for a normal stop (AMT-13).
     Ctf,
 }
 
@@ -86,6 +86,8 @@ pub struct AmtLink {
     counters: Counters,
     order: Option<Order>,
     ctf: bool,
+    /// The UART saw a fault since the last frame was complete: the values of the next one are not believed.
+    damaged: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
     /// End of the window of a frame that came while the reply before it was still going out.
@@ -110,6 +112,7 @@ impl AmtLink {
             counters: Counters::default(),
             order: None,
             ctf: false,
+            damaged: false,
             sending: None,
             due: None,
             phase: Agreed::new(None),
@@ -122,6 +125,17 @@ impl AmtLink {
         if self.presence.frame(now) {
             self.outbox.event(Event::LinkUp);
         }
+        // There is no checksum, so a line error is all that can tell a damaged frame from a good one. It
+        // costs the frame's values, never the reply.
+        if core::mem::take(&mut self.damaged) {
+            bump(&mut self.counters.damaged_frames);
+        } else {
+            self.believe(now, frame);
+        }
+        self.answer(now);
+    }
+
+    fn believe(&mut self, now: Instant, frame: &Frame) {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
@@ -159,7 +173,6 @@ impl AmtLink {
                 self.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
             }
         }
-        self.answer(now);
     }
 
     fn state(&mut self, now: Instant, state: State, switch: SwitchPosition, rpm: u8) {
@@ -294,6 +307,7 @@ impl Link for AmtLink {
     }
 
     fn line_error(&mut self, error: LineError) {
+        self.damaged = true;
         self.counters.line_error(error);
     }
 
@@ -304,7 +318,10 @@ impl Link for AmtLink {
             Order::EmergencyStop | Order::Standby | Order::Run(Demand::Throttle(_)) => {}
         }
         self.order = Some(order);
-        self.ctf = false;
+        // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
+        if !matches!(order, Order::Run(_)) {
+            self.ctf = false;
+        }
         Ok(())
     }
 

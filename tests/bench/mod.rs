@@ -1,0 +1,116 @@
+//! One engine on a bench: the library's channel and runner on one end of a simulated wire, a simulated ECU on the
+//! other, in virtual time. Nothing in here knows what the bytes mean.
+#![allow(dead_code, reason = "each test program uses its part")]
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Timer};
+use jetlink::channels::{Channel, Events, Handle};
+use jetlink::command::{Command, Demand, Origin};
+use jetlink::config::EngineConfig;
+use jetlink::line::{Line, StopBits};
+use jetlink::runner::LineErrors;
+use jetlink::telemetry::{Event, Phase};
+use jetlink::units::{Rpm, Throttle};
+use sim::clock;
+use sim::ecu::Ecu;
+use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use std::cell::RefCell;
+use std::future::Future;
+
+/// Longer than any start, any cooling and any retry.
+pub const LONG: Duration = Duration::from_secs(240);
+/// How often a source of commands speaks.
+const PERIOD: Duration = Duration::from_millis(100);
+
+pub struct Bench<E> {
+    pub channel: Channel,
+    pub plug: Plug<E>,
+    halves: RefCell<Option<(WireRx, WireTx)>>,
+}
+
+impl<E: Ecu> Bench<E> {
+    pub fn new(config: &EngineConfig, ecu: E, seed: u64) -> Self {
+        // The ECU is powered up at the time it is connected.
+        clock::reset();
+        let line = sim_line(config.line);
+        let (rx, tx, plug) = connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
+        Self { channel: Channel::new(config), plug, halves: RefCell::new(Some((rx, tx))) }
+    }
+
+    pub fn handle(&self) -> Handle<'_> {
+        self.channel.handle()
+    }
+
+    /// The engine's side of the world, for ever.
+    pub async fn live(&self) -> ! {
+        static ERRORS: LineErrors = LineErrors::new();
+        let (rx, tx) = self.halves.borrow_mut().take().expect("a bench lives once");
+        match select(self.channel.runner().run(rx, tx, &ERRORS), self.plug.run()).await {
+            Either::First(never) => never,
+            Either::Second(never) => match never {},
+        }
+    }
+
+    /// Runs a scenario beside the engine. Panics if it has not ended within `limit` of virtual time.
+    pub fn play<T>(&self, limit: Duration, scenario: impl Future<Output = T>) -> T {
+        let both = select(self.live(), scenario);
+        match clock::run_for(both, limit) {
+            Some(Either::Second(output)) => output,
+            Some(Either::First(never)) => never,
+            None => panic!("the scenario did not end within {} s", limit.as_secs()),
+        }
+    }
+
+    /// Repeats a command, as a source does, until `done`. Refusals do not stop it.
+    pub async fn command_until(&self, command: Command, mut done: impl FnMut(&Self) -> bool) {
+        loop {
+            let _ = self.handle().command(command, Origin::Bench);
+            if done(self) {
+                return;
+            }
+            Timer::after(PERIOD).await;
+        }
+    }
+
+    /// Repeats a command for a time.
+    pub async fn command_for(&self, command: Command, time: Duration) {
+        let end = embassy_time::Instant::now() + time;
+        self.command_until(command, |_| embassy_time::Instant::now() >= end).await;
+    }
+
+    /// From anywhere to a running engine at idle, the way every source has to go.
+    pub async fn start(&self) {
+        self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
+        self.command_until(throttle(0), |bench| bench.in_phase(Phase::Running)).await;
+    }
+
+    pub fn in_phase(&self, phase: Phase) -> bool {
+        self.handle().telemetry().report.phase.is_some_and(|now| now.value == phase)
+    }
+
+    pub async fn until(&self, mut done: impl FnMut(&Self) -> bool) {
+        while !done(self) {
+            Timer::after(Duration::from_millis(10)).await;
+        }
+    }
+}
+
+/// What a listener has heard since it was last asked.
+pub fn heard(events: &mut Events<'_>) -> Vec<Event> {
+    std::iter::from_fn(|| events.try_next_message_pure()).collect()
+}
+
+pub fn throttle(percent: u8) -> Command {
+    Command::Run(Demand::Throttle(Throttle::from_percent(percent).expect("0..=100")))
+}
+
+pub fn rpm(rpm: u32) -> Command {
+    Command::Run(Demand::Rpm(Rpm::new(rpm)))
+}
+
+pub fn sim_line(line: Line) -> sim::line::Line {
+    match line.stop_bits {
+        StopBits::One => sim::line::Line::n1(line.baud),
+        StopBits::Two => sim::line::Line::n2(line.baud),
+    }
+}

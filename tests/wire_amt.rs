@@ -1,0 +1,439 @@
+//! The runner and an AMT link against a simulated AMT ECU over the wire. The ECU measures the reply window by
+//! itself and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
+
+mod bench;
+
+use bench::{Bench, LONG, heard, throttle};
+use embassy_futures::join::join;
+use embassy_time::{Duration, Timer};
+use jetlink::command::{Command, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::{Faults, Service, amt};
+use jetlink::line::Line;
+use jetlink::telemetry::{Event, LinkState, NotSent, Phase};
+use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error, parse_command};
+use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise, FramingAs};
+
+fn bench(baud: u32, seed: u64) -> Bench<AmtEcu> {
+    let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
+    let ecu = AmtConfig::new(sim::amt::Engine::Olympus).on(bench::sim_line(config.line));
+    Bench::new(&config, AmtEcu::new(ecu), seed)
+}
+
+fn stats(bench: &Bench<AmtEcu>) -> Stats {
+    bench.plug.ecu(|ecu| ecu.stats)
+}
+
+/// The control messages that the node put on the wire, before any fault, as the simulation reads them. The log
+/// may begin or end inside a message. Panics on bytes that are no message.
+fn messages(log: &[Entry]) -> Vec<(u64, sim::amt::AmtCommand)> {
+    let sent: Vec<_> = log
+        .iter()
+        .filter(|entry| entry.direction == Direction::ToEcu && entry.fate != Fate::Added)
+        .skip_while(|entry| entry.byte != 0xFF)
+        .collect();
+    sent.chunks_exact(5)
+        .map(|bytes| {
+            let raw: Vec<u8> = bytes.iter().map(|entry| entry.byte).collect();
+            let message = parse_command(&raw).unwrap_or_else(|bad| panic!("{raw:02x?} on the wire: {bad:?}"));
+            (bytes[0].start, message)
+        })
+        .collect()
+}
+
+/// AMT-11: one reply to every frame, in its window, at every baud rate; the ECU's own measure of the margin.
+#[test]
+fn amt_11_every_frame_is_answered_in_its_window_at_every_baud_rate() {
+    for baud in Line::BAUD_RATES {
+        let bench = bench(baud, 1);
+        bench.play(LONG, async {
+            bench.start().await;
+            bench.command_for(throttle(60), Duration::from_secs(20)).await;
+            bench.command_for(Command::Standby, Duration::from_secs(20)).await;
+        });
+        let stats = stats(&bench);
+        // The last frame may still be under way, and its reply.
+        assert!(stats.frames.total() >= 400, "{baud}: {stats:?}");
+        assert!(stats.frames.total() - stats.in_window <= 1, "{baud}: {stats:?}");
+        assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0), "{baud}");
+        // The window is 30 ms. Five bytes take 50 bits; the node may waste no more than 2 ticks of 1 µs.
+        let best = 30_000_000 - 50 * 1_000_000_000 / u64::from(baud);
+        let margin = stats.worst_margin.expect("replies were measured");
+        assert!(best - margin <= 2_000, "{baud}: margin {margin} ns of {best} ns");
+        let counters = bench.handle().telemetry().counters;
+        assert_eq!((counters.replies_missed, counters.replies_late, counters.given_up), (0, 0, 0), "{baud}");
+    }
+}
+
+/// AMT-11: all four kinds of frame are answered, the set-up set after power-up too.
+#[test]
+fn amt_11_each_kind_of_frame_is_answered() {
+    let bench = bench(2400, 2);
+    bench.play(LONG, async {
+        Timer::after(Duration::from_secs(5)).await;
+        bench.plug.ecu(|ecu| ecu.set_errors(error::SUPPLY_LOW | error::EGT));
+        Timer::after(Duration::from_secs(5)).await;
+    });
+    let stats = stats(&bench);
+    assert_eq!(stats.frames.setup, 1);
+    assert!(stats.frames.normal > 20 && stats.frames.error > 20 && stats.frames.alternate > 3, "{stats:?}");
+    assert!(stats.frames.total() - stats.in_window <= 1, "{stats:?}");
+    assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0));
+}
+
+/// A frame of an unknown kind is answered like every other, and its bytes are kept (AMT-2).
+#[test]
+fn amt_2_a_frame_of_unknown_kind_is_answered() {
+    let bench = bench(2400, 3);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.plug.inject_to_node(&[0xFF, 0b0110_1011, 1, 2, 3, 4]);
+        // Before the ECU's own first frame at 0.5 s.
+        Timer::after(Duration::from_millis(100)).await;
+    });
+    assert_eq!(messages(&bench.plug.log()).len(), 1);
+    let telemetry = bench.handle().telemetry();
+    let unknown = telemetry.report.unknown.expect("kept").value;
+    assert_eq!(unknown.as_bytes(), [0xFF, 0b0110_1011, 1, 2, 3, 4]);
+    assert_eq!(telemetry.counters.unknown_frames, 1);
+}
+
+/// AMT-11: nothing is sent without a frame to answer. The control for it: a frame, and a reply.
+#[test]
+fn amt_11_a_silent_ecu_hears_nothing() {
+    let bench = bench(2400, 4);
+    bench.plug.power(false);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.command_for(Command::Standby, Duration::from_secs(10)).await;
+        bench.command_for(Command::EmergencyStop, Duration::from_secs(10)).await;
+        assert_eq!(bench.plug.log().len(), 0, "bytes to an ECU that said nothing");
+        bench.plug.power(true);
+        Timer::after(Duration::from_secs(2)).await;
+    });
+    let messages = messages(&bench.plug.log());
+    assert!(!messages.is_empty());
+    assert!(messages.iter().all(|(_, message)| message.ops == Ops::EmergencyStop));
+}
+
+/// AMT-14, and the whole way: standby, start, throttle, standby. The values in telemetry are the turbine's.
+#[test]
+fn amt_14_start_run_and_shut_down() {
+    let bench = bench(2400, 5);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.start().await;
+        let running_from = sim::clock::now_ns();
+        // AMT-14: until full operation the start throttle went out, which is 0 %.
+        let sent = messages(&bench.plug.log());
+        assert!(sent.iter().any(|(_, message)| message.ops == Ops::Run));
+        assert!(sent.iter().all(|(_, message)| message.throttle_half_percent == 0));
+
+        bench.command_for(throttle(50), Duration::from_secs(15)).await;
+        let report = bench.handle().telemetry().report;
+        let rpm = bench.plug.ecu(|ecu| ecu.turbine().rpm());
+        let shown = report.rpm.expect("an Olympus has a scale").value.get();
+        assert!((f64::from(shown) - rpm).abs() <= 500.0, "{shown} shown, {rpm} true");
+        assert_eq!(report.throttle.expect("reported").value.tenths(), 500);
+        assert_eq!(report.amt_engine.expect("told by the set-up set").value, Engine::Olympus);
+        let after: Vec<_> =
+            messages(&bench.plug.log()).into_iter().filter(|(at, _)| *at > running_from + 200_000_000).collect();
+        assert!(after.len() > 100);
+        assert!(after.iter().all(|(_, m)| m.ops == Ops::Run && m.throttle_half_percent == 100));
+
+        bench.command_until(Command::Standby, |bench| bench.plug.ecu(|ecu| ecu.turbine().rpm() < 1.0)).await;
+    });
+    assert!(!bench.in_phase(Phase::Running));
+    assert_eq!(stats(&bench).serial_delay_stops, 0);
+}
+
+/// AMT-12: an ECU that hears nothing stops the engine by itself. The node says that the link is lost, withdraws
+/// the order to run, and a source that goes on sending `Run` does not start the engine again.
+#[test]
+fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
+    let bench = bench(2400, 6);
+    let mut events = bench.handle().events().expect("a free place");
+    bench.play(LONG, async {
+        bench.start().await;
+        bench.command_for(throttle(30), Duration::from_secs(5)).await;
+        heard(&mut events);
+
+        bench.plug.cut(true);
+        // The last frame came up to two periods of 125 ms before the cut.
+        bench.command_for(throttle(30), Duration::from_millis(700)).await;
+        assert_eq!(bench.handle().telemetry().link, LinkState::Up);
+        bench.command_for(throttle(30), Duration::from_secs(9)).await;
+        assert_eq!(bench.handle().telemetry().link, LinkState::Lost);
+        assert_eq!(heard(&mut events).iter().filter(|event| **event == Event::LinkLost).count(), 1);
+        assert_eq!(stats(&bench).serial_delay_stops, 1);
+
+        bench.plug.cut(false);
+        bench.command_for(throttle(30), Duration::from_secs(60)).await;
+        let events = heard(&mut events);
+        assert!(events.contains(&Event::LinkUp) && events.contains(&Event::RunWithdrawn), "{events:?}");
+        assert!(events.contains(&Event::CommandRejected(Rejected::StandbyFirst, Origin::Bench)));
+        assert!(!bench.in_phase(Phase::Running) && !bench.in_phase(Phase::Starting));
+
+        // The control: standby first, and it starts.
+        bench.start().await;
+    });
+}
+
+/// The demand never goes out after its source has fallen silent for longer than it is held.
+#[test]
+fn a_silent_source_brings_the_throttle_to_idle_on_the_wire() {
+    let bench = bench(2400, 7);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.start().await;
+        bench.command_for(throttle(80), Duration::from_secs(10)).await;
+        let silent_from = sim::clock::now_ns();
+        bench.plug.take_log();
+        Timer::after(Duration::from_secs(5)).await;
+        let messages = messages(&bench.plug.log());
+        // Held for 1 s, then idle from the next reply on; never a stop.
+        for (at, message) in messages {
+            let held = at < silent_from + 1_000_000_000;
+            let percent = if held { 80 } else { 0 };
+            assert_eq!(message.throttle_half_percent, 2 * percent, "{} ms", (at - silent_from) / 1_000_000);
+            assert_eq!(message.ops, Ops::Run);
+        }
+        assert!(bench.in_phase(Phase::Running));
+    });
+}
+
+/// An emergency stop is in the very next reply, stays, and is released only with the engine stopped.
+#[test]
+fn an_emergency_stop_is_in_the_next_reply_and_stays() {
+    let bench = bench(2400, 8);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.start().await;
+        bench.plug.take_log();
+        let stop_at = sim::clock::now_ns();
+        bench.handle().command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
+        for _ in 0..20 {
+            assert_eq!(bench.handle().command(throttle(50), Origin::Bench), Err(Rejected::StopLatched));
+            assert_eq!(bench.handle().command(Command::Standby, Origin::Bench), Err(Rejected::StopLatched));
+            Timer::after(Duration::from_millis(100)).await;
+        }
+        let after: Vec<_> =
+            messages(&bench.plug.log()).into_iter().filter(|(at, _)| *at >= stop_at).collect();
+        assert!(after[0].0 - stop_at < 200_000_000, "the next frame comes within 125 ms");
+        assert!(after.iter().all(|(_, message)| message.ops == Ops::EmergencyStop));
+
+        bench.until(|bench| bench.handle().command(Command::ReleaseStop, Origin::Bench).is_ok()).await;
+        assert!(!bench.plug.ecu(|ecu| ecu.turbine().phase().is_live()));
+        bench.start().await;
+    });
+}
+
+/// AMT-13: CTF goes out only by its own name, and the ECU then stops the engine after its serial delay.
+#[test]
+fn amt_13_ctf_goes_out_only_by_its_name() {
+    let bench = bench(2400, 9);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.start().await;
+        assert!(messages(&bench.plug.log()).iter().all(|(_, message)| message.ops != Ops::Ctf));
+        let ctf = Command::Service(Service::Amt(amt::link::Service::Ctf));
+        bench.handle().command(ctf, Origin::Bench).expect("an AMT ECU has it");
+        Timer::after(Duration::from_secs(4)).await;
+        assert_eq!(stats(&bench).ctf_stops, 1);
+    });
+}
+
+/// Bytes without end and without a frame: no reply, the link is lost by the timer, and the link recovers.
+#[test]
+fn a_babbling_ecu_does_not_hide_the_loss_of_the_link() {
+    let bench = bench(115_200, 10);
+    let mut events = bench.handle().events().expect("a free place");
+    bench.play(LONG, async {
+        bench.until(|bench| bench.handle().telemetry().link == LinkState::Up).await;
+        bench.plug.record(true);
+        // No leader in it, so no frame.
+        bench.plug.babble(Some(Babble::Repeat(vec![0x55, 0x10, 0x00])));
+        Timer::after(Duration::from_millis(1200)).await;
+        assert_eq!(bench.handle().telemetry().link, LinkState::Lost);
+        Timer::after(Duration::from_secs(3)).await;
+        let log = bench.plug.take_log();
+        assert!(log.iter().filter(|entry| entry.direction == Direction::ToNode).count() > 30_000);
+        // At most the reply to a frame that was complete when the babble began.
+        assert!(messages(&log).len() <= 1);
+        bench.plug.babble(None);
+        Timer::after(Duration::from_secs(2)).await;
+        assert_eq!(bench.handle().telemetry().link, LinkState::Up);
+    });
+    let lost = heard(&mut events).iter().filter(|event| **event == Event::LinkLost).count();
+    assert_eq!(lost, 1);
+}
+
+/// A transmitter that hangs costs replies, which are counted; reception goes on as if nothing were.
+#[test]
+fn a_hanging_transmitter_does_not_stall_reception() {
+    let bench = bench(2400, 11);
+    let mut events = bench.handle().events().expect("a free place");
+    bench.play(LONG, async {
+        bench.until(|bench| bench.handle().telemetry().link == LinkState::Up).await;
+        let before = bench.handle().telemetry().counters;
+        bench.plug.stall_tx(true);
+        for _ in 0..50 {
+            Timer::after(Duration::from_millis(100)).await;
+            let telemetry = bench.handle().telemetry();
+            let age = telemetry.heard.expect("heard").elapsed();
+            assert!(age <= Duration::from_millis(150), "the last frame is {} ms old", age.as_millis());
+        }
+        let counters = bench.handle().telemetry().counters;
+        assert!(counters.given_up - before.given_up >= 30, "{counters:?}");
+        assert_eq!(counters.sent, before.sent);
+        assert!(heard(&mut events).contains(&Event::NotSent(NotSent::GaveUp)));
+
+        // Healed: at most what hung in the UART comes out late, and from then on every frame is answered.
+        bench.plug.stall_tx(false);
+        Timer::after(Duration::from_secs(1)).await;
+        let healed = stats(&bench);
+        Timer::after(Duration::from_secs(5)).await;
+        let after = stats(&bench);
+        assert!(after.in_window - healed.in_window >= 38, "{healed:?} {after:?}");
+        assert_eq!(after.late, healed.late);
+        assert_eq!(after.unsolicited, healed.unsolicited);
+    });
+}
+
+/// Errors that reading returns are counted and survived.
+#[test]
+fn read_errors_are_counted_and_survived() {
+    let bench = bench(2400, 12);
+    bench.plug.framing(FramingAs::Error);
+    bench.plug.set_faults(Noise { framing_per_million: 20_000, ..Noise::default() }, Noise::default());
+    bench.play(LONG, async {
+        Timer::after(Duration::from_secs(60)).await;
+        let counters = bench.handle().telemetry().counters;
+        assert!(counters.framing_errors + counters.read_errors >= 30, "{counters:?}");
+        assert!(counters.truncated > 10 && counters.frames > 350, "{counters:?}");
+        bench.plug.set_faults(Noise::default(), Noise::default());
+        Timer::after(Duration::from_secs(2)).await;
+        let clean = bench.handle().telemetry().counters;
+        Timer::after(Duration::from_secs(10)).await;
+        let later = bench.handle().telemetry().counters;
+        assert_eq!(later.truncated, clean.truncated);
+        assert!(later.frames - clean.frames >= 79);
+    });
+}
+
+/// AMT-1 and AMT-10 under noise both ways: whatever is on the wire is a message that was commanded, the engine
+/// recovers when the noise stops, and a damaged reply is the ECU's to refuse.
+#[test]
+fn amt_10_noise_never_makes_a_command_that_nobody_gave() {
+    for seed in 0..8 {
+        let bench = bench(2400, seed);
+        bench.plug.record(true);
+        let noise = Noise {
+            flip_per_million: 2_000,
+            lose_per_million: 10_000,
+            add_per_million: 10_000,
+            framing_per_million: 10_000,
+            delay_ns: 0,
+            jitter_ns: 2_000_000,
+        };
+        bench.play(LONG, async {
+            bench.start().await;
+            bench.command_for(throttle(40), Duration::from_secs(5)).await;
+            bench.plug.take_log();
+            bench.plug.set_faults(noise, noise);
+            bench.command_for(throttle(40), Duration::from_secs(60)).await;
+            let log = bench.plug.take_log();
+            for (_, message) in messages(&log) {
+                match message.ops {
+                    // Full operation is shown, or (two odd frames in a row) not: 40 % or the start throttle.
+                    Ops::Run => assert!(matches!(message.throttle_half_percent, 80 | 0), "{message:?}"),
+                    // Withdrawn, because the ECU stopped the engine.
+                    Ops::AutoStop => assert_eq!(message.throttle_half_percent, 0),
+                    Ops::EmergencyStop | Ops::Ctf => panic!("seed {seed}: {message:?}"),
+                }
+            }
+            bench.plug.set_faults(Noise::default(), Noise::default());
+            Timer::after(Duration::from_secs(2)).await;
+            let (node, ecu) = (bench.handle().telemetry(), stats(&bench));
+            assert_eq!(node.link, LinkState::Up, "seed {seed}");
+            Timer::after(Duration::from_secs(20)).await;
+            let (node_after, ecu_after) = (bench.handle().telemetry(), stats(&bench));
+            assert_eq!(node_after.counters.truncated, node.counters.truncated);
+            assert_eq!(ecu_after.none, ecu.none);
+            assert!(ecu_after.in_window - ecu.in_window >= 158);
+        });
+    }
+}
+
+/// A node that hears its own bytes (half-duplex wiring) does not answer itself.
+#[test]
+fn an_echo_is_not_answered() {
+    let bench = bench(2400, 13);
+    bench.plug.echo(true);
+    bench.plug.record(true);
+    bench.play(LONG, async { Timer::after(Duration::from_secs(30)).await });
+    let frames = stats(&bench).frames.total();
+    let replies = messages(&bench.plug.log()).len() as u64;
+    assert!(frames > 200 && replies <= frames, "{replies} replies to {frames} frames");
+}
+
+/// AMT-9: an ECU that restarts says so by its set-up set.
+#[test]
+fn amt_9_a_restart_of_the_ecu_is_an_event() {
+    let bench = bench(2400, 14);
+    let mut events = bench.handle().events().expect("a free place");
+    bench.play(LONG, async {
+        Timer::after(Duration::from_secs(3)).await;
+        let first = heard(&mut events);
+        assert_eq!(first.iter().filter(|event| **event == Event::EcuStarted).count(), 1);
+        bench.plug.power(false);
+        Timer::after(Duration::from_millis(300)).await;
+        bench.plug.power(true);
+        Timer::after(Duration::from_secs(3)).await;
+        let second = heard(&mut events);
+        assert_eq!(second.iter().filter(|event| **event == Event::EcuStarted).count(), 1);
+    });
+}
+
+/// AMT-8: errors are told, several at once, and told again when they are gone.
+#[test]
+fn amt_8_errors_are_told_and_cleared() {
+    let bench = bench(2400, 15);
+    let mut events = bench.handle().events().expect("a free place");
+    bench.play(LONG, async {
+        Timer::after(Duration::from_secs(2)).await;
+        bench.plug.ecu(|ecu| ecu.set_errors(error::EGT | error::SUPPLY_LOW));
+        Timer::after(Duration::from_secs(2)).await;
+        bench.plug.ecu(|ecu| ecu.set_errors(0));
+        Timer::after(Duration::from_secs(2)).await;
+    });
+    let faults: Vec<_> = heard(&mut events)
+        .into_iter()
+        .filter_map(|event| match event {
+            Event::Faults(Faults::Amt(bits)) => Some(bits.0),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(faults, [0b0010_1000, 0]);
+}
+
+/// One engine's trouble never touches another's timing.
+#[test]
+fn a_babbling_neighbour_costs_no_reply() {
+    let good = bench(2400, 16);
+    let bad = bench(115_200, 17);
+    let scenario = async {
+        good.until(|bench| bench.handle().telemetry().link == LinkState::Up).await;
+        bad.plug.babble(Some(Babble::Random));
+        bad.plug.stall_tx(true);
+        Timer::after(Duration::from_secs(30)).await;
+    };
+    let world = embassy_futures::select::select(join(good.live(), bad.live()), scenario);
+    sim::clock::run_for(world, LONG).expect("the scenario ends");
+    let stats = stats(&good);
+    assert!(stats.frames.total() > 230);
+    assert!(stats.frames.total() - stats.in_window <= 1, "{stats:?}");
+    assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0));
+    assert!(bad.handle().telemetry().counters.bytes_skipped > 100_000);
+}
