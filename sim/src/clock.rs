@@ -366,6 +366,14 @@ mod tests {
     }
 
     #[test]
+    #[should_panic(expected = "deadlock at 10000 µs")]
+    fn an_alarm_of_an_earlier_run_does_not_hide_a_deadlock() {
+        reset();
+        assert_eq!(run_for(Timer::after_secs(1), Duration::from_millis(10)), None);
+        run(pending::<()>());
+    }
+
+    #[test]
     #[should_panic(expected = "deadlock")]
     fn an_alarm_at_the_end_of_time_is_no_alarm() {
         reset();

@@ -48,8 +48,8 @@ pub(super) struct Lane {
     pub(super) queue: VecDeque<u8>,
     sending: Option<Sending>,
     run: Option<Run>,
+    /// Taken from the front only: a byte with a shorter delay waits for the one before it.
     arrivals: VecDeque<(Nanos, Arrival)>,
-    last_arrival: Nanos,
     cut: bool,
     pub(super) faults: Faults,
     rng: fastrand::Rng,
@@ -64,7 +64,6 @@ impl Lane {
             sending: None,
             run: None,
             arrivals: VecDeque::new(),
-            last_arrival: 0,
             cut: false,
             faults: Faults::default(),
             rng: fastrand::Rng::with_seed(seed),
@@ -117,7 +116,6 @@ impl Lane {
     pub(super) fn end_byte(&mut self, at: Nanos, record: Option<&mut Vec<Entry>>) -> Option<u8> {
         let Sending { byte, start, end, spoilt } = self.sending.take_if(|sending| sending.end <= at)?;
         let arrival = end + self.faults.delay_ns + self.random_up_to(self.faults.jitter_ns);
-        let arrival = arrival.max(self.last_arrival);
 
         let fate = self.fate(byte, spoilt);
         let received = match fate {
@@ -162,7 +160,6 @@ impl Lane {
 
     fn arrive(&mut self, at: Nanos, received: Option<Arrival>) {
         if let Some(received) = received {
-            self.last_arrival = at;
             self.arrivals.push_back((at, received));
         }
     }
