@@ -256,6 +256,8 @@ pub enum Event {
     EcuStarted,
     /// The ECU named its engine (AMT).
     EngineIdentified(amt::codec::Engine),
+    /// The ECU named an engine that no table has: rpm and voltages have no scale (AMT).
+    EngineUnknown,
     /// The ECU gave its protocol version (ZK).
     VersionKnown(zk::codec::Version),
     /// The engine's phase changed.

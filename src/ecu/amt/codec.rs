@@ -434,7 +434,9 @@ impl Setup {
     /// The engine, named by the version's first number.
     pub fn engine(&self) -> Option<Engine> {
         let (major, _) = self.version().split_once('.')?;
-        Engine::from_version(major.parse().ok()?)
+        // `parse` alone would take "+9" and "09", which no ECU sends.
+        let digits = major.bytes().all(|byte| byte.is_ascii_digit()) && !major.starts_with('0');
+        Engine::from_version(major.parse().ok().filter(|_| digits)?)
     }
 
     const fn version_len(&self) -> usize {

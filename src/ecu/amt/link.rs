@@ -96,7 +96,8 @@ pub struct AmtLink {
     /// Full operation was reported, and nothing below it since: the demand goes out (AMT-14). A state
     /// without a name does not end it.
     released: bool,
-    engine: Agreed<Engine>,
+    /// `Some(None)`: the ECU named an engine that no table has.
+    engine: Agreed<Option<Engine>>,
 }
 
 impl AmtLink {
@@ -117,7 +118,7 @@ impl AmtLink {
             due: None,
             phase: Agreed::new(None),
             released: false,
-            engine: Agreed::new(config.engine),
+            engine: Agreed::new(config.engine.map(Some)),
         }
     }
 
@@ -148,11 +149,10 @@ impl AmtLink {
                 self.faults(now, errors);
             }
             Message::Alternate { engine_id, idle, max, battery, external } => {
-                if let Some(engine) = Engine::from_id(engine_id) {
-                    let certain = self.engine.get().is_none();
-                    self.identify(now, engine, certain);
-                }
-                let engine = self.engine.get();
+                // An ID that no table has is another engine all the same: its scale is then not known (AMT-4).
+                let certain = self.engine.get().is_none();
+                self.identify(now, Engine::from_id(engine_id), certain);
+                let engine = self.engine();
                 let vout = engine.and_then(Engine::vout_scale);
                 self.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
                 self.report.pump_max = Some(Timed::new(reading(max, vout), now));
@@ -164,7 +164,7 @@ impl AmtLink {
             Message::Setup(setup) => {
                 // AMT-9: its text is long enough to believe it at once.
                 if let Some(engine) = setup.engine() {
-                    self.identify(now, engine, true);
+                    self.identify(now, Some(engine), true);
                 }
                 self.report.amt_setup = Some(Timed::new(setup, now));
                 self.outbox.event(Event::EcuStarted);
@@ -199,8 +199,7 @@ impl AmtLink {
         self.report.rpm_raw = Some(Timed::new(raw, now));
         // AMT-5: without a scale there is no rpm, and an old one would be a lie.
         self.report.rpm = self
-            .engine
-            .get()
+            .engine()
             .and_then(Engine::rpm_step)
             .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
     }
@@ -216,7 +215,7 @@ impl AmtLink {
         if let Ok(throttle) = Throttle::from_tenths(throttle.tenths()) {
             self.report.throttle = Some(Timed::new(throttle, now));
         }
-        let scale = self.engine.get().and_then(Engine::vout_scale);
+        let scale = self.engine().and_then(Engine::vout_scale);
         self.report.pump = Some(Timed::new(reading(vout, scale), now));
     }
 
@@ -229,15 +228,24 @@ impl AmtLink {
         }
     }
 
-    fn identify(&mut self, now: Instant, engine: Engine, certain: bool) {
-        let told = self.report.amt_engine.is_some();
+    fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
         let changed = if certain { self.engine.set(engine) } else { self.engine.see(engine) };
-        if changed || (!told && self.engine.get() == Some(engine)) {
-            self.outbox.event(Event::EngineIdentified(engine));
+        let told = self.report.amt_engine.map(|told| told.value);
+        if self.engine() != engine {
+            // One frame against what was known: not yet believed.
+            return;
         }
-        if self.engine.get() == Some(engine) {
-            self.report.amt_engine = Some(Timed::new(engine, now));
+        self.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
+        if changed || told != engine {
+            self.outbox.event(match engine {
+                Some(engine) => Event::EngineIdentified(engine),
+                None => Event::EngineUnknown,
+            });
         }
+    }
+
+    fn engine(&self) -> Option<Engine> {
+        self.engine.get().flatten()
     }
 
     /// AMT-11: one reply to this frame, right now or not at all.
