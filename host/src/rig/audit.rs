@@ -1,0 +1,342 @@
+//! Holds every frame that the node puts on a line against what its pilot has commanded.
+//!
+//! The bytes are those at the node's transmitter, before any fault, and the simulation reads them, not
+//! jetlink. A frame has to be what an order in force when it was made allows, by the rules that jetlink
+//! documents:
+//!
+//! - standby: standby at throttle 0, also before any command;
+//! - run at a throttle: that throttle, or 0 during the start and in the fail-safe;
+//! - run at an rpm: that rpm, or the idle rpm or 0 during the start and in the fail-safe;
+//! - ZK beside these: ID 0, and ID 2 with the configured rate.
+//!
+//! Anything else is a command that nobody gave.
+
+use super::engines::{Ecu as Kind, Engine};
+use super::simulated::{cadence, parameters};
+use jetlink::command::{Demand, Order};
+use sim::amt::Ops;
+use sim::ecu::{MILLIS, Nanos};
+use sim::wire::{Direction, Entry, Fate};
+use sim::zk::{Action, Sw, ZkCommand};
+use std::collections::VecDeque;
+
+/// A frame may be so much older than its first bit: it was made before the order changed.
+const MADE_BEFORE: Nanos = 50 * MILLIS;
+/// Bytes of one frame follow each other; after a longer gap another frame begins.
+const LONGEST_GAP: Nanos = 5 * MILLIS;
+/// Findings that are kept; all are counted.
+const KEPT: usize = 5;
+
+/// A frame that nothing allows.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Finding {
+    /// When its first bit was sent.
+    pub at: Nanos,
+    /// The frame.
+    pub bytes: Vec<u8>,
+    /// What it says, and what was in force.
+    pub what: String,
+}
+
+/// Watches one line.
+#[derive(Debug)]
+pub struct Audit {
+    kind: Kind,
+    length: usize,
+    cadence: Option<Nanos>,
+    rate_action: Option<Action>,
+    idle_rpm: u32,
+    /// RPM_X that covers the engine's maximum (ZK-9).
+    factor: u8,
+    /// What was ordered and from when, the oldest that still matters first.
+    orders: VecDeque<(Nanos, Order)>,
+    frame: Vec<u8>,
+    frame_start: Nanos,
+    frame_end: Nanos,
+    last_frame: Option<Nanos>,
+    /// Frames of the node.
+    pub frames: u64,
+    /// Those of them that went out before the ECU said anything: it was still starting up.
+    pub frames_unheard: u64,
+    ecu_spoke: bool,
+    /// The largest difference of two frames' distance from the cadence (ZK).
+    pub worst_cadence_error: Option<Nanos>,
+    /// Frames that nothing allows.
+    pub not_given: u64,
+    /// The first of them.
+    pub findings: Vec<Finding>,
+}
+
+impl Audit {
+    /// For this engine's line. The node begins in standby, by itself.
+    pub fn new(engine: &Engine) -> Self {
+        let parameters = parameters(engine);
+        let cadence = cadence(engine);
+        Self {
+            kind: engine.ecu,
+            length: match engine.ecu {
+                Kind::Amt(_) => 5,
+                Kind::Zk { .. } => 4,
+            },
+            cadence,
+            rate_action: cadence.map(|cadence| match cadence / MILLIS {
+                50 => Action::Rate20,
+                20 => Action::Rate50,
+                _ => Action::Rate100,
+            }),
+            idle_rpm: parameters.idle_rpm as u32,
+            factor: (1..=6_u8)
+                .find(|&factor| 40_950.0 * f64::from(factor) >= parameters.max_rpm)
+                .unwrap_or(6),
+            orders: VecDeque::from([(0, Order::Standby)]),
+            frame: Vec::new(),
+            frame_start: 0,
+            frame_end: 0,
+            last_frame: None,
+            frames: 0,
+            frames_unheard: 0,
+            ecu_spoke: false,
+            worst_cadence_error: None,
+            not_given: 0,
+            findings: Vec::new(),
+        }
+    }
+
+    /// This is ordered from now on.
+    pub fn ordered(&mut self, at: Nanos, order: Order) {
+        if self.orders.back().is_none_or(|&(_, last)| last != order) {
+            self.orders.push_back((at, order));
+        }
+    }
+
+    /// The node has withdrawn a run, as it does when the engine stopped. It may have said so a little late.
+    pub fn withdrawn(&mut self, at: Nanos) {
+        let last = self.orders.back().map_or(0, |&(from, _)| from);
+        self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
+    }
+
+    /// Takes what the line has recorded.
+    pub fn look(&mut self, entries: &[Entry]) {
+        for entry in entries {
+            match (entry.direction, entry.fate) {
+                (_, Fate::Added) => {}
+                (Direction::ToNode, _) => self.ecu_spoke = true,
+                (Direction::ToEcu, _) => self.byte(entry),
+            }
+        }
+    }
+
+    /// What the line has recorded is taken up to this time: older orders can be forgotten.
+    pub fn looked_until(&mut self, at: Nanos) {
+        while self.orders.get(1).is_some_and(|&(from, _)| from + 2 * MADE_BEFORE < at) {
+            self.orders.pop_front();
+        }
+    }
+
+    fn byte(&mut self, entry: &Entry) {
+        if !self.frame.is_empty() && entry.start > self.frame_end + LONGEST_GAP {
+            let fragment = core::mem::take(&mut self.frame);
+            self.find(fragment, "a part of a frame");
+        }
+        if self.frame.is_empty() {
+            self.frame_start = entry.start;
+        }
+        self.frame.push(entry.byte);
+        self.frame_end = entry.end;
+        if self.frame.len() == self.length {
+            let frame = core::mem::take(&mut self.frame);
+            self.whole(frame);
+        }
+    }
+
+    fn whole(&mut self, frame: Vec<u8>) {
+        self.frames += 1;
+        self.frames_unheard += u64::from(!self.ecu_spoke);
+        let start = self.frame_start;
+        if let (Some(cadence), Some(last)) = (self.cadence, self.last_frame.replace(start)) {
+            let error = (start - last).abs_diff(cadence);
+            let worst = self.worst_cadence_error.get_or_insert(0);
+            *worst = error.max(*worst);
+        }
+        let meant = match self.kind {
+            Kind::Amt(_) => sim::amt::parse_command(&frame)
+                .map(|command| {
+                    let allowed = self.any_order(|order| amt_allows(order, command));
+                    (allowed, format!("{command:?}"))
+                })
+                .map_err(|error| format!("no command: {error:?}")),
+            Kind::Zk { .. } => <&[u8; 4]>::try_from(frame.as_slice())
+                .map_err(|_| "no command".to_owned())
+                .and_then(|bytes| {
+                    sim::zk::parse_command(bytes).map_err(|error| format!("no command: {error:?}"))
+                })
+                .map(|command| {
+                    let allowed = self.any_order(|order| self.zk_allows(order, command));
+                    (allowed, format!("{command:?}"))
+                }),
+        };
+        match meant {
+            Ok((true, _)) => {}
+            Ok((false, what)) | Err(what) => self.find(frame, &what),
+        }
+    }
+
+    /// Whether an order that was in force when the frame was made allows it.
+    fn any_order(&self, allows: impl Fn(Order) -> bool) -> bool {
+        let start = self.frame_start;
+        let ends = self.orders.iter().skip(1).map(|&(from, _)| from).chain([Nanos::MAX]);
+        self.orders
+            .iter()
+            .zip(ends)
+            .filter(|&(&(from, _), end)| from <= start && end.saturating_add(MADE_BEFORE) >= start)
+            .any(|(&(_, order), _)| allows(order))
+    }
+
+    fn zk_allows(&self, order: Order, command: ZkCommand) -> bool {
+        let switch = match order {
+            Order::EmergencyStop => Sw::Stop,
+            Order::Standby => Sw::Standby,
+            Order::Run(_) => Sw::Run,
+            Order::Pwm => Sw::None,
+        };
+        match (command, order) {
+            (ZkCommand::Empty, _) => true,
+            (ZkCommand::Action(action), _) => Some(action) == self.rate_action,
+            (ZkCommand::Control { sw, throttle }, Order::Run(Demand::Throttle(given))) => {
+                sw == switch && (throttle == 0 || throttle == given.tenths())
+            }
+            (ZkCommand::Control { .. }, Order::Run(Demand::Rpm(_))) => false,
+            (ZkCommand::Control { sw, throttle }, _) => sw == switch && throttle == 0,
+            (ZkCommand::Switch { sw, factor }, Order::Run(Demand::Rpm(_))) => {
+                sw == switch && factor == self.factor
+            }
+            (ZkCommand::Switch { sw, factor }, _) => sw == switch && factor == 0,
+            (ZkCommand::Rpm(code), Order::Run(Demand::Rpm(given))) => {
+                let given = given.get();
+                let step = u32::from(self.factor) * 10;
+                [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step)
+            }
+            _ => false,
+        }
+    }
+
+    fn find(&mut self, bytes: Vec<u8>, what: &str) {
+        self.not_given += 1;
+        if self.findings.len() < KEPT {
+            let order = self.orders.iter().rev().find(|&&(from, _)| from <= self.frame_start);
+            let order = order.map_or(Order::Standby, |&(_, order)| order);
+            let what = format!("{what}, while the order was {order:?}");
+            self.findings.push(Finding { at: self.frame_start, bytes, what });
+        }
+    }
+}
+
+fn amt_allows(order: Order, command: sim::amt::AmtCommand) -> bool {
+    let throttle = u16::from(command.throttle_half_percent) * 5;
+    match (command.ops, order) {
+        (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby) => throttle == 0,
+        (Ops::Run, Order::Run(Demand::Throttle(given))) => {
+            throttle == 0 || throttle == given.tenths() / 5 * 5
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::engines::engines;
+    use super::*;
+    use jetlink::units::{Rpm, Throttle};
+
+    fn entries(at: Nanos, bytes: &[u8]) -> Vec<Entry> {
+        let length = MILLIS / 10;
+        (0..)
+            .zip(bytes)
+            .map(|(i, &byte)| Entry {
+                direction: Direction::ToEcu,
+                byte,
+                start: at + i * length,
+                end: at + (i + 1) * length,
+                fate: Fate::Lost,
+            })
+            .collect()
+    }
+
+    fn audit(index: usize) -> Audit {
+        Audit::new(&engines(&[]).unwrap()[index])
+    }
+
+    fn zk(high: u8, low: u8) -> [u8; 4] {
+        [0xFF, high, low, sim::zk::crc8(&[high, low])]
+    }
+
+    #[test]
+    fn an_amt_reply_is_what_was_ordered() {
+        let run = Order::Run(Demand::Throttle(Throttle::from_percent(50).unwrap()));
+        let (standby, half, idle) =
+            ([0xFF, 0x12, 32, 0x12, 32], [0xFF, 0x14, 132, 0x14, 132], [0xFF, 0x14, 32, 0x14, 32]);
+        let mut audit = audit(0);
+        audit.look(&entries(0, &standby));
+        audit.ordered(1000 * MILLIS, run);
+        audit.look(&entries(1010 * MILLIS, &standby)); // made before
+        audit.look(&entries(1100 * MILLIS, &half));
+        audit.look(&entries(1200 * MILLIS, &idle)); // the start throttle
+        assert_eq!((audit.frames, audit.not_given), (4, 0));
+        audit.look(&entries(1300 * MILLIS, &standby)); // too old
+        audit.look(&entries(1400 * MILLIS, &[0xFF, 0x14, 134, 0x14, 134]));
+        audit.look(&entries(1500 * MILLIS, &[0xFF, 0x11, 32, 0x11, 32]));
+        audit.look(&entries(1600 * MILLIS, &[0xFF, 0x14, 132, 0x14, 133]));
+        audit.look(&entries(1700 * MILLIS, &[0xFF, 0x14]));
+        audit.look(&entries(1800 * MILLIS, &half));
+        assert_eq!((audit.frames, audit.not_given), (9, 5));
+        assert_eq!(audit.findings[0].at, 1300 * MILLIS);
+        assert!(audit.findings[4].what.starts_with("a part"), "{:?}", audit.findings);
+    }
+
+    #[test]
+    fn a_zk_frame_is_what_was_ordered() {
+        let mut audit = audit(3); // 50 Hz, version 5, by rpm; its RPM_X is 4
+        for (frame, allowed) in [
+            (zk(0x00, 0), true),
+            (zk(0x20, 8), true),
+            (zk(0x20, 7), false),
+            (zk(0x18, 0), true),
+            (zk(0x18, 1), false),
+            (zk(0x14, 0), false),
+            (zk(0x60, 2), true),
+            (zk(0x60, 0x13), false),
+            (zk(0x30, 0), false),
+            ([0xFF, 0x18, 0, 0], false),
+        ] {
+            let before = audit.not_given;
+            audit.look(&entries(MILLIS, &frame));
+            assert_eq!(audit.not_given == before, allowed, "{frame:02X?}");
+        }
+        audit.ordered(1000 * MILLIS, Order::Run(Demand::Rpm(Rpm::new(100_000))));
+        for (frame, allowed) in [
+            (zk(0x60, 0x13), true),
+            (zk(0x60, 0x12), false),
+            (zk(0x60, 0x17), false),
+            (zk(0x79, 0xC4), true),  // 2500
+            (zk(0x74, 0xE2), true),  // 1250: idle
+            (zk(0x79, 0xC5), false), // 2501
+            (zk(0x18, 0), false),
+        ] {
+            let before = audit.not_given;
+            audit.look(&entries(2000 * MILLIS, &frame));
+            assert_eq!(audit.not_given == before, allowed, "{frame:02X?}");
+        }
+    }
+
+    #[test]
+    fn orders_are_forgotten_when_they_no_longer_matter() {
+        let mut audit = audit(0);
+        for i in 0..10_000_u16 {
+            let at = u64::from(i) * 100 * MILLIS;
+            let throttle = Throttle::from_tenths(i % 1000).unwrap();
+            audit.ordered(at, Order::Run(Demand::Throttle(throttle)));
+            audit.looked_until(at);
+        }
+        assert!(audit.orders.len() < 10);
+    }
+}

@@ -1,0 +1,168 @@
+//! What the tasks of one engine share: what it is told, what was noted, and the audit of its line.
+
+use super::audit::Audit;
+use super::engines::Engine;
+use embassy_time::Instant;
+use jetlink::command::{Command, Demand, Order};
+use jetlink::units::Throttle;
+use std::cell::{Cell, RefCell};
+
+/// How far an engine's pilot has come.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Stage {
+    /// Standby, before a start.
+    Standby,
+    /// From the command to run until the ECU reports a running engine.
+    Start,
+    /// Running at idle.
+    Idle,
+    /// Running, the demand goes in steps.
+    Steps,
+    /// Standby commanded, until the engine is cool and stands.
+    Cooling,
+    /// All was done.
+    Done,
+    /// Something was not reached; the engine is kept in standby.
+    Failed,
+}
+
+impl Stage {
+    /// Name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Standby => "standby",
+            Self::Start => "start",
+            Self::Idle => "idle",
+            Self::Steps => "steps",
+            Self::Cooling => "cooling",
+            Self::Done => "done",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// What the pilot's lever says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Lever {
+    /// Standby.
+    Standby,
+    /// Run.
+    Run(Demand),
+}
+
+impl Lever {
+    /// Run at idle by throttle.
+    pub const IDLE: Self = Self::Run(Demand::Throttle(Throttle::IDLE));
+
+    /// As a command to the node.
+    pub const fn command(self) -> Command {
+        match self {
+            Self::Standby => Command::Standby,
+            Self::Run(demand) => Command::Run(demand),
+        }
+    }
+
+    /// As what the node has to keep on the wire.
+    pub const fn order(self) -> Order {
+        match self {
+            Self::Standby => Order::Standby,
+            Self::Run(demand) => Order::Run(demand),
+        }
+    }
+
+    /// The throttle it asks for, in percent.
+    pub fn throttle_percent(self) -> Option<f64> {
+        match self {
+            Self::Run(Demand::Throttle(throttle)) => Some(f64::from(throttle.tenths()) / 10.0),
+            _ => None,
+        }
+    }
+
+    /// The speed it asks for.
+    pub fn rpm(self) -> Option<u32> {
+        match self {
+            Self::Run(Demand::Rpm(rpm)) => Some(rpm.get()),
+            _ => None,
+        }
+    }
+}
+
+impl core::fmt::Display for Lever {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Standby => f.write_str("standby"),
+            Self::Run(Demand::Throttle(throttle)) => {
+                write!(f, "{:.1} %", f64::from(throttle.tenths()) / 10.0)
+            }
+            Self::Run(Demand::Rpm(rpm)) => write!(f, "{} rpm", rpm.get()),
+        }
+    }
+}
+
+/// Something worth a line.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Note {
+    /// When.
+    pub at: Instant,
+    /// Whose, by its place in the list of engines; `None`: of the whole run.
+    pub engine: Option<usize>,
+    /// What.
+    pub text: String,
+}
+
+/// Where all tasks put their notes.
+#[derive(Debug, Default)]
+pub struct Notes(RefCell<Vec<Note>>);
+
+impl Notes {
+    /// Adds one.
+    pub fn add(&self, engine: Option<usize>, text: impl Into<String>) {
+        self.0.borrow_mut().push(Note { at: Instant::now(), engine, text: text.into() });
+    }
+
+    /// Takes what is there.
+    pub fn take(&self) -> Vec<Note> {
+        self.0.take()
+    }
+}
+
+/// What the tasks of one engine share.
+#[derive(Debug)]
+pub struct Desk<'a> {
+    /// Its place in the list of engines.
+    pub index: usize,
+    /// The engine.
+    pub engine: &'a Engine,
+    /// How far its pilot has come.
+    pub stage: Cell<Stage>,
+    /// What its pilot commands.
+    pub lever: Cell<Lever>,
+    /// Holds the line against the commands.
+    pub audit: RefCell<Audit>,
+    /// How often the engine stopped although it was to run.
+    pub stops: Cell<u32>,
+    /// From the end of the last fault on its line until its link was up.
+    pub recovered_after: Cell<Option<embassy_time::Duration>>,
+    notes: &'a Notes,
+}
+
+impl<'a> Desk<'a> {
+    /// For one engine.
+    pub fn new(index: usize, engine: &'a Engine, notes: &'a Notes) -> Self {
+        Self {
+            index,
+            engine,
+            stage: Cell::new(Stage::Standby),
+            lever: Cell::new(Lever::Standby),
+            audit: RefCell::new(Audit::new(engine)),
+            stops: Cell::new(0),
+            recovered_after: Cell::new(None),
+            notes,
+        }
+    }
+
+    /// Notes something about this engine.
+    pub fn note(&self, text: impl Into<String>) {
+        self.notes.add(Some(self.index), text);
+    }
+}

@@ -1,0 +1,201 @@
+//! What goes wrong in a run and when: `--faults`.
+
+use super::engines::Engine;
+use super::quantity::{duration, share};
+use embassy_time::{Duration, Instant};
+use sim::wire::Faults as LineFaults;
+
+/// What goes wrong in a run.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Faults {
+    /// On every line, both ways.
+    pub line: LineFaults,
+    /// When `line` begins.
+    pub from: Duration,
+    /// When `line` ends; `None`: some time before the engines are shut down.
+    pub until: Option<Duration>,
+    /// Lines that are cut for a time.
+    pub cuts: Vec<Cut>,
+    /// Engines that fail.
+    pub failures: Vec<(usize, Failure)>,
+}
+
+/// A line that is cut for a time.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Cut {
+    /// Whose.
+    pub engine: usize,
+    /// From when.
+    pub at: Duration,
+    /// For how long.
+    pub length: Duration,
+}
+
+/// How an engine fails by itself.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Failure {
+    /// Every start gets too hot.
+    HotStart,
+    /// No start lights.
+    NoLight,
+    /// The flame goes out once.
+    FlameOut(Duration),
+}
+
+/// About one byte in a thousand each is damaged, lost, added or breaks its frame.
+const LIGHT: &str = "noise=0.001,lose=0.001,add=0.001,framing=0.001,jitter=0.5ms";
+/// About one byte in twelve suffers, and some come late.
+const HEAVY: &str = "noise=0.03,lose=0.02,add=0.02,framing=0.02,jitter=3ms";
+
+impl Faults {
+    /// From what stands on the command line.
+    pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
+        let mut faults = Self::default();
+        faults.read(text, engines)?;
+        if faults.until.is_some_and(|until| until <= faults.from) {
+            return Err("--faults: `until` has to be later than `from`".to_owned());
+        }
+        Ok(faults)
+    }
+
+    fn read(&mut self, text: &str, engines: &[Engine]) -> Result<(), String> {
+        for part in text.split(',') {
+            match part {
+                "light" => self.read(LIGHT, engines)?,
+                "heavy" => self.read(HEAVY, engines)?,
+                _ => self.read_one(part, engines).map_err(|what| format!("--faults: {what}"))?,
+            }
+        }
+        Ok(())
+    }
+
+    fn read_one(&mut self, part: &str, engines: &[Engine]) -> Result<(), String> {
+        let (key, value) = part
+            .split_once('=')
+            .ok_or_else(|| format!("`{part}` is neither light nor heavy nor of the form key=value"))?;
+        let engine = |name: &str| {
+            engines
+                .iter()
+                .position(|engine| engine.name() == name)
+                .ok_or_else(|| format!("there is no engine `{name}`"))
+        };
+        match key {
+            // A damaged byte has at least one bit of eight inverted.
+            "noise" => {
+                let bytes = f64::from(share(value)?) / 1e6;
+                let bits = 1.0 - (1.0 - bytes).powf(1.0 / 8.0);
+                self.line.flip_per_million = (bits * 1e6).round() as u32;
+            }
+            "lose" => self.line.lose_per_million = share(value)?,
+            "add" => self.line.add_per_million = share(value)?,
+            "framing" => self.line.framing_per_million = share(value)?,
+            "jitter" => self.line.jitter_ns = nanos(value)?,
+            "delay" => self.line.delay_ns = nanos(value)?,
+            "from" => self.from = duration(value)?,
+            "until" => self.until = Some(duration(value)?),
+            "cut" => {
+                let (name, times) = value.split_once('@').ok_or_else(|| cut_form(value))?;
+                let (at, length) = times.split_once('+').ok_or_else(|| cut_form(value))?;
+                let cut = Cut { engine: engine(name)?, at: duration(at)?, length: duration(length)? };
+                self.cuts.push(cut);
+            }
+            "hot-start" => self.failures.push((engine(value)?, Failure::HotStart)),
+            "no-light" => self.failures.push((engine(value)?, Failure::NoLight)),
+            "flame-out" => {
+                let (name, at) = value.split_once('@').ok_or_else(|| {
+                    format!("flame-out=`{value}` is not of the form ENGINE@TIME, for example left@60s")
+                })?;
+                self.failures.push((engine(name)?, Failure::FlameOut(duration(at)?)));
+            }
+            _ => {
+                return Err(format!(
+                    "there is no fault `{key}`: there are light, heavy, noise, lose, add, framing, jitter, delay, \
+                     from, until, cut, hot-start, no-light, flame-out"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether anything goes wrong on all lines.
+    pub fn on_lines(&self) -> bool {
+        self.line != LineFaults::default()
+    }
+
+    /// Whether nothing ever goes wrong on this engine's line.
+    pub fn line_is_clean(&self, engine: usize) -> bool {
+        !self.on_lines() && self.cuts.iter().all(|cut| cut.engine != engine)
+    }
+
+    /// When the last fault on this engine's line ends; the start of the run when there is none.
+    pub fn line_clean_from(&self, engine: usize) -> Instant {
+        let noise = if self.on_lines() { self.until } else { None };
+        let cuts = self.cuts.iter().filter(|cut| cut.engine == engine).map(|cut| cut.at + cut.length);
+        let end = noise.into_iter().chain(cuts).max().unwrap_or(Duration::MIN);
+        Instant::MIN + end
+    }
+}
+
+fn nanos(text: &str) -> Result<u64, String> {
+    Ok(duration(text)?.as_micros() * 1000)
+}
+
+fn cut_form(value: &str) -> String {
+    format!("cut=`{value}` is not of the form ENGINE@TIME+LENGTH, for example left@40s+5s")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::engines::engines;
+    use super::*;
+
+    #[test]
+    fn a_list_of_faults() {
+        let engines = engines(&[]).unwrap();
+        let text =
+            "noise=0.02,lose=0.01,jitter=3ms,delay=2ms,from=30s,until=90s,cut=right@40s+5s,hot-start=left";
+        let faults = Faults::parse(text, &engines).unwrap();
+        assert_eq!(faults.line.flip_per_million, 2522); // 1 - 0.98^(1/8)
+        assert_eq!((faults.line.lose_per_million, faults.line.jitter_ns), (10_000, 3_000_000));
+        assert_eq!((faults.from.as_secs(), faults.until), (30, Some(Duration::from_secs(90))));
+        assert_eq!(
+            faults.cuts,
+            [Cut { engine: 1, at: Duration::from_secs(40), length: Duration::from_secs(5) }]
+        );
+        assert_eq!(faults.failures, [(0, Failure::HotStart)]);
+        assert!(!faults.line_is_clean(0));
+        let cut = Faults::parse("cut=right@40s+5s", &engines).unwrap();
+        assert!(cut.line_is_clean(0) && !cut.line_is_clean(1));
+        assert_eq!(cut.line_clean_from(1), Instant::from_secs(45));
+    }
+
+    #[test]
+    fn presets_can_be_changed() {
+        let engines = engines(&[]).unwrap();
+        let heavy = Faults::parse("heavy", &engines).unwrap();
+        let changed = Faults::parse("heavy,lose=0", &engines).unwrap();
+        assert!(heavy.on_lines() && heavy.line.lose_per_million > 0);
+        assert_eq!(changed.line.lose_per_million, 0);
+        assert_eq!(changed.line.add_per_million, heavy.line.add_per_million);
+    }
+
+    #[test]
+    fn each_mistake_is_named() {
+        let engines = engines(&[]).unwrap();
+        for (text, part) in [
+            ("", "key=value"),
+            ("loud", "`loud`"),
+            ("noise=2", "no share"),
+            ("jitter=soon", "no time"),
+            ("rain=0.1", "no fault `rain`"),
+            ("cut=left", "ENGINE@TIME+LENGTH"),
+            ("cut=tail@1s+1s", "no engine `tail`"),
+            ("flame-out=left", "ENGINE@TIME"),
+            ("hot-start=tail", "no engine `tail`"),
+            ("heavy,from=9s,until=8s", "later than"),
+        ] {
+            let error = Faults::parse(text, &engines).unwrap_err();
+            assert!(error.starts_with("--faults: ") && error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Plain lines, for an output that is not a terminal and for runs that are quicker than anybody reads.
+
+use super::desk::Note;
+use super::quantity::seconds;
+use super::row::{heads, row};
+use super::sample::Sample;
+use embassy_time::{Duration, Instant};
+use std::io::{self, Write};
+
+/// Lines between two heads.
+const HEAD_EVERY: u32 = 40;
+
+/// Writes notes as they come and, every now and then, one line for each engine.
+#[derive(Debug)]
+pub struct Lines {
+    names: Vec<&'static str>,
+    every: Duration,
+    next: Instant,
+    /// Frames of each engine at the last lines, and when that was.
+    before: Option<(Instant, Vec<u32>)>,
+    lines: u32,
+}
+
+impl Lines {
+    /// For these engines.
+    pub fn new(names: Vec<&'static str>, every: Duration) -> Self {
+        Self { names, every, next: Instant::MIN + every, before: None, lines: 0 }
+    }
+
+    /// Something happened.
+    pub fn note(&self, note: &Note) -> io::Result<()> {
+        let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or("all");
+        writeln!(io::stdout(), "{:>7.1}  {name:<12}  {}", seconds(note.at - Instant::MIN), note.text)
+    }
+
+    /// A sample of all engines; written if it is time.
+    pub fn samples(&mut self, at: Instant, samples: &[Sample]) -> io::Result<()> {
+        if at < self.next {
+            return Ok(());
+        }
+        self.next = at + self.every;
+        let mut out = io::stdout().lock();
+        if self.lines % HEAD_EVERY == 0 {
+            writeln!(out, "{:>7}  {}", "s", heads())?;
+        }
+        let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
+        let rates = frame_rates(&self.before, at, &frames);
+        for ((name, sample), rate) in self.names.iter().zip(samples).zip(rates) {
+            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, sample, rate))?;
+            self.lines += 1;
+        }
+        self.before = Some((at, frames));
+        out.flush()
+    }
+}
+
+/// Frames a second of each engine since `before`, or since the start.
+pub fn frame_rates(before: &Option<(Instant, Vec<u32>)>, at: Instant, frames: &[u32]) -> Vec<f64> {
+    let (since, counts) = match before {
+        Some((since, counts)) => (*since, counts.as_slice()),
+        None => (Instant::MIN, &[][..]),
+    };
+    let passed = seconds(at - since).max(0.001);
+    let counts = counts.iter().copied().chain(std::iter::repeat(0));
+    frames.iter().zip(counts).map(|(now, before)| f64::from(now.wrapping_sub(before)) / passed).collect()
+}

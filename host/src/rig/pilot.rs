@@ -1,0 +1,430 @@
+//! The pilot of one engine: takes it through standby, start, idle, steps, shutdown and cooling, and judges
+//! by what the ECU reports whether each was reached.
+//!
+//! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
+//! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
+//! is the end of the run for this engine.
+
+use super::desk::{Desk, Lever, Stage};
+use super::faults::{Failure, Faults};
+use super::plan::{EnginePlan, LEAST_RUNNING};
+use super::quantity::seconds;
+use embassy_time::{Duration, Instant, Ticker};
+use jetlink::channels::Handle;
+use jetlink::command::{Demand, Order, Origin, Rejected};
+use jetlink::telemetry::{LinkState, Phase, Telemetry};
+use jetlink::units::{Rpm, Throttle};
+use std::collections::VecDeque;
+
+/// Between two commands; the age limit of a source is 1 s.
+const TICK: Duration = Duration::from_millis(100);
+/// For the ECU to be heard and to report standby.
+const READY_WITHIN: Duration = Duration::from_secs(10);
+/// For a link to be up after the last fault.
+const RECOVER_WITHIN: Duration = Duration::from_secs(3);
+/// Idle after the start and before the shutdown.
+const IDLE: Duration = Duration::from_secs(5);
+/// The shortest step.
+const STEP: Duration = Duration::from_secs(10);
+/// A speed counts as reached when it has been steady for so many ticks.
+const STEADY_TICKS: usize = 10;
+/// EGT, in tenths of a degree, below which an engine is cool.
+const COOL: i16 = 1000;
+/// Slower than this the shaft counts as standing.
+const STANDING_RPM: u32 = 1000;
+/// Starts of one engine in one run.
+const MOST_STARTS: u32 = 3;
+
+/// Why something was not waited for to the end.
+#[derive(Clone, Copy, Debug)]
+enum Cut {
+    /// The time is over.
+    TimeUp,
+    /// The node withdrew the run: the engine stopped.
+    Stopped,
+    /// The node refused the command.
+    Refused(Rejected),
+}
+
+/// The pilot of one engine.
+#[derive(Debug)]
+pub struct Pilot<'a> {
+    desk: &'a Desk<'a>,
+    handle: Handle<'a>,
+    plan: EnginePlan,
+    standby_only: bool,
+    rng: fastrand::Rng,
+    /// When the last fault on the line ends.
+    clean_from: Instant,
+    /// Something is wrong with the engine or its line in this run, so it may be started again.
+    may_start_again: bool,
+}
+
+impl<'a> Pilot<'a> {
+    /// For one engine.
+    pub fn new(
+        desk: &'a Desk<'a>,
+        handle: Handle<'a>,
+        plan: EnginePlan,
+        standby_only: bool,
+        faults: &Faults,
+        seed: u64,
+    ) -> Self {
+        let flame_out =
+            |failure: &(usize, Failure)| failure.0 == desk.index && matches!(failure.1, Failure::FlameOut(_));
+        Self {
+            desk,
+            handle,
+            plan,
+            standby_only,
+            rng: fastrand::Rng::with_seed(seed),
+            clean_from: faults.line_clean_from(desk.index),
+            may_start_again: !faults.line_is_clean(desk.index) || faults.failures.iter().any(flame_out),
+        }
+    }
+
+    /// Does it all. Gives what was not reached.
+    pub async fn fly(mut self) -> Result<(), String> {
+        let result = if self.standby_only { self.stand_by().await } else { self.whole_run().await };
+        match &result {
+            Ok(()) => self.stage(Stage::Done),
+            Err(why) => {
+                self.desk.note(format!("NOT REACHED: {why}"));
+                self.stage(Stage::Failed);
+                // Nothing is left running.
+                self.desk.lever.set(Lever::Standby);
+                let limit = Instant::now() + self.plan.cooling_takes + READY_WITHIN;
+                let _ = self
+                    .keep(limit, |telemetry| {
+                        (telemetry.link == LinkState::Lost || is_cool(telemetry)).then_some(())
+                    })
+                    .await;
+            }
+        }
+        result
+    }
+
+    async fn whole_run(&mut self) -> Result<(), String> {
+        let mut starts = 0;
+        loop {
+            starts += 1;
+            self.ready().await?;
+            let flown = match self.start().await {
+                Ok(()) => self.run().await,
+                Err(why) => Err(why),
+            };
+            let Err(why) = flown else { break };
+            if !self.may_start_again || starts == MOST_STARTS {
+                return Err(why);
+            }
+            self.desk.note(format!("{why}; it will be started again"));
+        }
+        self.shut_down().await
+    }
+
+    /// Standby only, until the time is over.
+    async fn stand_by(&mut self) -> Result<(), String> {
+        self.ready().await?;
+        self.hold(self.clean_from).await;
+        self.recovered().await?;
+        self.hold(self.plan.shutdown_at).await;
+        Ok(())
+    }
+
+    /// Standby, until the ECU is heard, cool and ready.
+    async fn ready(&mut self) -> Result<(), String> {
+        self.stage(Stage::Standby);
+        self.desk.lever.set(Lever::Standby);
+        let hot = self.handle.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
+        let cooling = if hot { self.plan.cooling_takes } else { Duration::MIN };
+        let limit = self.clean_from.max(Instant::now()) + READY_WITHIN + cooling;
+        let by_rpm = self.desk.engine.by_rpm();
+        let told_speeds = |telemetry: &Telemetry| {
+            let report = &telemetry.report;
+            report.version.is_some() && report.idle_rpm.is_some() && report.max_rpm.is_some()
+        };
+        let ready = self
+            .keep(limit, |telemetry| {
+                (telemetry.link == LinkState::Up && is_cool(telemetry) && (!by_rpm || told_speeds(telemetry)))
+                    .then_some(())
+            })
+            .await;
+        ready.map_err(|_| format!("not ready for a start in time: {}", self.describe()))?;
+        if !self.standby_only {
+            self.hold(self.plan.start_at).await;
+        }
+        Ok(())
+    }
+
+    async fn start(&mut self) -> Result<(), String> {
+        self.stage(Stage::Start);
+        let Some(idle) = self.demand(0) else { return Err("the ECU has not told its speeds".to_owned()) };
+        self.desk.lever.set(Lever::Run(idle));
+        let takes = self.plan.start_takes;
+        let started = Instant::now();
+        let running = self
+            .keep(started + takes * 3 / 2 + READY_WITHIN, |telemetry| {
+                (phase(telemetry) == Some(Phase::Running)).then_some(())
+            })
+            .await;
+        match running {
+            Ok(()) => {
+                self.desk
+                    .note(format!("running {:.1} s after the command", seconds(Instant::now() - started)));
+                Ok(())
+            }
+            Err(Cut::TimeUp) => Err(format!("did not start in time: {}", self.describe())),
+            Err(Cut::Stopped) => Err(format!("the start failed: {}", self.describe())),
+            Err(Cut::Refused(why)) => Err(format!("the start was refused: {why}")),
+        }
+    }
+
+    async fn run(&mut self) -> Result<(), String> {
+        // After a second start there may be little left of the time that was planned.
+        let shutdown_at = self.plan.shutdown_at.max(Instant::now() + LEAST_RUNNING);
+        self.stage(Stage::Idle);
+        self.keep_running(Instant::now() + IDLE).await?;
+        self.stage(Stage::Steps);
+        let mut percent = 0;
+        while self.clean_from > Instant::now() || Instant::now() + STEP + IDLE <= shutdown_at {
+            let disturbed = self.clean_from > Instant::now();
+            if !disturbed {
+                self.recovered().await?;
+            }
+            let before = percent;
+            percent = self.another(before);
+            let mut end = Instant::now() + STEP + Duration::from_millis(self.rng.u64(..3000));
+            if Instant::now() + STEP * 2 + IDLE > shutdown_at {
+                // The last one.
+                end = end.max(shutdown_at - IDLE);
+            }
+            if disturbed {
+                end = end.min(self.clean_from);
+            }
+            self.step(before, percent, end, !disturbed).await?;
+        }
+        self.recovered().await?;
+        self.step(percent, 0, Instant::now() + IDLE, false).await
+    }
+
+    /// Another throttle, far enough from this one to be seen.
+    fn another(&mut self, percent: u8) -> u8 {
+        loop {
+            let next = self.rng.u8(4..=20) * 5;
+            if next.abs_diff(percent) >= 20 {
+                return next;
+            }
+        }
+    }
+
+    /// One step from idle (0) to full (100), held until `end`.
+    async fn step(&mut self, before: u8, percent: u8, end: Instant, strict: bool) -> Result<(), String> {
+        let Some(demand) = self.demand(percent) else {
+            return Err("the ECU no longer tells its speeds".to_owned());
+        };
+        self.desk.lever.set(Lever::Run(demand));
+        let first = speed(&self.handle.telemetry());
+        let mut last = VecDeque::new();
+        let reached = self
+            .keep(end, |telemetry| {
+                let now = speed(telemetry)?;
+                last.push_back(now);
+                if last.len() <= STEADY_TICKS {
+                    return None;
+                }
+                last.pop_front();
+                let (min, max) = (last.iter().min().copied()?, last.iter().max().copied()?);
+                // Twice the coarsest step of an AMT ECU's rpm.
+                let steady = max - min <= (max / 64).max(1000);
+                let moved =
+                    first.is_none_or(|first| if percent > before { now > first } else { now < first });
+                (steady && moved && obeyed(telemetry, demand)).then_some(())
+            })
+            .await;
+        match reached {
+            Ok(()) => {}
+            Err(Cut::TimeUp) if !strict => {
+                return Ok(());
+            }
+            Err(Cut::TimeUp) => {
+                return Err(format!(
+                    "{} was not reached in time: {}",
+                    self.desk.lever.get(),
+                    self.describe()
+                ));
+            }
+            Err(cut) => return Err(self.stopped(cut)),
+        }
+        self.keep_running(end).await
+    }
+
+    async fn shut_down(&mut self) -> Result<(), String> {
+        self.stage(Stage::Cooling);
+        self.desk.lever.set(Lever::Standby);
+        let limit = Instant::now() + self.plan.cooling_takes * 3 / 2 + READY_WITHIN;
+        let mut cool_ticks = 0;
+        let cooled = self
+            .keep(limit, |telemetry| {
+                cool_ticks = if is_cool(telemetry) { cool_ticks + 1 } else { 0 };
+                (cool_ticks >= STEADY_TICKS).then_some(())
+            })
+            .await;
+        cooled.map_err(|_| format!("not shut down and cool in time: {}", self.describe()))
+    }
+
+    /// The link has to be up soon after the last fault on the line.
+    async fn recovered(&mut self) -> Result<(), String> {
+        if self.clean_from == Instant::MIN || self.desk.recovered_after.get().is_some() {
+            return Ok(());
+        }
+        let limit = self.clean_from.max(Instant::now()) + RECOVER_WITHIN;
+        let heard = self
+            .keep(limit, |telemetry| {
+                let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from)?;
+                (telemetry.link == LinkState::Up).then_some(heard)
+            })
+            .await;
+        match heard {
+            Ok(heard) => {
+                self.desk.recovered_after.set(Some(heard - self.clean_from));
+                Ok(())
+            }
+            Err(Cut::TimeUp) => Err("the link did not come back after the faults had ended".to_owned()),
+            Err(cut) => Err(self.stopped(cut)),
+        }
+    }
+
+    /// Holds the lever until then, whatever happens.
+    async fn hold(&self, until: Instant) {
+        let _ = self.keep(until, |_| None::<()>).await;
+    }
+
+    async fn keep_running(&self, until: Instant) -> Result<(), String> {
+        match self.keep(until, |_| None::<()>).await {
+            Ok(()) | Err(Cut::TimeUp) => Ok(()),
+            Err(cut) => Err(self.stopped(cut)),
+        }
+    }
+
+    /// Holds the lever until this has come, or the time is over, or the engine stops.
+    async fn keep<T>(&self, until: Instant, mut come: impl FnMut(&Telemetry) -> Option<T>) -> Result<T, Cut> {
+        let lever = self.desk.lever.get();
+        let mut ticker = Ticker::every(TICK);
+        self.command(lever)?;
+        loop {
+            let telemetry = self.handle.telemetry();
+            if matches!(lever, Lever::Run(_)) && !matches!(telemetry.ordered.order, Order::Run(_)) {
+                return Err(Cut::Stopped);
+            }
+            if let Some(what) = come(&telemetry) {
+                return Ok(what);
+            }
+            if Instant::now() >= until {
+                return Err(Cut::TimeUp);
+            }
+            self.command(lever)?;
+            ticker.next().await;
+        }
+    }
+
+    fn command(&self, lever: Lever) -> Result<(), Cut> {
+        // Before the call: the node may act at once.
+        let at = sim::clock::now_ns();
+        self.handle.command(lever.command(), Origin::Bench).map_err(|why| match why {
+            Rejected::StandbyFirst => Cut::Stopped,
+            why => Cut::Refused(why),
+        })?;
+        self.desk.audit.borrow_mut().ordered(at, lever.order());
+        Ok(())
+    }
+
+    /// Percent of the way from idle to full, as this engine is commanded.
+    fn demand(&self, percent: u8) -> Option<Demand> {
+        if !self.desk.engine.by_rpm() {
+            return Throttle::from_percent(percent).ok().map(Demand::Throttle);
+        }
+        let report = self.handle.telemetry().report;
+        let (idle, max) = (report.idle_rpm?.value.get(), report.max_rpm?.value.get());
+        let rpm = idle + max.checked_sub(idle)? / 100 * u32::from(percent);
+        Some(Demand::Rpm(Rpm::new(rpm)))
+    }
+
+    fn stage(&self, stage: Stage) {
+        if self.desk.stage.replace(stage) != stage {
+            self.desk.note(format!("-> {}", stage.name()));
+        }
+    }
+
+    fn stopped(&self, cut: Cut) -> String {
+        match cut {
+            Cut::Refused(why) => format!("a command was refused: {why}"),
+            Cut::Stopped | Cut::TimeUp => {
+                self.desk.stops.set(self.desk.stops.get() + 1);
+                format!("the engine stopped by itself: {}", self.describe())
+            }
+        }
+    }
+
+    /// What the ECU says, for people.
+    fn describe(&self) -> String {
+        let telemetry = self.handle.telemetry();
+        let report = &telemetry.report;
+        match telemetry.link {
+            LinkState::Silent => return "the ECU was never heard".to_owned(),
+            LinkState::Lost => return "the ECU is no longer heard".to_owned(),
+            LinkState::Up => {}
+        }
+        let mut text = match report.state {
+            Some(state) => format!("the ECU reports state {} ({})", state.value.code, state.value.name),
+            None => "the ECU has reported no state".to_owned(),
+        };
+        if let Some(speed) = report.rpm {
+            text += &format!(", {} rpm", speed.value.get());
+        }
+        if let Some(egt) = report.egt {
+            text += &format!(", EGT {:.0} °C", f64::from(egt.value.tenths()) / 10.0);
+        }
+        if let Some(faults) = report.faults
+            && !faults.value.is_empty()
+        {
+            text += &format!(", fault: {}", faults.value);
+        }
+        text
+    }
+}
+
+fn phase(telemetry: &Telemetry) -> Option<Phase> {
+    telemetry.report.phase.map(|phase| phase.value)
+}
+
+/// In standby, below 100 °C, and the shaft stands.
+fn is_cool(telemetry: &Telemetry) -> bool {
+    let report = &telemetry.report;
+    matches!(phase(telemetry), Some(Phase::Standby | Phase::Stopped))
+        && report.egt.is_some_and(|egt| egt.value.tenths() < COOL)
+        && speed(telemetry).is_some_and(|speed| speed < STANDING_RPM)
+}
+
+/// Shaft speed; where the engine's scale is open, in steps as large as an Olympus has (AMT-5).
+fn speed(telemetry: &Telemetry) -> Option<u32> {
+    let report = &telemetry.report;
+    match (report.rpm, report.rpm_raw) {
+        (Some(rpm), _) => Some(rpm.value.get()),
+        (None, Some(raw)) => Some(u32::from(raw.value) * 500),
+        (None, None) => None,
+    }
+}
+
+/// The ECU shows what was demanded.
+fn obeyed(telemetry: &Telemetry, demand: Demand) -> bool {
+    let report = &telemetry.report;
+    match demand {
+        // ZK ECUs report whole percents.
+        Demand::Throttle(throttle) => {
+            report.throttle.is_some_and(|shown| shown.value.tenths().abs_diff(throttle.tenths()) <= 10)
+        }
+        Demand::Rpm(rpm) => {
+            report.rpm.is_some_and(|shown| shown.value.get().abs_diff(rpm.get()) <= rpm.get() / 64)
+        }
+    }
+}

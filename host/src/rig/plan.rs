@@ -1,0 +1,181 @@
+//! When each engine is started and shut down, reckoned from its turbine's own times.
+
+use super::engines::Engine;
+use super::faults::Faults;
+use super::quantity::seconds;
+use super::simulated::parameters;
+use embassy_time::{Duration, Instant};
+
+/// What a run lasts unless `--duration` says otherwise, or the engines need longer.
+const USUAL_LENGTH: Duration = Duration::from_secs(180);
+/// The first start.
+const FIRST_START: Duration = Duration::from_secs(3);
+/// Between two starts: like a pilot, who starts one engine after the other.
+const BETWEEN_STARTS: Duration = Duration::from_secs(2);
+/// The least time of an engine between its start and its shutdown.
+pub const LEAST_RUNNING: Duration = Duration::from_secs(20);
+/// Between the end of the faults and the first shutdown, to see that all recovers.
+const RECOVERY: Duration = Duration::from_secs(15);
+/// The least length of a run without a start.
+const SHORTEST_STANDBY: Duration = Duration::from_secs(2);
+
+/// The times of a run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Total length aimed at.
+    pub length: Duration,
+    /// Start no engine.
+    pub standby_only: bool,
+    /// Of each engine.
+    pub engines: Vec<EnginePlan>,
+}
+
+/// The times of one engine.
+#[derive(Clone, Copy, Debug)]
+pub struct EnginePlan {
+    /// When its start is asked for.
+    pub start_at: Instant,
+    /// What a start takes, roughly.
+    pub start_takes: Duration,
+    /// When it is shut down.
+    pub shutdown_at: Instant,
+    /// What shutdown and cooling take, roughly.
+    pub cooling_takes: Duration,
+}
+
+impl Plan {
+    /// For these engines. Completes `faults`: on the lines they end before the first shutdown.
+    pub fn new(
+        engines: &[Engine],
+        length: Option<Duration>,
+        standby_only: bool,
+        faults: &mut Faults,
+    ) -> Result<Self, String> {
+        if standby_only {
+            return Self::standby(engines.len(), length, faults);
+        }
+        let mut plans: Vec<EnginePlan> = engines
+            .iter()
+            .zip(0..)
+            .map(|(engine, i)| {
+                let p = parameters(engine);
+                let start = p.ignition_s + p.preheat_s + p.ramp_s + p.learn_s + 4.0;
+                // From idle to 100 °C, and until the shaft stands.
+                let cooling = 1.8 * p.cooling_s + 9.0;
+                EnginePlan {
+                    start_at: Instant::MIN + FIRST_START + BETWEEN_STARTS * i,
+                    start_takes: Duration::from_millis((start * 1000.0) as u64),
+                    shutdown_at: Instant::MIN,
+                    cooling_takes: Duration::from_millis((cooling * 1000.0) as u64),
+                }
+            })
+            .collect();
+        let needed = |plan: &EnginePlan| {
+            (plan.start_at - Instant::MIN) + plan.start_takes + LEAST_RUNNING + plan.cooling_takes
+        };
+        let shortest = plans.iter().map(needed).max().unwrap_or(Duration::MIN);
+        let shortest = Duration::from_secs(shortest.as_millis().div_ceil(1000));
+        let length = length.unwrap_or(USUAL_LENGTH.max(shortest + LEAST_RUNNING));
+        if length < shortest {
+            return Err(format!(
+                "--duration {} is too short: starting, running and cooling these engines takes at least {}s",
+                text(length),
+                shortest.as_secs()
+            ));
+        }
+        for plan in &mut plans {
+            plan.shutdown_at = Instant::MIN + (length - plan.cooling_takes);
+        }
+        let first_shutdown = plans.iter().map(|plan| plan.shutdown_at).min().unwrap_or(Instant::MIN);
+        let latest_end = (first_shutdown - Instant::MIN) - RECOVERY;
+        end_of_faults(faults, latest_end)?;
+        Ok(Self { length, standby_only, engines: plans })
+    }
+
+    fn standby(engines: usize, length: Option<Duration>, faults: &mut Faults) -> Result<Self, String> {
+        let length = length.unwrap_or(Duration::from_secs(10));
+        if length < SHORTEST_STANDBY {
+            return Err(format!(
+                "--duration {} is too short: with --standby it is at least {}",
+                text(length),
+                text(SHORTEST_STANDBY)
+            ));
+        }
+        // The last third is for the recovery.
+        end_of_faults(faults, length * 2 / 3)?;
+        let plan = EnginePlan {
+            start_at: Instant::MIN,
+            start_takes: Duration::MIN,
+            shutdown_at: Instant::MIN + length,
+            cooling_takes: Duration::MIN,
+        };
+        Ok(Self { length, standby_only: true, engines: vec![plan; engines] })
+    }
+}
+
+/// The faults on the lines end in time, or the command line is wrong.
+fn end_of_faults(faults: &mut Faults, latest: Duration) -> Result<(), String> {
+    if !faults.on_lines() {
+        return Ok(());
+    }
+    let until = *faults.until.get_or_insert(latest);
+    if until > latest {
+        return Err(format!(
+            "--faults: `until` has to be {} or earlier in this run, so that recovery can be seen",
+            text(latest)
+        ));
+    }
+    if faults.from >= until {
+        return Err(format!(
+            "--faults: `from` has to be earlier than the end of the faults, which is {} in this run",
+            text(until)
+        ));
+    }
+    Ok(())
+}
+
+fn text(time: Duration) -> String {
+    format!("{}s", seconds(time))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::engines::engines;
+    use super::*;
+
+    #[test]
+    fn all_engines_have_time_to_run_and_to_cool() {
+        let engines = engines(&[]).unwrap();
+        let plan = Plan::new(&engines, None, false, &mut Faults::default()).unwrap();
+        assert_eq!(plan.engines.len(), 4);
+        for engine in &plan.engines {
+            assert!(engine.shutdown_at >= engine.start_at + engine.start_takes + LEAST_RUNNING);
+            assert!(engine.shutdown_at + engine.cooling_takes <= Instant::MIN + plan.length);
+        }
+    }
+
+    #[test]
+    fn a_run_that_is_too_short_is_refused_with_the_shortest() {
+        let engines = engines(&[]).unwrap();
+        let none = &mut Faults::default();
+        let error = Plan::new(&engines, Some(Duration::from_secs(60)), false, none).unwrap_err();
+        let least: u64 =
+            error.rsplit(' ').next().and_then(|word| word.strip_suffix('s')?.parse().ok()).unwrap();
+        assert!(Plan::new(&engines, Some(Duration::from_secs(least - 1)), false, none).is_err());
+        assert!(Plan::new(&engines, Some(Duration::from_secs(least)), false, none).is_ok());
+        assert!(Plan::new(&engines, Some(Duration::from_secs(1)), true, none).is_err());
+    }
+
+    #[test]
+    fn faults_end_before_the_first_shutdown() {
+        let engines = engines(&[]).unwrap();
+        let mut heavy = Faults::parse("heavy", &engines).unwrap();
+        let plan = Plan::new(&engines, None, false, &mut heavy).unwrap();
+        let until = Instant::MIN + heavy.until.unwrap();
+        assert!(plan.engines.iter().all(|engine| until + RECOVERY <= engine.shutdown_at));
+        for text in ["heavy,until=175s", "heavy,from=170s"] {
+            let mut late = Faults::parse(text, &engines).unwrap();
+            assert!(Plan::new(&engines, None, false, &mut late).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! What one engine looks like at one moment, for the table, the lines, the CSV file and the plot.
+
+use super::desk::{Desk, Lever, Note, Stage};
+use embassy_time::{Duration, Instant};
+use jetlink::channels::Handle;
+use jetlink::telemetry::{Counters, LinkState};
+
+/// Between two samples.
+pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
+
+/// One engine at one moment.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sample {
+    /// How far its pilot has come.
+    pub stage: Stage,
+    /// What its pilot commands.
+    pub lever: Lever,
+    /// Whether the ECU is heard.
+    pub link: LinkState,
+    /// The ECU's own name of its state.
+    pub state: Option<&'static str>,
+    /// Shaft speed.
+    pub rpm: Option<u32>,
+    /// Exhaust gas temperature in °C.
+    pub egt: Option<f64>,
+    /// Throttle that the ECU obeys, in percent.
+    pub throttle: Option<f64>,
+    /// What the node has counted.
+    pub counters: Counters,
+}
+
+impl Sample {
+    /// Of this engine, now.
+    pub fn take(desk: &Desk<'_>, handle: Handle<'_>) -> Self {
+        let telemetry = handle.telemetry();
+        let report = &telemetry.report;
+        Self {
+            stage: desk.stage.get(),
+            lever: desk.lever.get(),
+            link: telemetry.link,
+            state: report.state.map(|state| state.value.name),
+            rpm: report.rpm.map(|rpm| rpm.value.get()),
+            egt: report.egt.map(|egt| f64::from(egt.value.tenths()) / 10.0),
+            throttle: report.throttle.map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
+            counters: telemetry.counters,
+        }
+    }
+
+    /// Name of the link's state.
+    pub const fn link_name(&self) -> &'static str {
+        match self.link {
+            LinkState::Silent => "silent",
+            LinkState::Up => "up",
+            LinkState::Lost => "lost",
+        }
+    }
+
+    /// Replies and turns that the node missed by its own count.
+    pub const fn missed(&self) -> u32 {
+        let counters = &self.counters;
+        counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.turns_missed)
+    }
+
+    /// What came from the ECU and was no frame.
+    pub const fn decode_errors(&self) -> u32 {
+        decode_errors(&self.counters)
+    }
+}
+
+/// What came from the ECU and was no frame, and frames of unknown kinds.
+pub const fn decode_errors(counters: &Counters) -> u32 {
+    counters
+        .crc_failures
+        .wrapping_add(counters.truncated)
+        .wrapping_add(counters.bytes_skipped)
+        .wrapping_add(counters.unknown_frames)
+}
+
+/// From the engines to whatever shows them.
+#[derive(Clone, Debug)]
+pub enum Message {
+    /// Every [`SAMPLE_EVERY`]: all engines.
+    Samples {
+        /// When.
+        at: Instant,
+        /// In the order of the list of engines.
+        samples: Vec<Sample>,
+    },
+    /// Something happened.
+    Note(Note),
+}

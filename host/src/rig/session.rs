@@ -1,0 +1,325 @@
+//! The run itself: the node's runners, the lines with the ECUs, the pilots and the samples, all in one
+//! thread on the clock of the simulation.
+
+use super::audit::Audit;
+use super::desk::{Desk, Notes};
+use super::engines::Engine;
+use super::faults::{Failure, Faults};
+use super::pilot::Pilot;
+use super::plan::Plan;
+use super::sample::{Message, SAMPLE_EVERY, Sample};
+use super::simulated::{EcuCounts, Simulated, line};
+use embassy_time::{Duration, Instant, Ticker, Timer};
+use jetlink::channels::{Channel, Events, Handle};
+use jetlink::command::{Order, Ordered};
+use jetlink::runner::LineErrors;
+use jetlink::telemetry::{Counters, Event, LinkState};
+use sim::clock;
+use sim::wire::{Faults as LineFaults, Plug};
+use std::cell::{Cell, RefCell};
+use std::future::poll_fn;
+use std::pin::Pin;
+use std::task::Poll;
+
+/// After the last pilot is done, for what is still on its way.
+const AFTERWARDS: Duration = Duration::from_millis(500);
+/// Events of one engine that are shown in [`EVENT_SPAN`]; noise makes many.
+const EVENTS_SHOWN: u32 = 6;
+/// See [`EVENTS_SHOWN`].
+const EVENT_SPAN: Duration = Duration::from_secs(10);
+
+/// Everything that is decided before a run.
+#[derive(Debug)]
+pub struct Setup {
+    /// The engines.
+    pub engines: Vec<Engine>,
+    /// When each is started and shut down.
+    pub plan: Plan,
+    /// What goes wrong.
+    pub faults: Faults,
+    /// All that is random comes from this number.
+    pub seed: u64,
+    /// As quick as the machine allows, instead of real time.
+    pub fast: bool,
+}
+
+/// What came of one engine.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The engine's name.
+    pub name: &'static str,
+    /// What the pilot did not reach; `None` when it was cut short.
+    pub flown: Option<Result<(), String>>,
+    /// What the node has counted.
+    pub node: Counters,
+    /// Whether the link is up at the end.
+    pub link: LinkState,
+    /// What the ECU has counted.
+    pub ecu: EcuCounts,
+    /// What was seen on the line.
+    pub audit: Audit,
+    /// How often the engine stopped by itself.
+    pub stops: u32,
+    /// From the end of the last fault until the link was up.
+    pub recovered_after: Option<Duration>,
+    /// Nothing ever was wrong with the line.
+    pub line_was_clean: bool,
+    /// The turbine turns and burns no more, by its own account.
+    pub is_live: bool,
+}
+
+/// What came of a run.
+#[derive(Debug)]
+pub struct Outcomes {
+    /// Of each engine.
+    pub engines: Vec<Outcome>,
+    /// Engine time at the end.
+    pub length: Duration,
+    /// Somebody ended the run early.
+    pub interrupted: bool,
+}
+
+type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
+
+/// Runs. `show` is called with all that is to be shown and says whether to go on.
+pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
+    clock::reset();
+    clock::set_pace(if setup.fast { clock::Pace::Virtual } else { clock::Pace::Wall });
+
+    let count = setup.engines.len();
+    let notes = Notes::default();
+    let mut seeds = fastrand::Rng::with_seed(setup.seed);
+    let channels: Vec<Channel> = setup.engines.iter().map(|engine| Channel::new(&engine.config)).collect();
+    let errors: Vec<LineErrors> = (0..count).map(|_| LineErrors::new()).collect();
+    let desks: Vec<Desk<'_>> =
+        setup.engines.iter().enumerate().map(|(i, engine)| Desk::new(i, engine, &notes)).collect();
+    let flown: Vec<RefCell<Option<Result<(), String>>>> = (0..count).map(|_| RefCell::new(None)).collect();
+
+    let mut plugs = Vec::new();
+    let mut tasks: Vec<Task<'_>> = Vec::new();
+    for (i, (((engine, channel), desk), plan)) in
+        setup.engines.iter().zip(&channels).zip(&desks).zip(&setup.plan.engines).enumerate()
+    {
+        let (rx, tx, plug) = sim::wire::connect(Simulated::new(engine), line(engine), seeds.u64(..));
+        plug.record(true);
+        let handle = channel.handle();
+        // The listeners first: the pilot must not command before events are heard.
+        if let Some(events) = handle.events() {
+            tasks.push(Box::pin(listen(events, desk, handle, plug.clone())));
+        }
+        if let Some(errors) = errors.get(i) {
+            tasks.push(Box::pin(async move {
+                channel.runner().run(rx, tx, errors).await;
+            }));
+        }
+        let moved = plug.clone();
+        tasks.push(Box::pin(async move {
+            moved.run().await;
+        }));
+        let pilot = Pilot::new(desk, handle, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
+        if let Some(flown) = flown.get(i) {
+            tasks.push(Box::pin(async move {
+                let result = pilot.fly().await;
+                flown.replace(Some(result));
+            }));
+        }
+        plugs.push(plug);
+    }
+    tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
+
+    let handles: Vec<Handle<'_>> = channels.iter().map(Channel::handle).collect();
+    let interrupted = Cell::new(false);
+    let watch = async {
+        let mut ticker = Ticker::every(SAMPLE_EVERY);
+        let mut all_done_at = None;
+        loop {
+            look(&desks, &plugs);
+            let samples = desks.iter().zip(&handles).map(|(desk, &handle)| Sample::take(desk, handle));
+            let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
+            let go_on = notes.take().into_iter().map(Message::Note).chain([samples]).all(&mut show);
+            if !go_on {
+                interrupted.set(true);
+                return;
+            }
+            if flown.iter().all(|flown| flown.borrow().is_some()) {
+                let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
+                if Instant::now() >= end {
+                    return;
+                }
+            }
+            ticker.next().await;
+        }
+    };
+    clock::run(until_done(watch, tasks));
+    look(&desks, &plugs);
+    for note in notes.take() {
+        show(Message::Note(note));
+    }
+
+    let length = Instant::now() - Instant::MIN;
+    let interrupted = interrupted.get();
+    let mut engines = Vec::new();
+    for (i, ((desk, plug), (handle, flown))) in
+        desks.into_iter().zip(&plugs).zip(handles.iter().zip(&flown)).enumerate()
+    {
+        let telemetry = handle.telemetry();
+        engines.push(Outcome {
+            name: desk.engine.name(),
+            flown: flown.take(),
+            node: telemetry.counters,
+            link: telemetry.link,
+            ecu: plug.ecu(|ecu| ecu.counts()),
+            audit: desk.audit.into_inner(),
+            stops: desk.stops.get(),
+            recovered_after: desk.recovered_after.get(),
+            line_was_clean: setup.faults.line_is_clean(i),
+            is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
+        });
+    }
+    Outcomes { engines, length, interrupted }
+}
+
+/// Polls `first` and all tasks in their order, until `first` is done.
+async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
+    let mut first = std::pin::pin!(first);
+    poll_fn(|cx| {
+        for task in &mut tasks {
+            // Ended tasks are taken out, so none is polled after its end.
+            let _ = task.as_mut().poll(cx).map(|()| *task = Box::pin(std::future::pending()));
+        }
+        match first.as_mut().poll(cx) {
+            Poll::Ready(()) => Poll::Ready(()),
+            Poll::Pending => Poll::Pending,
+        }
+    })
+    .await;
+}
+
+/// Holds what was on the lines against what was commanded.
+fn look(desks: &[Desk<'_>], plugs: &[Plug<Simulated>]) {
+    for (desk, plug) in desks.iter().zip(plugs) {
+        let mut audit = desk.audit.borrow_mut();
+        audit.look(&plug.take_log());
+        audit.looked_until(clock::now_ns());
+    }
+}
+
+/// Notes the node's events. A run that the node withdraws counts as an order to standby only where jetlink
+/// documents it: the engine stopped, or was not heard before it came alive.
+async fn listen(mut events: Events<'_>, desk: &Desk<'_>, handle: Handle<'_>, plug: Plug<Simulated>) {
+    let (mut span_end, mut shown, mut hidden) = (Instant::MIN, 0, 0_u32);
+    loop {
+        let event = match events.next_message().await {
+            embassy_sync::pubsub::WaitResult::Message(event) => event,
+            embassy_sync::pubsub::WaitResult::Lagged(missed) => {
+                desk.note(format!("{missed} events were missed"));
+                continue;
+            }
+        };
+        if event == Event::RunWithdrawn {
+            let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
+            if !live || handle.telemetry().link == LinkState::Lost {
+                desk.audit.borrow_mut().withdrawn(clock::now_ns());
+            }
+        }
+        let Some(text) = text(event) else { continue };
+        let now = Instant::now();
+        if now >= span_end {
+            if hidden > 0 {
+                desk.note(format!("({hidden} more events in {} s)", EVENT_SPAN.as_secs()));
+            }
+            (span_end, shown, hidden) = (now + EVENT_SPAN, 0, 0);
+        }
+        if shown < EVENTS_SHOWN {
+            shown += 1;
+            desk.note(text);
+        } else {
+            hidden += 1;
+        }
+    }
+}
+
+/// An event for people; `None` for what the pilot says itself or the counters show.
+fn text(event: Event) -> Option<String> {
+    Some(match event {
+        Event::LinkUp => "link up".to_owned(),
+        Event::LinkLost => "LINK LOST".to_owned(),
+        Event::EcuStarted => "the ECU has started".to_owned(),
+        Event::EngineIdentified(engine) => format!("the ECU says its engine is a {}", engine.name()),
+        Event::VersionKnown(version) => format!("protocol version {}", version.get()),
+        Event::Phase(phase) => format!("the engine is {}", phase.name()),
+        Event::Faults(faults) if faults.is_empty() => "no fault any more".to_owned(),
+        Event::Faults(faults) => format!("FAULT: {faults}"),
+        Event::RateConfirmed(rate) => format!("status rate {} Hz", rate.hz()),
+        Event::RateNotConfirmed(rate) => format!("the ECU does not take the status rate {} Hz", rate.hz()),
+        Event::CommandRejected(why, _) => format!("command rejected: {why}"),
+        Event::SourceLoss(stage) => format!("loss of commands: stage {stage:?}"),
+        Event::RunWithdrawn => "the engine stopped: the node goes to standby".to_owned(),
+        Event::Ordered(Ordered { order: Order::EmergencyStop, .. }) => "EMERGENCY STOP".to_owned(),
+        // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
+        _ => return None,
+    })
+}
+
+/// Switches the faults on and off.
+async fn disturb(setup: &Setup, plugs: &[Plug<Simulated>], notes: &Notes) {
+    enum Change {
+        Line(LineFaults),
+        Cut(usize, bool),
+        Fail(usize, Failure),
+    }
+    let faults = &setup.faults;
+    let mut changes = Vec::new();
+    if faults.on_lines() {
+        changes.push((faults.from, Change::Line(faults.line)));
+        changes.extend(faults.until.map(|until| (until, Change::Line(LineFaults::default()))));
+    }
+    for cut in &faults.cuts {
+        changes.push((cut.at, Change::Cut(cut.engine, true)));
+        changes.push((cut.at + cut.length, Change::Cut(cut.engine, false)));
+    }
+    for &(engine, failure) in &faults.failures {
+        let at = if let Failure::FlameOut(at) = failure { at } else { Duration::MIN };
+        changes.push((at, Change::Fail(engine, failure)));
+    }
+    changes.sort_by_key(|&(at, _)| at);
+    for (at, change) in changes {
+        Timer::at(Instant::MIN + at).await;
+        match change {
+            Change::Line(line) => {
+                for plug in plugs {
+                    plug.set_faults(line, line);
+                }
+                let on = line != LineFaults::default();
+                notes.add(None, if on { "faults on all lines begin" } else { "faults on all lines end" });
+            }
+            Change::Cut(engine, cut) => {
+                if let Some(plug) = plugs.get(engine) {
+                    plug.cut(cut);
+                }
+                notes.add(Some(engine), if cut { "the line is cut" } else { "the line is joined again" });
+            }
+            Change::Fail(engine, failure) => {
+                let Some(plug) = plugs.get(engine) else { continue };
+                let what = plug.ecu(|ecu| {
+                    let turbine = ecu.turbine_mut();
+                    match failure {
+                        Failure::HotStart => {
+                            turbine.hot_start(true);
+                            "every start will be hot"
+                        }
+                        Failure::NoLight => {
+                            turbine.no_light(true);
+                            "no start will light"
+                        }
+                        Failure::FlameOut(_) => {
+                            turbine.flame_out();
+                            "the flame goes out"
+                        }
+                    }
+                });
+                notes.add(Some(engine), what);
+            }
+        }
+    }
+}

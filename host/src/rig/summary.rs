@@ -1,0 +1,138 @@
+//! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
+
+use super::quantity::seconds;
+use super::row::millis;
+use super::sample::decode_errors;
+use super::session::{Outcome, Outcomes};
+use embassy_time::Duration;
+use jetlink::telemetry::LinkState;
+
+/// Everything that makes a run a failure, a sentence each.
+pub fn problems(outcomes: &Outcomes) -> Vec<String> {
+    let mut problems = Vec::new();
+    if outcomes.interrupted {
+        problems.push("the run was ended before its time".to_owned());
+    }
+    for outcome in &outcomes.engines {
+        let mut problem = |what: String| problems.push(format!("{}: {what}", outcome.name));
+        let Outcome { node, ecu, audit, .. } = outcome;
+        if let Some(Err(why)) = &outcome.flown {
+            problem(why.clone());
+        }
+        for finding in &audit.findings {
+            let bytes: Vec<String> = finding.bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            problem(format!(
+                "a command that nobody gave went out at {:.6} s: {} ({})",
+                finding.at as f64 / 1e9,
+                bytes.join(" "),
+                finding.what
+            ));
+        }
+        let more = audit.not_given.saturating_sub(audit.findings.len() as u64);
+        if more > 0 {
+            problem(format!("and {more} more commands that nobody gave"));
+        }
+        if outcome.flown.is_some() && outcome.is_live {
+            problem("the engine is not shut down".to_owned());
+        }
+        if !outcomes.interrupted && outcome.link != LinkState::Up {
+            problem("the link is not up at the end".to_owned());
+        }
+        if outcome.line_was_clean {
+            if missed(outcome) > 0 {
+                problem(format!("{} reply windows were missed on a clean line", missed(outcome)));
+            }
+            let by_node = node.replies_missed + node.replies_late;
+            if by_node > 0 && missed(outcome) == 0 {
+                problem(format!("the node counts {by_node} missed replies, the ECU counts none"));
+            }
+            if decode_errors(node) > 0 {
+                problem(format!("{} decode errors on a clean line", decode_errors(node)));
+            }
+            if ecu.bad > 0 {
+                problem(format!("the ECU heard {} bad commands on a clean line", ecu.bad));
+            }
+            // One frame each way may be under way at the end.
+            if ecu.frames.abs_diff(node.frames.into()) > 1 {
+                problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
+            }
+            // A starting ECU may or may not have heard what was sent before it spoke.
+            if ecu.accepted + audit.frames_unheard + 1 < audit.frames {
+                problem(format!("{} commands went to the ECU, it accepted {}", audit.frames, ecu.accepted));
+            }
+        }
+    }
+    problems
+}
+
+/// Writes it all.
+pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
+    let engines = &outcomes.engines;
+    let mut rows: Vec<(&str, Vec<String>)> = Vec::new();
+    let mut row = |head: &'static str, cell: &dyn Fn(&Outcome) -> String| {
+        rows.push((head, engines.iter().map(cell).collect()));
+    };
+    let dash = || "-".to_owned();
+    let is_amt = |outcome: &Outcome| outcome.audit.worst_cadence_error.is_none();
+    let amt = |outcome: &Outcome, text: String| if is_amt(outcome) { text } else { dash() };
+
+    row("", &|o| o.name.to_owned());
+    row("reached what was asked", &|o| {
+        match &o.flown {
+            Some(Ok(())) => "yes",
+            Some(Err(_)) => "NO",
+            None => "cut short",
+        }
+        .to_owned()
+    });
+    row("frames sent by the ECU", &|o| o.ecu.frames.to_string());
+    row("frames received by the node", &|o| o.node.frames.to_string());
+    row("commands sent by the node", &|o| o.audit.frames.to_string());
+    row("commands accepted by the ECU", &|o| o.ecu.accepted.to_string());
+    row("commands that nobody gave", &|o| o.audit.not_given.to_string());
+    row("replies inside the window", &|o| amt(o, o.ecu.in_window.to_string()));
+    row("replies outside the window", &|o| amt(o, o.ecu.late.to_string()));
+    row("windows without a reply", &|o| amt(o, o.ecu.unanswered.to_string()));
+    row("worst reply margin", &|o| o.ecu.worst_margin.map_or_else(dash, millis));
+    row("worst cadence error", &|o| {
+        o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
+    });
+    row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.turns_missed.to_string() });
+    row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
+    row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
+    row("rejected commands", &|o| o.node.commands_rejected.to_string());
+    row("stops by themselves", &|o| o.stops.to_string());
+    if engines.iter().any(|outcome| !outcome.line_was_clean) {
+        row("link up after the faults", &|o| {
+            o.recovered_after.map_or_else(dash, |after| format!("{:.2} s", seconds(after)))
+        });
+    }
+
+    let mut text = format!("\nSummary after {:.1} s of engine time\n", seconds(outcomes.length));
+    for (head, cells) in rows {
+        let mut line = format!("  {head:<30}");
+        for cell in cells {
+            line += &format!("{cell:>14}");
+        }
+        text += line.trim_end();
+        text.push('\n');
+    }
+
+    let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
+    let missed: u64 = engines.iter().map(missed).sum();
+    let worst = engines.iter().filter_map(|outcome| outcome.ecu.worst_margin).min();
+    let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
+    text += &format!("\n{windows} replies in time, {missed} missed{worst}\n");
+    if problems.is_empty() {
+        text += "All engines reached what was asked and are shut down.\n";
+    } else {
+        for problem in problems {
+            text += &format!("FAILED  {problem}\n");
+        }
+    }
+    text
+}
+
+fn missed(outcome: &Outcome) -> u64 {
+    outcome.ecu.late + outcome.ecu.unanswered
+}
