@@ -177,6 +177,13 @@ impl Outbox {
         self.waiting = Some(transmission);
     }
 
+    /// Gives what waits, not yet handed out, other bytes: the latest order wins up to the last moment.
+    pub fn rewrite<const N: usize>(&mut self, frame: impl FnOnce() -> [u8; N]) {
+        if let Some(waiting) = &mut self.waiting {
+            *waiting = Transmission::new(frame(), waiting.start_by);
+        }
+    }
+
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
             bump(&mut self.events_lost);

@@ -5,6 +5,7 @@ use crate::channels::Channel;
 use crate::line::LineError;
 use crate::link::{Output, Transmission};
 use crate::telemetry::NotSent;
+use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_futures::join::join;
 use embassy_futures::select::select3;
@@ -74,6 +75,8 @@ pub struct Runner<'a> {
     channel: &'a Channel,
     /// The transmission on its way to the writing half. A link hands out one at a time.
     outgoing: Signal<NoopRawMutex, Transmission>,
+    /// Something happened since telemetry was last published.
+    changed: Cell<bool>,
 }
 
 impl core::fmt::Debug for Runner<'_> {
@@ -84,7 +87,7 @@ impl core::fmt::Debug for Runner<'_> {
 
 impl<'a> Runner<'a> {
     pub(crate) const fn new(channel: &'a Channel) -> Self {
-        Self { channel, outgoing: Signal::new() }
+        Self { channel, outgoing: Signal::new(), changed: Cell::new(true) }
     }
 
     /// Runs for ever. `rx` and `tx` are the two halves of a UART that is set to the engine's line, for example
@@ -107,6 +110,7 @@ impl<'a> Runner<'a> {
         let mut buffer = [0; 64];
         loop {
             let deadline = self.drain();
+            self.publish();
             self.channel.made_progress();
             let heartbeat = Instant::now() + HEARTBEAT;
             let wake = deadline.map_or(heartbeat, |deadline| deadline.min(heartbeat));
@@ -131,11 +135,19 @@ impl<'a> Runner<'a> {
     async fn feed(&self, mut bytes: &[u8]) {
         let now = Instant::now();
         while !bytes.is_empty() {
-            let taken = self.channel.with(|engine| engine.receive(now, bytes));
+            let (taken, frame) = self.channel.with(|engine| {
+                let heard = engine.heard();
+                let taken = engine.receive(now, bytes);
+                (taken, engine.heard() != heard)
+            });
+            if frame {
+                self.changed.set(true);
+            }
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();
             self.drain();
         }
-        // The writing half gets its turn even if the next bytes wait already.
+        // The writing half gets its turn at once: a reply goes out before anything is published, and even if
+        // the next bytes wait already.
         yield_now().await;
     }
 
@@ -179,23 +191,24 @@ impl<'a> Runner<'a> {
     }
 
     /// Does what the engine wants done now. Gives when it wants to be woken.
-    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     fn drain(&self) -> Option<Instant> {
-        let mut changed = false;
-        let deadline = loop {
+        loop {
             match self.channel.with(|engine| engine.poll()) {
                 Output::Transmit(transmission) => self.outgoing.signal(transmission),
                 Output::Event(event) => self.channel.events.immediate_publisher().publish_immediate(event),
-                Output::Wait(deadline) => break deadline,
+                Output::Wait(deadline) => return deadline,
             }
-            changed = true;
-        };
-        if changed {
+            self.changed.set(true);
+        }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    fn publish(&self) {
+        if self.changed.take() {
             let now = Instant::now();
             let telemetry = self.channel.with(|engine| engine.telemetry(now));
             self.channel.telemetry.sender().send(telemetry);
         }
-        deadline
     }
 }
 

@@ -375,7 +375,7 @@ pub struct Telemetry {
     pub report: Report,
     /// What is ordered, and by whom.
     pub ordered: Ordered,
-    /// When the ruling source last spoke.
+    /// When a source last commanded to run, or the node started.
     pub source_heard: Instant,
     /// How far the loss of that source has gone.
     pub loss: LossStage,

@@ -1,5 +1,6 @@
 //! The runner and a ZK link against a simulated ZK ECU over the wire. What the ECU counts and obeys is the judge,
 //! and what is on the wire is read by the simulation, not by our codec.
+#![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod bench;
 
@@ -34,18 +35,17 @@ fn stats(bench: &Bench<ZkEcu>) -> Stats {
 /// The commands that the node put on the wire, before any fault, as the simulation reads them. The log may begin
 /// or end inside a command. Panics on bytes that are no command.
 fn commands(log: &[Entry]) -> Vec<(u64, ZkCommand)> {
-    let sent: Vec<_> = log
-        .iter()
-        .filter(|entry| entry.direction == Direction::ToEcu && entry.fate != Fate::Added)
-        .collect();
+    let sent: Vec<_> =
+        log.iter().filter(|entry| entry.direction == Direction::ToEcu && entry.fate != Fate::Added).collect();
     // 0xFF can be data, too; a pause between commands tells where one begins.
     let first = sent
         .iter()
         .enumerate()
         .position(|(i, entry)| i == 0 && entry.byte == 0xFF || i > 0 && entry.start > sent[i - 1].end + 1_000)
         .unwrap_or(sent.len());
-    sent[first..]
-        .chunks_exact(4)
+    let (whole, _) = sent[first..].as_chunks::<4>();
+    whole
+        .iter()
         .map(|bytes| {
             let raw = [bytes[0].byte, bytes[1].byte, bytes[2].byte, bytes[3].byte];
             let command = parse_command(&raw).unwrap_or_else(|bad| panic!("{raw:02x?} on the wire: {bad:?}"));
@@ -85,7 +85,11 @@ fn zk_10_the_cadence_holds_on_every_line_rate_and_version() {
                         }
                         let telemetry = bench.handle().telemetry();
                         assert_eq!(telemetry.counters.crc_failures, 0, "{what}");
-                        assert_eq!(telemetry.counters.worst_turn_delay, Some(Duration::from_ticks(0)), "{what}");
+                        assert_eq!(
+                            telemetry.counters.worst_turn_delay,
+                            Some(Duration::from_ticks(0)),
+                            "{what}"
+                        );
                         assert_eq!(telemetry.report.rate.expect("by status ID 6").value, rate, "{what}");
                     });
                 }
@@ -118,7 +122,10 @@ fn zk_7_versions_gate_commands() {
     let three = bench(3);
     three.play(LONG, async {
         assert_eq!(
-            three.handle().command(Command::Service(Service::Zk(zk::link::Service::Action(Action::ResetFuel))), Origin::Bench),
+            three.handle().command(
+                Command::Service(Service::Zk(zk::link::Service::Action(Action::ResetFuel))),
+                Origin::Bench
+            ),
             Err(Rejected::NoLink)
         );
         three.start().await;
@@ -156,7 +163,9 @@ fn zk_9_mode_1_start_run_and_shut_down() {
             let shown = f64::from(report.rpm.expect("in every status").value.get());
             assert!((shown - true_rpm).abs() < true_rpm / 50.0, "{shown} shown, {true_rpm} true");
             assert_eq!(report.throttle.expect("status ID 3").value.tenths(), 600);
-            bench.command_until(Command::Standby, |bench| bench.plug.ecu(|ecu| ecu.turbine().rpm() < 1.0)).await;
+            bench
+                .command_until(Command::Standby, |bench| bench.plug.ecu(|ecu| ecu.turbine().rpm() < 1.0))
+                .await;
         });
         let sent = commands(&bench.plug.log());
         assert!(sent.len() > 1000);
@@ -282,7 +291,9 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
         for service in [curve, pump] {
             let service = Service::Zk(service);
             bench
-                .until(|bench| bench.handle().command(Command::Service(service), Origin::Bench) != Err(Rejected::Busy))
+                .until(|bench| {
+                    bench.handle().command(Command::Service(service), Origin::Bench) != Err(Rejected::Busy)
+                })
                 .await;
             bench.until(|_| heard(&mut events).contains(&Event::ServiceConfirmed(service))).await;
         }

@@ -79,11 +79,19 @@ impl Engine {
         }
     }
 
-    /// Begins. No engine ever starts by itself: the first order is standby.
+    /// Begins. No engine ever starts by itself: the first order is standby, or the emergency stop that was
+    /// commanded before.
     pub fn start(&mut self, now: Instant) {
         self.source_heard = now;
         self.link.start(now);
-        self.order(now, Order::Standby, Origin::Node);
+        if !self.stop_latched {
+            self.order(now, Order::Standby, Origin::Node);
+        }
+    }
+
+    /// When the last good frame of the ECU was complete.
+    pub fn heard(&self) -> Option<Instant> {
+        self.link.heard()
     }
 
     /// Bytes came from the ECU; see [`Link::receive`].
@@ -163,10 +171,7 @@ impl Engine {
             }
         };
         match answer {
-            Ok(()) => {
-                self.last_rejection = None;
-                self.source_heard = now;
-            }
+            Ok(()) => self.last_rejection = None,
             Err(why) => {
                 bump(&mut self.commands_rejected);
                 if self.last_rejection.replace((why, origin)) != Some((why, origin)) {
@@ -220,6 +225,7 @@ impl Engine {
             self.came_alive = false;
         }
         self.demand = Some(demand);
+        self.source_heard = now;
         self.stage(LossStage::None);
         self.note_order(Order::Run(demand), origin);
         self.follow(now);

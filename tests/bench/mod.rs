@@ -33,7 +33,8 @@ impl<E: Ecu> Bench<E> {
         // The ECU is powered up at the time it is connected.
         clock::reset();
         let line = sim_line(config.line);
-        let (rx, tx, plug) = connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
+        let (rx, tx, plug) =
+            connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
         Self { channel: Channel::new(config), plug, halves: RefCell::new(Some((rx, tx))) }
     }
 

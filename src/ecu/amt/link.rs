@@ -1,5 +1,8 @@
 //! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
 //!
+//! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So there is no keep-alive
+//! of our own, and a reply always carries what is ordered now.
+//!
 //! ```text
 //!          ECU frame                       ECU frame
 //! ────┤FF d1 d2 d3 d4 d5├──────────────────┤FF …        ECU to host
@@ -86,7 +89,7 @@ pub struct AmtLink {
     counters: Counters,
     order: Option<Order>,
     ctf: bool,
-    /// The UART saw a fault since the last frame was complete: the values of the next one are not believed.
+    /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
@@ -310,6 +313,9 @@ impl Link for AmtLink {
         let (taken, frame) = self.decoder.feed(bytes);
         if let Some(frame) = frame {
             self.frame(now, &frame);
+        } else if self.decoder.pending() == 0 {
+            // The fault was in a byte between frames, as every power-up of an ECU makes them.
+            self.damaged = false;
         }
         taken
     }
@@ -330,6 +336,8 @@ impl Link for AmtLink {
         if !matches!(order, Order::Run(_)) {
             self.ctf = false;
         }
+        let control = self.control();
+        self.outbox.rewrite(|| control.encode());
         Ok(())
     }
 

@@ -1,4 +1,7 @@
-//! The conversation with a ZK ECU: a command at every turn, ID 0 when nothing is commanded.
+//! The conversation with a ZK ECU: a command at every turn, ID 0 when nothing is commanded (ZK-10).
+//!
+//! Up to version 4 the ECU speaks only when spoken to. From version 5 it sends by itself and keeps its last running
+//! state when commands stop, so nothing here relies on it to fail safe.
 //!
 //! What goes out at a turn, first match first:
 //!

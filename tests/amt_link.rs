@@ -1,0 +1,859 @@
+//! The conversation with an AMT ECU as tables of time, input and output. Times are in microseconds; the time of
+//! a frame is that of its last stop bit.
+
+use jetlink::command::{Demand, Order, Rejected};
+use jetlink::ecu::amt::codec::{Engine, ErrorBits};
+use jetlink::ecu::amt::link::{AmtLink, Config, REPLY_WINDOW, Service as AmtService};
+use jetlink::ecu::zk::link::Service as ZkService;
+use jetlink::ecu::{Faults, Service, zk};
+use jetlink::line::{Line, LineError};
+use jetlink::link::{Link, Output, Timing};
+use jetlink::telemetry::{Event, LinkState, NotSent, Phase, ReportedSwitch};
+use jetlink::units::{Rpm, Throttle};
+use proptest::prelude::*;
+
+#[path = "support/bench.rs"]
+mod bench;
+#[path = "support/frames.rs"]
+mod frames;
+use bench::{Bench, micros, us};
+use frames::amt::{
+    AUTO_STOP, CLEARANCE, EMERGENCY, FULL_OPERATION, IDLE_CALIBRATION, NO_CLEARANCE, RUN, STARTED_UP,
+    STARTING, alternate, control, error, normal, setup,
+};
+
+const STOP_OPS: u8 = 0x11;
+const AUTO_OPS: u8 = 0x12;
+const RUN_OPS: u8 = 0x14;
+const CTF_OPS: u8 = 0x91;
+/// Between two frames: 8 a second at 2400 baud.
+const EVERY: u64 = 125_000;
+const SLOW: Line = Line::new(2400);
+
+fn amt(config: Config, line: Line) -> Bench<AmtLink> {
+    Bench::new(AmtLink::new(config, line, Config::TIMING), line)
+}
+
+fn default() -> Bench<AmtLink> {
+    amt(Config::DEFAULT, SLOW)
+}
+
+fn throttle(tenths: u16) -> Order {
+    Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
+}
+
+fn ctf() -> Service {
+    Service::Amt(AmtService::Ctf)
+}
+
+/// A frame now, and the bytes of its reply.
+fn reply_to(bench: &mut Bench<AmtLink>, frame: &[u8]) -> Vec<u8> {
+    let t = bench.now() + EVERY;
+    bench.rx(t, frame);
+    let mut frames = bench.frames();
+    assert_eq!(frames.len(), 1, "one reply at {t}: {frames:02x?}");
+    let (at, bytes) = frames.remove(0);
+    assert_eq!(at, t, "at once");
+    bytes
+}
+
+/// The OPS and THR (in half percents) of the reply to a frame.
+fn ops_thr(bench: &mut Bench<AmtLink>, frame: &[u8]) -> (u8, u8) {
+    let bytes = reply_to(bench, frame);
+    let (ops, half_percents) = (bytes[1], bytes[2] - 32);
+    assert_eq!(bytes, control(ops, half_percents));
+    (ops, half_percents)
+}
+
+/// Two frames of full operation: the demand is released.
+fn running() -> Bench<AmtLink> {
+    let mut bench = default();
+    bench.order(0, throttle(800)).unwrap();
+    for _ in 0..2 {
+        reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+    }
+    bench.event_kinds();
+    bench
+}
+
+// ---------------------------------------------------------------------------------------------
+// The reply
+// ---------------------------------------------------------------------------------------------
+
+/// AMT-11: one reply to every frame of whatever kind, at once.
+#[test]
+fn amt_11_every_kind_of_frame_gets_one_reply_at_once() {
+    let mut bench = default();
+    for frame in [
+        setup("9.35 140617 "),
+        setup("10.35 200131 "),
+        normal(NO_CLEARANCE, EMERGENCY, 0).to_vec(),
+        normal(NO_CLEARANCE, AUTO_STOP, 0).to_vec(),
+        normal(CLEARANCE, RUN, 0).to_vec(),
+        error(0x01).to_vec(),
+        alternate(0x18).to_vec(),
+        alternate(0xF8).to_vec(),         // an engine that nobody knows
+        vec![0xFF, 0x0B, 1, 2, 3, 4],     // low bits 011
+        vec![0xFF, 0x0D, 1, 2, 3, 4],     // 101
+        vec![0xFF, 0xFE, 1, 2, 3, 4],     // 110
+        normal(0b11111, RUN, 0).to_vec(), // a state that nobody knows
+    ] {
+        assert_eq!(reply_to(&mut bench, &frame), control(AUTO_OPS, 0), "{frame:02x?}");
+    }
+    let counters = bench.machine.counters();
+    bench.run_to(bench.now() + 30_000);
+    assert_eq!((counters.frames, counters.replies_missed), (12, 0));
+    assert_eq!(bench.machine.counters().sent, 12);
+}
+
+/// AMT-11: no reply without a frame.
+#[test]
+fn amt_11_nothing_is_sent_without_a_frame() {
+    let mut bench = default();
+    bench.order(0, Order::EmergencyStop).unwrap();
+    bench.run_to(10_000_000); // silence
+    bench.rx(10_000_000, &[0x00, 0x7F, 0xFE]); // noise
+    bench.rx(11_000_000, &normal(FULL_OPERATION, RUN, 100)[..5]); // a frame but for its last byte
+    bench.rx(12_000_000, &[0xFF, 0xFF, 0xFF]); // leaders
+    bench.run_to(20_000_000);
+    assert_eq!(bench.frames(), []);
+    assert_eq!(bench.machine.counters().replies_missed, 0);
+    // And with the rest of a frame it comes.
+    bench.rx(20_000_000, &normal(FULL_OPERATION, RUN, 100)[1..]);
+    assert_eq!(bench.frames(), [(20_000_000, control(STOP_OPS, 0).to_vec())]);
+}
+
+/// AMT-11: the last stop bit is out within 30 ms, less the guard, at every baud rate. At 2400 baud the first
+/// start bit has 9.1 ms.
+#[test]
+fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
+    assert_eq!(REPLY_WINDOW.as_micros(), 30_000);
+    // baud, guard, five bytes on the line rounded up, slack
+    for (baud, guard, five_bytes, slack) in [
+        (2400, 0, 20_834, Some(9_166)),
+        (2400, 500, 20_834, Some(8_666)),
+        (2400, 9_166, 20_834, Some(0)),
+        (2400, 9_167, 20_834, None),
+        (2400, 40_000, 20_834, None),
+        (4800, 500, 10_417, Some(19_083)),
+        (9600, 500, 5_209, Some(24_291)),
+        (19_200, 500, 2_605, Some(26_895)),
+        (38_400, 500, 1_303, Some(28_197)),
+        (57_600, 500, 869, Some(28_631)),
+        (115_200, 500, 435, Some(29_065)),
+        (1200, 500, 41_667, None),
+    ] {
+        let line = Line::new(baud);
+        let config = Config { reply_guard: micros(guard), ..Config::DEFAULT };
+        assert_eq!(line.time_of(5).as_micros(), five_bytes);
+        assert_eq!(config.reply_slack(line), slack.map(micros), "{baud} {guard}");
+        let mut bench = amt(config, line);
+        bench.rx(700_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        let sent = bench.transmissions();
+        let start_by: Vec<_> = sent.iter().map(|(_, frame)| frame.start_by).collect();
+        let expected: Vec<_> = slack.map(|slack| Some(us(700_000 + slack))).into_iter().collect();
+        assert_eq!(start_by, expected, "{baud} {guard}");
+        assert_eq!(bench.machine.counters().replies_missed, u32::from(slack.is_none()));
+    }
+}
+
+/// AMT-11: a frame that comes while a reply is still going out is answered behind it, if that is in time.
+#[test]
+fn amt_11_a_frame_during_a_transmission() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    // baud, second frame, its reply or None if missed, and the reply's `start_by`
+    for (baud, second, reply) in [
+        // The first reply takes 5209 µs.
+        (9600, 3_000, Some((5_209, 3_000 + 24_291))),
+        (9600, 5_208, Some((5_209, 5_208 + 24_291))),
+        // It takes 20 834 µs, and the second reply would have to begin 8666 µs behind its frame.
+        (2400, 12_167, None),
+        (2400, 12_168, Some((20_834, 12_168 + 8_666))),
+        (2400, 20_000, Some((20_834, 20_000 + 8_666))),
+    ] {
+        let line = Line::new(baud);
+        let mut bench = amt(Config::DEFAULT, line);
+        bench.receive(&frame);
+        bench.rx(second, &frame);
+        assert_eq!(bench.transmissions().len(), 1, "one at a time");
+        bench.run_to(100_000);
+        let second_reply: Vec<_> = bench
+            .transmissions()
+            .iter()
+            .map(|(at, frame)| (*at, frame.start_by.unwrap().as_micros()))
+            .collect();
+        assert_eq!(second_reply, reply.into_iter().collect::<Vec<_>>(), "{baud} {second}");
+        let counters = bench.machine.counters();
+        assert_eq!(counters.replies_missed, u32::from(reply.is_none()), "{baud} {second}");
+        assert_eq!(counters.sent + counters.replies_missed, counters.frames);
+    }
+}
+
+/// AMT-11: of several frames during one transmission the last is answered, the others count as missed.
+#[test]
+fn amt_11_several_frames_during_a_transmission() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = amt(Config::DEFAULT, SLOW);
+    for t in [0, 5_000, 10_000, 15_000] {
+        bench.rx(t, &frame);
+    }
+    bench.event_kinds();
+    bench.run_to(100_000);
+    let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
+    assert_eq!(at, [0, 20_834]);
+    let counters = bench.machine.counters();
+    assert_eq!((counters.frames, counters.sent, counters.replies_missed), (4, 2, 2));
+}
+
+/// AMT-11: what the UART did not send is counted, told, and the next frame is answered.
+#[test]
+fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
+    for (why, given_up, write_errors) in
+        [(NotSent::TooLate, 0, 0), (NotSent::GaveUp, 1, 0), (NotSent::Failed, 0, 1)]
+    {
+        let mut bench = default().by_hand();
+        bench.rx(100_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        assert_eq!(bench.frames().len(), 1);
+        bench.not_sent_at(110_000, why);
+        assert_eq!(bench.frames(), [], "not again");
+        assert_eq!(bench.event_kinds(), [Event::NotSent(why)]);
+        let counters = bench.machine.counters();
+        assert_eq!((counters.sent, counters.replies_missed), (0, 1));
+        assert_eq!((counters.given_up, counters.write_errors), (given_up, write_errors));
+        bench.rx(225_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        assert_eq!(bench.frames(), [(225_000, control(AUTO_OPS, 0).to_vec())]);
+        bench.sent_at(246_000);
+        assert_eq!(bench.machine.counters().sent, 1);
+    }
+}
+
+/// AMT-11: the smallest time left in the window is kept; a reply that ended late is counted.
+#[test]
+fn amt_11_margin_of_the_window() {
+    let mut bench = default().by_hand();
+    // frame, last stop bit of its reply; worst margin so far, late ones so far
+    for (frame, sent, worst, late) in [
+        (1_000_000, 1_020_834, Some(9_166), 0),
+        (1_125_000, 1_150_000, Some(5_000), 0),
+        (1_250_000, 1_270_900, Some(5_000), 0),
+        (1_375_000, 1_405_000, Some(0), 0),
+        (1_500_000, 1_530_001, Some(0), 1),
+    ] {
+        bench.rx(frame, &normal(CLEARANCE, AUTO_STOP, 0));
+        bench.sent_at(sent);
+        let counters = bench.machine.counters();
+        assert_eq!(counters.worst_reply_margin, worst.map(micros), "{frame}");
+        assert_eq!(counters.replies_late, late, "{frame}");
+    }
+}
+
+/// AMT-12: a minute of the ECU's own stream at 2400 baud, one alternate set after ten normal ones: each frame has
+/// its reply, and when the ECU falls silent so does the host, so that the ECU's own fail-safe works.
+#[test]
+fn amt_12_the_stream_is_answered_frame_by_frame() {
+    let mut bench = default();
+    bench.order(0, throttle(300)).unwrap();
+    let frames = 8 * 60;
+    for i in 1..=frames {
+        let frame = if i % 11 == 0 { alternate(0x18) } else { normal(FULL_OPERATION, RUN, 90) };
+        bench.rx(i * EVERY, &frame);
+        assert_eq!(bench.frames().len(), 1);
+    }
+    bench.run_to(3_600_000_000);
+    assert_eq!(bench.frames(), [], "silence answers silence");
+    let counters = bench.machine.counters();
+    assert_eq!((u64::from(counters.sent), counters.replies_missed, counters.replies_late), (frames, 0, 0));
+}
+
+// ---------------------------------------------------------------------------------------------
+// What it says
+// ---------------------------------------------------------------------------------------------
+
+/// AMT-10: each order on the wire. Nothing ordered is auto stop.
+#[test]
+fn amt_10_orders_and_their_switch() {
+    let mut bench = running();
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    for (order, ops, half_percents) in [
+        (throttle(0), RUN_OPS, 0),
+        (throttle(1000), RUN_OPS, 200),
+        (throttle(499), RUN_OPS, 99), // never rounded up
+        (Order::Standby, AUTO_OPS, 0),
+        (throttle(5), RUN_OPS, 1),
+        (Order::EmergencyStop, STOP_OPS, 0),
+    ] {
+        bench.order(bench.now(), order).unwrap();
+        assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{order:?}");
+    }
+    assert_eq!(ops_thr(&mut default(), &frame), (AUTO_OPS, 0), "nothing ordered");
+}
+
+/// An emergency stop is in the very next reply, also in one that waits behind a transmission.
+#[test]
+fn an_emergency_stop_is_in_the_next_reply() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
+    let t = bench.now();
+    bench.rx(t + 15_000, &frame); // the reply to the first is still going out
+    bench.order(t + 16_000, Order::EmergencyStop).unwrap();
+    bench.run_to(t + 40_000);
+    assert_eq!(bench.bytes(), [control(STOP_OPS, 0)]);
+    for _ in 0..100 {
+        assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0), "and in every other");
+    }
+}
+
+/// The latest order wins even when it comes between a frame and the hand-out of its reply: a command may come from
+/// an interrupt.
+#[test]
+fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
+    let mut bench = running();
+    bench.run_to(bench.now() + EVERY); // the reply before is out
+    let now = us(bench.now());
+    let link = &mut bench.machine;
+    // At once, without the drain that the bench does between two inputs.
+    link.receive(now, &normal(FULL_OPERATION, RUN, 100));
+    link.order(now, Order::EmergencyStop).unwrap();
+    let reply = loop {
+        match link.poll() {
+            Output::Transmit(reply) => break reply,
+            Output::Event(_) => {}
+            Output::Wait(_) => panic!("a reply is due"),
+        }
+    };
+    assert_eq!(reply.as_bytes(), control(STOP_OPS, 0));
+}
+
+/// AMT-13: CTF goes out when asked for by name, until standby or a stop, and never in place of an emergency stop.
+#[test]
+fn amt_13_ctf_only_by_its_name() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS);
+    bench.act(|link, now| link.service(now, ctf())).unwrap();
+    for _ in 0..20 {
+        assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS);
+    }
+    bench.order(bench.now(), throttle(300)).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS, "a source that streams demands does not call it off");
+    bench.order(bench.now(), Order::Standby).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame), (AUTO_OPS, 0), "a normal stop is never CTF");
+    bench.order(bench.now(), Order::EmergencyStop).unwrap();
+    bench.act(|link, now| link.service(now, ctf())).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0));
+}
+
+/// AMT-13: no order, no frame and no silence makes a CTF of itself.
+#[test]
+fn amt_13_no_order_sends_ctf() {
+    for order in [None, Some(Order::Standby), Some(Order::EmergencyStop), Some(throttle(700))] {
+        let mut bench = default();
+        if let Some(order) = order {
+            bench.order(0, order).unwrap();
+        }
+        for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
+            assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
+        }
+    }
+}
+
+/// AMT-14: "run" with the start throttle until full operation, then the demand.
+#[test]
+fn amt_14_start_throttle_until_full_operation() {
+    for start_percent in [0, 100] {
+        let start_throttle = Throttle::from_percent(start_percent).unwrap();
+        let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
+        let start = start_percent * 2;
+        assert_eq!(ops_thr(&mut bench, &normal(CLEARANCE, AUTO_STOP, 0)), (AUTO_OPS, 0), "not in auto stop");
+        bench.order(bench.now(), throttle(250)).unwrap();
+        // state, frames of it, half percents in the reply to the last of them
+        for (state, frames, half_percents) in [
+            (CLEARANCE, 3, start),
+            (STARTING, 5, start),
+            (STARTED_UP, 5, start),
+            (IDLE_CALIBRATION, 5, start),
+            (FULL_OPERATION, 1, start), // AMT frames have no checksum: one is not believed
+            (FULL_OPERATION, 1, 50),
+            (0b10000, 5, 50),    // maximum rpm
+            (0b11100, 5, 50),    // the same, as the field has it
+            (0b00000, 2, start), // the engine is out: a new start begins with the start throttle
+        ] {
+            let mut last = None;
+            for _ in 0..frames {
+                last = Some(ops_thr(&mut bench, &normal(state, RUN, 0)));
+            }
+            assert_eq!(last, Some((RUN_OPS, half_percents)), "state {state:#07b}, start {start_percent} %");
+        }
+    }
+}
+
+/// AMT-14: one odd frame does not change what is sent to a running engine; two in a row do.
+#[test]
+fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
+    for odd in [NO_CLEARANCE, CLEARANCE, STARTING, STARTED_UP, IDLE_CALIBRATION] {
+        let mut bench = running();
+        let good = normal(FULL_OPERATION, RUN, 100);
+        let odd = normal(odd, RUN, 0);
+        for _ in 0..5 {
+            assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 160));
+            assert_eq!(ops_thr(&mut bench, &good), (RUN_OPS, 160));
+        }
+        assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 160));
+        assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 0), "two in a row");
+    }
+}
+
+/// AMT-3: a state without a name is kept, and does not drop the throttle of a running engine.
+#[test]
+fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
+    let mut bench = running();
+    for _ in 0..10 {
+        assert_eq!(ops_thr(&mut bench, &normal(0b10101, RUN, 100)), (RUN_OPS, 160));
+    }
+    let report = *bench.machine.report();
+    assert_eq!(report.phase.unwrap().value, Phase::Unknown);
+    let state = report.state.unwrap().value;
+    assert_eq!((state.code, state.name), (0b10101, "unknown"));
+    // But an engine that was never in full operation is not released by one.
+    let mut bench = default();
+    bench.order(0, throttle(800)).unwrap();
+    for _ in 0..10 {
+        assert_eq!(ops_thr(&mut bench, &normal(0b10101, RUN, 100)), (RUN_OPS, 0));
+    }
+}
+
+/// AMT-2: error and alternate sets and unknown kinds say nothing about the state, and drop no throttle.
+#[test]
+fn amt_2_other_sets_do_not_drop_the_throttle() {
+    let mut bench = running();
+    for frame in [error(0x08), error(0x08), alternate(0x20), alternate(0x20), [0xFF, 0x0F, 1, 2, 3, 4]] {
+        assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160), "{frame:02x?}");
+    }
+}
+
+/// What an AMT ECU cannot do is refused, and what was ordered before stays on the wire.
+#[test]
+fn refused_orders_change_nothing() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    let rpm = Order::Run(Demand::Rpm(Rpm::new(30_000)));
+    assert_eq!(bench.order(bench.now(), rpm), Err(Rejected::NoSpeedControl));
+    assert_eq!(bench.order(bench.now(), Order::Pwm), Err(Rejected::NotSupported));
+    let zk = Service::Zk(ZkService::Action(zk::codec::Action::Drain));
+    assert_eq!(bench.act(|link, now| link.service(now, zk)), Err(Rejected::NotSupported));
+    assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
+}
+
+// ---------------------------------------------------------------------------------------------
+// Whether it is heard
+// ---------------------------------------------------------------------------------------------
+
+/// Up after two frames, lost by the timer at exactly `lost_after` behind the last one, up again after two.
+#[test]
+fn link_up_after_two_frames_and_lost_to_the_tick() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    assert_eq!((bench.machine.state(), bench.deadline()), (LinkState::Silent, Some(1_000_000)));
+    bench.rx(100_000, &frame);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Silent, vec![]));
+    bench.rx(225_000, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.events()[0], (225_000, Event::LinkUp));
+    bench.run_to(300_000);
+    assert_eq!(bench.deadline(), Some(1_225_000));
+    bench.timeout_at(1_224_999);
+    assert_eq!(
+        (bench.machine.state(), bench.event_kinds()),
+        (LinkState::Up, vec![]),
+        "early calls do nothing"
+    );
+    bench.timeout_at(1_225_000);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    assert_eq!(bench.machine.heard(), Some(us(225_000)));
+    bench.run_to(60_000_000);
+    assert_eq!(bench.event_kinds(), [], "once");
+    bench.rx(60_000_000, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Lost);
+    bench.rx(60_125_000, &frame);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+}
+
+/// Two frames that are more than `lost_after` apart do not bring the link up.
+#[test]
+fn two_frames_far_apart_are_not_two_in_a_row() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    for t in [900_000, 2_900_000, 4_900_000, 6_900_000] {
+        bench.rx(t, &frame);
+        assert_ne!(bench.machine.state(), LinkState::Up, "{t}");
+    }
+    bench.rx(7_899_999, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Up);
+}
+
+/// An ECU that is never heard is lost once, too.
+#[test]
+fn an_ecu_never_heard_is_lost_once() {
+    let mut bench = default();
+    bench.run_to(100_000_000);
+    assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
+    assert_eq!(bench.machine.heard(), None);
+}
+
+/// AMT-9: the set-up set says that the ECU came out of its power-up.
+#[test]
+fn amt_9_a_restart_of_the_ecu_is_told() {
+    let mut bench = running();
+    reply_to(&mut bench, &setup("9.35 140617 "));
+    let events = bench.event_kinds();
+    assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
+    let report = bench.machine.report();
+    assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
+    assert_eq!(report.amt_setup.unwrap().at, us(bench.now()));
+}
+
+// ---------------------------------------------------------------------------------------------
+// What is known
+// ---------------------------------------------------------------------------------------------
+
+/// AMT-5, AMT-6: values with a scale for engines that have one, raw bytes for all others.
+#[test]
+fn amt_5_amt_6_rpm_and_voltages_by_engine() {
+    // engine, rpm of 100, mV of 51 idle, 102 maximum, 204 battery, 153 external, 255-step Vout of 51
+    for (engine, rpm, idle, max, battery, external) in [
+        (Engine::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (Engine::Pegasus, Some(50_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (Engine::Olympus, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (Engine::Titan, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (Engine::Nike, None, Some(1660), Some(3320), None, Some(12_580)),
+        (Engine::Lynx, None, None, None, None, None),
+        (Engine::Orion, None, None, None, None, None),
+    ] {
+        let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
+        bench.rx(100_000, &alternate(0xF8)); // its engine ID says nothing
+        bench.rx(225_000, &[0xFF, FULL_OPERATION << 3 | RUN, 100, 100, 150, 51]);
+        let report = bench.machine.report();
+        assert_eq!(report.rpm.map(|rpm| rpm.value.get()), rpm, "{engine:?}");
+        assert_eq!(report.rpm_raw.unwrap().value, 100);
+        for (name, reading, raw, expected) in [
+            ("idle", report.pump_idle, 51, idle),
+            ("maximum", report.pump_max, 102, max),
+            ("battery", report.supply, 204, battery),
+            ("external", report.external_battery, 153, external),
+            ("Vout", report.pump, 51, idle),
+        ] {
+            let reading = reading.unwrap().value;
+            assert_eq!(reading.raw, raw, "{engine:?} {name}");
+            assert_eq!(reading.voltage.map(|voltage| voltage.get()), expected, "{engine:?} {name}");
+        }
+        assert_eq!(report.egt.unwrap().value.tenths(), 4100); // AMT-7: 100 × 4.6 − 50
+        assert_eq!(report.throttle.unwrap().value.tenths(), 750); // AMT-7: 150 / 2
+    }
+}
+
+/// AMT-5: while the engine is not known there is no rpm, and when it changes to an open one the old rpm goes.
+#[test]
+fn amt_5_no_rpm_without_a_scale() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = default();
+    reply_to(&mut bench, &frame);
+    assert_eq!((bench.machine.report().rpm, bench.machine.report().amt_engine), (None, None));
+    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 100);
+    reply_to(&mut bench, &alternate(0x18));
+    reply_to(&mut bench, &frame);
+    assert_eq!(bench.machine.report().rpm.unwrap().value.get(), 50_000);
+    reply_to(&mut bench, &setup("14.35 200131 ")); // Lynx
+    reply_to(&mut bench, &frame);
+    assert_eq!(bench.machine.report().rpm, None);
+}
+
+/// AMT-4, AMT-9: who names the engine. An ID without a checksum changes a known engine only when it comes twice.
+#[test]
+fn amt_4_identity_rules() {
+    let named = |bench: &mut Bench<AmtLink>, frame: &[u8]| {
+        reply_to(bench, frame);
+        let told: Vec<_> = bench
+            .event_kinds()
+            .into_iter()
+            .filter_map(|event| match event {
+                Event::EngineIdentified(engine) => Some(engine),
+                _ => None,
+            })
+            .collect();
+        (told, bench.machine.report().amt_engine.map(|engine| engine.value))
+    };
+    use Engine::{Mercury, Olympus, Pegasus, Titan};
+
+    let mut bench = default();
+    assert_eq!(named(&mut bench, &alternate(0x06)), (vec![Olympus], Some(Olympus)), "the first is believed");
+    assert_eq!(named(&mut bench, &alternate(0x18)), (vec![], Some(Olympus)), "the same, new number");
+    assert_eq!(named(&mut bench, &alternate(0x20)), (vec![], Some(Olympus)), "one odd frame");
+    assert_eq!(named(&mut bench, &alternate(0x18)), (vec![], Some(Olympus)));
+    assert_eq!(named(&mut bench, &alternate(0x20)), (vec![], Some(Olympus)));
+    assert_eq!(named(&mut bench, &alternate(0x20)), (vec![Titan], Some(Titan)), "two in a row");
+    assert_eq!(
+        named(&mut bench, &setup("8.35 140617 ")),
+        (vec![Mercury], Some(Mercury)),
+        "a text is believed"
+    );
+    assert_eq!(
+        named(&mut bench, &setup("11.35 200131 ")),
+        (vec![], Some(Mercury)),
+        "no engine has this version"
+    );
+
+    // An ID that no table has is another engine: what was known must not lend it a scale.
+    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    reply_to(&mut bench, &alternate(0xF8));
+    reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+    assert_eq!(bench.machine.report().rpm.map(|rpm| rpm.value.get()), Some(50_000), "one odd frame");
+    reply_to(&mut bench, &alternate(0xF8));
+    reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+    assert!(bench.event_kinds().contains(&Event::EngineUnknown));
+    assert_eq!((bench.machine.report().rpm, bench.machine.report().amt_engine), (None, None));
+
+    // What was configured is told when the ECU says so itself; what the ECU says wins.
+    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    assert_eq!(bench.machine.report().amt_engine, None, "the ECU has not said it");
+    assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
+    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    assert_eq!(named(&mut bench, &alternate(0x03)).0, []);
+    assert_eq!(named(&mut bench, &alternate(0x10)), (vec![Pegasus], Some(Pegasus)));
+}
+
+/// AMT-3: the ECU's state in plain words.
+#[test]
+fn amt_3_phases() {
+    for (state, switch, rpm, phase) in [
+        (NO_CLEARANCE, EMERGENCY, 0, Phase::Stopped),
+        (NO_CLEARANCE, AUTO_STOP, 0, Phase::Standby),
+        (NO_CLEARANCE, RUN, 0, Phase::Standby),
+        (CLEARANCE, AUTO_STOP, 0, Phase::Standby),
+        (CLEARANCE, RUN, 0, Phase::Standby),
+        (NO_CLEARANCE, AUTO_STOP, 20, Phase::Cooling), // shut down, and the shaft still turns
+        (STARTING, RUN, 10, Phase::Starting),
+        (STARTED_UP, RUN, 30, Phase::Starting),
+        (IDLE_CALIBRATION, RUN, 60, Phase::Starting),
+        (FULL_OPERATION, RUN, 70, Phase::Running),
+        (0b10000, RUN, 200, Phase::Running),
+        (0b11100, RUN, 200, Phase::Running),
+        (0b01111, RUN, 200, Phase::Unknown),
+    ] {
+        let mut bench = default();
+        reply_to(&mut bench, &normal(state, switch, rpm));
+        assert_eq!(bench.machine.report().phase, None, "one frame is not believed");
+        reply_to(&mut bench, &normal(state, switch, rpm));
+        assert_eq!(bench.machine.report().phase.map(|phase| phase.value), Some(phase), "{state:#07b}");
+        let switch_reported = match switch {
+            EMERGENCY => ReportedSwitch::Stop,
+            AUTO_STOP => ReportedSwitch::Standby,
+            _ => ReportedSwitch::Run,
+        };
+        assert_eq!(bench.machine.report().switch.unwrap().value, switch_reported);
+    }
+}
+
+/// AMT-8: the faults are told when they change, bit 7 included.
+#[test]
+fn amt_8_faults_are_told_when_they_change() {
+    let mut bench = default();
+    for (frame, told) in [
+        (normal(CLEARANCE, AUTO_STOP, 0), None),
+        (error(0x01), Some(0x01)),
+        (error(0x01), None),
+        (error(0xC1), Some(0xC1)),
+        (alternate(0x18), None), // says nothing of faults
+        (normal(CLEARANCE, AUTO_STOP, 0), Some(0)),
+    ] {
+        reply_to(&mut bench, &frame);
+        let faults: Vec<_> = bench
+            .event_kinds()
+            .into_iter()
+            .filter_map(|event| match event {
+                Event::Faults(Faults::Amt(bits)) => Some(bits.0),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(faults, told.into_iter().collect::<Vec<_>>(), "{frame:02x?}");
+    }
+    assert_eq!(bench.machine.report().faults.unwrap().value, Faults::Amt(ErrorBits(0)));
+}
+
+/// AMT-8: Data2 of an error set is no rpm.
+#[test]
+fn amt_8_an_error_set_gives_no_rpm() {
+    let mut bench = amt(Config { engine: Some(Engine::Titan), ..Config::DEFAULT }, SLOW);
+    reply_to(&mut bench, &error(0x20));
+    let report = bench.machine.report();
+    assert_eq!((report.rpm, report.rpm_raw), (None, None));
+    assert_eq!(report.egt.unwrap().value.tenths(), 420); // Data3..5 as in the normal set: 20 × 4.6 − 50
+}
+
+/// AMT-2: a frame of an unknown kind is counted, and its bytes are kept.
+#[test]
+fn amt_2_unknown_kinds_are_kept() {
+    let mut bench = default();
+    let unknown = [0xFF, 0b0101_1101, 1, 2, 3, 4];
+    reply_to(&mut bench, &unknown);
+    let counters = bench.machine.counters();
+    assert_eq!((counters.frames, counters.unknown_frames), (1, 1));
+    assert_eq!(bench.machine.report().unknown.unwrap().value.as_bytes(), unknown);
+}
+
+/// AMT-7: a throttle byte above 200 is no throttle.
+#[test]
+fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
+    let mut bench = default();
+    reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 201, 1]);
+    assert_eq!(bench.machine.report().throttle, None);
+    reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 200, 1]);
+    assert_eq!(bench.machine.report().throttle.unwrap().value, Throttle::FULL);
+}
+
+/// AMT-1: there is no checksum, so a fault that the UART saw costs a frame its values, and never its reply.
+#[test]
+fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
+    let mut bench = running();
+    let report = *bench.machine.report();
+    bench.machine.line_error(LineError::Framing);
+    assert_eq!(ops_thr(&mut bench, &normal(STARTING, AUTO_STOP, 1)), (RUN_OPS, 160));
+    assert_eq!(*bench.machine.report(), report);
+    assert_eq!(bench.machine.counters().damaged_frames, 1);
+    // The next is believed again.
+    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
+    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+}
+
+/// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
+/// the first frame behind it.
+#[test]
+fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
+    let mut bench = default();
+    bench.machine.line_error(LineError::Framing);
+    bench.receive(&[0x00]); // what the floating line left
+    reply_to(&mut bench, &setup("9.35 140617 "));
+    assert!(bench.event_kinds().contains(&Event::EcuStarted));
+}
+
+/// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.
+#[test]
+fn amt_1_line_faults_are_counted() {
+    let mut bench = default();
+    bench.receive(&[1, 2, 3]);
+    bench.receive(&[0xFF, 1, 2]);
+    bench.receive(&setup("9,35 140617 "));
+    for error in [LineError::Framing, LineError::Noise, LineError::Noise, LineError::Overrun, LineError::Read]
+    {
+        bench.machine.line_error(error);
+    }
+    bench.machine.line_error(LineError::Parity);
+    let counters = bench.machine.counters();
+    assert_eq!((counters.truncated, counters.frames, counters.bytes_skipped), (2, 0, 3 + 3 + 17));
+    assert_eq!((counters.framing_errors, counters.noise_errors, counters.overruns), (1, 2, 1));
+    assert_eq!((counters.read_errors, counters.parity_errors), (1, 1));
+}
+
+// ---------------------------------------------------------------------------------------------
+// Any schedule
+// ---------------------------------------------------------------------------------------------
+
+#[derive(Clone, Debug)]
+enum Step {
+    Frame(Vec<u8>),
+    Noise(Vec<u8>),
+    Order(Order),
+    Ctf,
+    Timeout,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        6 => (0..=0xFEu8, prop::collection::vec(0..=0xFEu8, 4))
+            .prop_filter("set-up sets are longer", |(data1, _)| *data1 != 0x05)
+            .prop_map(|(data1, rest)| Step::Frame([vec![0xFF, data1], rest].concat())),
+        1 => Just(Step::Frame(setup("10.35 200131 "))),
+        1 => prop::collection::vec(any::<u8>(), 1..8).prop_map(Step::Noise),
+        1 => (0..=1000u16).prop_map(|tenths| Step::Order(throttle(tenths))),
+        1 => prop_oneof![Just(Order::Standby), Just(Order::EmergencyStop)].prop_map(Step::Order),
+        1 => Just(Step::Ctf),
+        1 => Just(Step::Timeout),
+    ]
+}
+
+proptest! {
+    /// AMT-11: whatever comes whenever: never two replies at once (the bench checks it), each frame has a reply or
+    /// counts as missed, a reply is handed out in time to end within its window, an emergency stop rules all
+    /// replies behind it, and silence yields "lost" exactly once.
+    #[test]
+    fn amt_11_any_schedule(
+        baud in prop::sample::select(&Line::BAUD_RATES[..]),
+        steps in prop::collection::vec((0..60_000u64, step()), 1..60),
+    ) {
+        let line = Line::new(baud);
+        let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, line, Config::TIMING), line);
+        let mut stopped = false;
+        for (wait, step) in steps {
+            let t = bench.now() + wait;
+            bench.run_to(t);
+            // Replies that became due on the way were composed under the order so far.
+            check_replies(&mut bench, line, stopped)?;
+            match step {
+                Step::Frame(bytes) | Step::Noise(bytes) => bench.receive(&bytes),
+                Step::Order(order) => {
+                    bench.order(t, order).unwrap();
+                    stopped = order == Order::EmergencyStop;
+                }
+                Step::Ctf => bench.act(|link, now| link.service(now, ctf())).unwrap(),
+                Step::Timeout => bench.timeout_at(t),
+            }
+            check_replies(&mut bench, line, stopped)?;
+        }
+        bench.run_to(bench.now() + 100_000);
+        check_replies(&mut bench, line, stopped)?;
+        let counters = bench.machine.counters();
+        prop_assert_eq!(counters.sent + counters.replies_missed, counters.frames);
+        prop_assert_eq!(counters.replies_late, 0);
+        bench.events();
+        let was_lost = bench.machine.state() == LinkState::Lost;
+        bench.run_to(bench.now() + 10_000_000);
+        let lost = bench.event_kinds().into_iter().filter(|event| *event == Event::LinkLost).count();
+        prop_assert_eq!(bench.machine.state(), LinkState::Lost);
+        prop_assert_eq!(lost, usize::from(!was_lost));
+        prop_assert_eq!(bench.frames(), vec![], "nothing is sent into silence");
+    }
+
+    /// Any timing of a link: up after exactly so many frames, lost to the tick.
+    #[test]
+    fn any_presence_timing(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
+        let timing = Timing { up_after, lost_after: micros(lost_after) };
+        let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, Line::new(115_200), timing), Line::new(115_200));
+        for i in 1..=u64::from(up_after) {
+            prop_assert_eq!(bench.machine.state(), LinkState::Silent);
+            bench.rx(i * (lost_after - 1), &normal(CLEARANCE, AUTO_STOP, 0));
+        }
+        prop_assert_eq!(bench.machine.state(), LinkState::Up);
+        bench.events();
+        let last = u64::from(up_after) * (lost_after - 1);
+        bench.run_to(last + lost_after - 1);
+        prop_assert_eq!(bench.event_kinds(), vec![]);
+        bench.run_to(last + lost_after);
+        prop_assert_eq!(bench.event_kinds(), vec![Event::LinkLost]);
+    }
+}
+
+fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Result<(), TestCaseError> {
+    for (at, reply) in bench.transmissions() {
+        let bytes = reply.as_bytes();
+        prop_assert_eq!((bytes.len(), bytes[0]), (5, 0xFF));
+        prop_assert_eq!(&bytes[1..3], &bytes[3..5]);
+        prop_assert!(
+            [STOP_OPS, AUTO_OPS, RUN_OPS, CTF_OPS].contains(&bytes[1]) && (32..=232).contains(&bytes[2])
+        );
+        prop_assert!(!stopped || bytes[1..3] == [STOP_OPS, 32], "{:02x?}", bytes);
+        let start_by = reply.start_by.expect("a reply has a window").as_micros();
+        prop_assert!(at <= start_by);
+        prop_assert!(start_by + line.time_of(5).as_micros() <= at + 30_000);
+    }
+    Ok(())
+}
