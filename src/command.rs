@@ -1,7 +1,7 @@
 //! What can be asked of an engine, by whom, and why it may be refused.
 
 use crate::ecu::Service;
-use crate::units::{Rpm, Throttle};
+use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 
 /// What a running engine shall do.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -27,6 +27,10 @@ pub enum Command {
     /// Run. From standby it asks for a start, so it is refused unless [`Command::Standby`] was commanded
     /// before: a source that keeps sending `Run` can never restart an engine that stopped.
     Run(Demand),
+    /// Allow a start. Running engines are not touched by it.
+    Arm,
+    /// Allow no start. Running engines are not touched by it: a throttle dip at disarming would stop a turbine.
+    Disarm,
     /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise.
     HandOverToPwm,
     /// A service command of the ECU.
@@ -39,14 +43,45 @@ pub enum Command {
 pub enum Origin {
     /// The node itself: at power-up, and when a stage of loss is reached.
     Node,
-    /// A local emergency input.
-    Emergency,
-    /// Radio control.
-    Rc,
-    /// MAVLink.
-    Mavlink,
     /// A test rig or bench program.
     Bench,
+    /// MAVLink.
+    Mavlink,
+    /// Radio control.
+    Rc,
+    /// A local emergency input.
+    Emergency,
+}
+
+impl Origin {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Node, Self::Bench, Self::Mavlink, Self::Rc, Self::Emergency];
+    /// Those that command, highest priority first.
+    pub const SOURCES: [Self; 4] = [Self::Emergency, Self::Rc, Self::Mavlink, Self::Bench];
+
+    /// The higher rules.
+    pub const fn priority(self) -> u8 {
+        match self {
+            Self::Node => 0,
+            Self::Bench => 1,
+            Self::Mavlink => 2,
+            Self::Rc => 3,
+            Self::Emergency => 4,
+        }
+    }
+}
+
+/// What became of a command that was not refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Accepted {
+    /// It is in force.
+    InForce,
+    /// It waits: this source is held until its demand is close to the one in force, or has spoken for long enough
+    /// after it was lost.
+    Held,
+    /// It waits behind this source, which rules.
+    Behind(Origin),
 }
 
 /// What is ordered of an engine now, and by whom.
@@ -71,6 +106,8 @@ pub enum Order {
     Run(Demand),
     /// The ECU's PWM input rules (ZK-8).
     Pwm,
+    /// Nothing: after a reset, until the ECU has said what its engine does. ZK sends ID 0, AMT does not answer.
+    Listen,
 }
 
 /// Why a command was refused. Nothing changes when one is.
@@ -81,6 +118,12 @@ pub enum Rejected {
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
+    /// Only the source that commanded the emergency stop, or one above it, may release it.
+    NotYours(Origin),
+    /// The node still listens to what the engine does after a reset.
+    Listening,
+    /// An interlock keeps the engine from a start.
+    Start(Interlock),
     /// The ECU is not heard, so an engine cannot be started or serviced.
     NoLink,
     /// The ECU does not report a stopped engine.
@@ -94,6 +137,8 @@ pub enum Rejected {
     },
     /// The ECU has no speed control: command a throttle.
     NoSpeedControl,
+    /// The governor cannot hold an rpm that the ECU does not report in units, or not lately.
+    RpmNotKnown,
     /// More than the engine's maximum rpm.
     AboveMaxRpm {
         /// The maximum as the ECU reports it.
@@ -107,6 +152,46 @@ pub enum Rejected {
     Busy,
 }
 
+/// What keeps an engine from a start.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Interlock {
+    /// It is not armed.
+    NotArmed,
+    /// The demand is above idle.
+    NotIdle,
+    /// The link is not up, or not for long enough.
+    Link,
+    /// The ECU does not report standby.
+    NotStandby,
+    /// The ECU reports a fault.
+    Fault,
+    /// The exhaust temperature is not known.
+    EgtUnknown,
+    /// The exhaust is too hot: let it cool in standby.
+    TooHot(Celsius),
+    /// The supply voltage is too low.
+    SupplyLow(Millivolts),
+    /// Another engine of the group starts, or has just started.
+    OtherStarting,
+}
+
+impl core::fmt::Display for Interlock {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotArmed => f.write_str("arm the engine before a start"),
+            Self::NotIdle => f.write_str("bring the demand to idle before a start"),
+            Self::Link => f.write_str("the ECU is not heard, or not for long enough"),
+            Self::NotStandby => f.write_str("the ECU does not report standby"),
+            Self::Fault => f.write_str("the ECU reports a fault"),
+            Self::EgtUnknown => f.write_str("the exhaust temperature is not known"),
+            Self::TooHot(egt) => write!(f, "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10),
+            Self::SupplyLow(supply) => write!(f, "the supply has only {} mV", supply.get()),
+            Self::OtherStarting => f.write_str("another engine of the group is starting"),
+        }
+    }
+}
+
 impl core::fmt::Display for Rejected {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
@@ -114,6 +199,11 @@ impl core::fmt::Display for Rejected {
                 f.write_str("an emergency stop is latched: release it when the engine has stopped")
             }
             Self::StandbyFirst => f.write_str("command standby before a start"),
+            Self::NotYours(origin) => {
+                write!(f, "the emergency stop came from {origin:?}, which has to release it, or a higher source")
+            }
+            Self::Listening => f.write_str("the node has just started and listens to what the engine does"),
+            Self::Start(interlock) => interlock.fmt(f),
             Self::NoLink => f.write_str("the ECU is not heard: check its power and wiring"),
             Self::NotStopped => f.write_str("the engine has to be stopped for this"),
             Self::NeedsVersion { needed, known: Some(known) } => {
@@ -125,6 +215,7 @@ impl core::fmt::Display for Rejected {
             Self::NoSpeedControl => {
                 f.write_str("this ECU has no speed control: command a throttle instead of an rpm")
             }
+            Self::RpmNotKnown => f.write_str("the shaft speed is not known in rpm: command a throttle"),
             Self::AboveMaxRpm { max } => {
                 write!(f, "the ECU gives {} rpm as the engine's maximum", max.get())
             }

@@ -6,7 +6,7 @@
 use crate::ecu::EcuConfig;
 use crate::ecu::amt::{self, codec::Engine as AmtEngine};
 use crate::ecu::zk::{self, codec::Rate};
-use crate::engine::Loss;
+use crate::engine::config::{Field, Supervision};
 use crate::line::{Line, StopBits};
 use crate::link::Timing;
 
@@ -36,8 +36,8 @@ pub struct EngineConfig {
     pub ecu: EcuConfig,
     /// When the ECU counts as heard and as lost.
     pub timing: Timing,
-    /// What happens when the source of commands falls silent.
-    pub loss: Loss,
+    /// How it is supervised.
+    pub supervision: Supervision,
 }
 
 impl EngineConfig {
@@ -50,7 +50,7 @@ impl EngineConfig {
             line,
             ecu: EcuConfig::Amt(config),
             timing: amt::link::Config::TIMING,
-            loss: Loss::DEFAULT,
+            supervision: Supervision::DEFAULT,
         }
     }
 
@@ -63,7 +63,7 @@ impl EngineConfig {
             line,
             ecu: EcuConfig::Zk(config),
             timing: zk::link::Config::TIMING,
-            loss: Loss::DEFAULT,
+            supervision: Supervision::DEFAULT,
         }
     }
 }
@@ -84,6 +84,8 @@ pub enum ConfigError {
     NoReplyFits(usize),
     /// A link would never be up, or would be lost at once.
     Timing(usize),
+    /// A field of the supervision is out of its range.
+    Supervision(usize, Field),
 }
 
 impl ConfigError {
@@ -100,6 +102,7 @@ impl ConfigError {
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
             Self::Timing(_) => "an engine's link timing is zero",
+            Self::Supervision(_, field) => field.message(),
         }
     }
 
@@ -111,7 +114,8 @@ impl ConfigError {
             | Self::RateTooFast(row)
             | Self::AmtStopBits(row)
             | Self::NoReplyFits(row)
-            | Self::Timing(row) => row,
+            | Self::Timing(row)
+            | Self::Supervision(row, _) => row,
         }
     }
 }
@@ -137,6 +141,9 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         }
         if engine.timing.up_after == 0 || engine.timing.lost_after.as_ticks() == 0 {
             return Err(ConfigError::Timing(row));
+        }
+        if let Err(field) = engine.supervision.validate() {
+            return Err(ConfigError::Supervision(row, field));
         }
         match &engine.ecu {
             EcuConfig::Zk(config) => {

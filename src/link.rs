@@ -80,6 +80,11 @@ pub trait Link {
     /// [`Rejected`] if this ECU cannot do it; what was ordered before stays. An emergency stop and standby
     /// are never refused.
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected>;
+    /// Whether the ECU holds an rpm by itself.
+    ///
+    /// # Errors
+    /// [`Rejected`] with the reason if it does not.
+    fn speed_control(&self) -> Result<(), Rejected>;
     /// Do this once.
     ///
     /// # Errors

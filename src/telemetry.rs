@@ -1,7 +1,9 @@
 //! What is known of an engine: every value with the time it came, `None` where the ECU has not said.
 
-use crate::command::{Ordered, Origin, Rejected};
+use crate::command::{Demand, Ordered, Origin, Rejected};
 use crate::ecu::{Faults, Service, amt, zk};
+use crate::engine::state::EngineState;
+use crate::engine::watch::Passed;
 use crate::line::LineError;
 use crate::units::{
     Celsius, Grams, Milliamps, Millilitres, MillilitresPerMinute, Millivolts, Pascals, Rpm, Throttle,
@@ -226,6 +228,8 @@ pub enum LossStage {
     /// The source is fresh, or none is needed.
     #[default]
     None,
+    /// The source is silent: its last demand is held.
+    Hold,
     /// The source is silent: the fail-safe throttle rules.
     FailSafe,
     /// The source stayed silent: standby.
@@ -282,6 +286,14 @@ pub enum Event {
     CommandRejected(Rejected, Origin),
     /// The source of commands is silent, or speaks again (`None`).
     SourceLoss(LossStage),
+    /// Another source rules.
+    Ruler(Origin),
+    /// A limit was passed.
+    Limit(Passed),
+    /// The demand is reduced to so many thousandths because another engine of the group failed, or no longer.
+    Reduced(Option<u16>),
+    /// After a reset the engine was found running, and goes on with this demand.
+    WentOn(Demand),
     /// The ECU reports a stopped engine although it was to run: the order fell to standby.
     RunWithdrawn,
 }
@@ -371,14 +383,22 @@ pub struct Telemetry {
     pub link: LinkState,
     /// When the last good frame was complete.
     pub heard: Option<Instant>,
+    /// What the engine does, in plain words.
+    pub state: EngineState,
     /// What the ECU has said.
     pub report: Report,
     /// What is ordered, and by whom.
     pub ordered: Ordered,
-    /// When a source last commanded to run, or the node started.
-    pub source_heard: Instant,
+    /// Whose command is in force.
+    pub ruler: Origin,
+    /// When it last spoke.
+    pub source_heard: Option<Instant>,
+    /// What it asked a running engine for, before ramps, slew and limits.
+    pub asked: Option<Demand>,
     /// How far the loss of that source has gone.
     pub loss: LossStage,
+    /// The engine is armed.
+    pub armed: bool,
     /// An emergency stop is latched.
     pub stop_latched: bool,
     /// What was counted.

@@ -61,6 +61,16 @@ impl Faults {
     }
 }
 
+impl Faults {
+    /// The number on the wire: AMT a set of bits, ZK a code.
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Amt(bits) => bits.0,
+            Self::Zk(code) => code.code(),
+        }
+    }
+}
+
 impl core::fmt::Display for Faults {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
@@ -123,6 +133,10 @@ impl Link for AnyLink {
 
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
         each!(self, link => link.order(now, order))
+    }
+
+    fn speed_control(&self) -> Result<(), Rejected> {
+        each!(self, link => link.speed_control())
     }
 
     fn service(&mut self, now: Instant, service: Service) -> Result<(), Rejected> {

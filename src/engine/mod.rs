@@ -3,75 +3,120 @@
 //! The rules here hold for every ECU:
 //!
 //! - An emergency stop is latched until it is released with the engine stopped.
-//! - A start is two commands, standby and then run. A source that goes on sending `Run` can neither start an
-//!   engine at power-up nor restart one that stopped.
-//! - A source that rules a running engine has an age limit. After `hold` the fail-safe throttle rules, and only
-//!   if so configured standby after that. Silence is found by a timer.
+//! - A start is two commands, standby and then run, and every interlock has to allow it. A source that goes on sending
+//!   `Run` can neither start an engine at power-up nor restart one that stopped.
+//! - The highest source that is fresh rules. When none is, the stages of loss begin: hold, fail-safe throttle, and
+//!   only if so configured standby. Silence is found by a timer.
 //! - The ECU's own state wins: an engine that stopped is ordered to standby, whatever was commanded.
+//! - After a reset nothing is ordered until the ECU has said what its engine does. One that runs goes on.
 
-use crate::command::{Command, Demand, Order, Ordered, Origin, Rejected};
+pub mod config;
+pub mod keep;
+pub mod state;
+pub mod watch;
+
+mod demand;
+mod governor;
+mod ramp;
+mod sources;
+
+use self::config::{Action, Supervision};
+use self::demand::{Shape, Shaper};
+use self::keep::Record;
+use self::sources::{Intent, Sources};
+use self::state::EngineState;
+use self::watch::{Passed, Watch, Watched};
+use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
 use crate::link::{Link, Output, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, Telemetry, bump};
 use crate::units::{Hectopascals, Throttle};
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use heapless::Deque;
 
-/// What happens when the source of commands falls silent while its engine runs.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct Loss {
-    /// The last demand is held for so long.
-    pub hold: Duration,
-    /// Then this throttle rules. It only ever lowers: a lower demand stays. An rpm demand goes to the
-    /// engine's idle rpm.
-    pub throttle: Throttle,
-    /// Then, after this more, standby. `None`: never.
-    pub standby_after: Option<Duration>,
+pub use self::config::Loss;
+
+/// What is ordered, with what belongs to it and ends with it.
+#[derive(Clone, Debug)]
+enum Mode {
+    /// After a reset: until the ECU has said what its engine does.
+    Listen { kept: Option<Record>, until: Option<Instant> },
+    /// Emergency stop, latched by this source.
+    Stop(Origin),
+    Standby,
+    Run(Run),
+    Pwm,
 }
 
-impl Loss {
-    /// Hold 1 s, then idle, never standby.
-    pub const DEFAULT: Self =
-        Self { hold: Duration::from_secs(1), throttle: Throttle::IDLE, standby_after: None };
+/// An engine that is ordered to run.
+#[derive(Clone, Debug)]
+struct Run {
+    /// When it has to run by.
+    start_by: Option<Instant>,
+    /// The ECU reported it starting or running under this order.
+    came_alive: bool,
+    /// Whose demand is in force.
+    ruler: Origin,
+    /// That demand, before it is shaped.
+    demand: Demand,
+    /// Another source waits to take over, until then at the latest.
+    taking_over: Option<(Origin, Instant)>,
+    /// Since when no source is fresh.
+    lost: Option<Instant>,
+    stage: LossStage,
+    /// A limit was passed whose action is the fail-safe throttle.
+    limited: bool,
+    shaper: Shaper,
+    /// When the demand on the wire was last lowered.
+    lowered: Instant,
+    /// When the shaped demand moves on.
+    next: Option<Instant>,
 }
 
 /// One engine: its link, and what is commanded.
 #[derive(Clone, Debug)]
 pub struct Engine {
     link: AnyLink,
-    loss: Loss,
+    config: Supervision,
+    sources: Sources,
+    mode: Mode,
     ordered: Ordered,
-    /// The last demand of the source, while the order is to run.
-    demand: Option<Demand>,
-    source_heard: Instant,
-    stage: LossStage,
-    stop_latched: bool,
+    armed: bool,
     /// Standby was commanded, and no run since: the next run may start the engine.
     start_allowed: bool,
-    /// The ECU reported an engine starting or running under this order to run.
-    came_alive: bool,
+    /// When the last start was asked for.
+    last_start: Option<Instant>,
+    /// Since when the link is up.
+    up_since: Option<Instant>,
+    /// It ran, and stopped or fell silent without a command.
+    failed: bool,
+    /// The demand is reduced to so many thousandths, because another engine of the group failed.
+    reduced_to: Option<u16>,
+    watch: Watch,
     commands_rejected: u32,
     last_rejection: Option<(Rejected, Origin)>,
-    events: Deque<Event, 4>,
+    events: Deque<Event, 12>,
     events_lost: u32,
 }
 
 impl Engine {
-    /// An engine in standby, ordered by nobody.
+    /// An engine of which nothing is ordered yet.
     pub fn new(config: &EngineConfig) -> Self {
         Self {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
-            loss: config.loss,
-            ordered: Ordered { order: Order::Standby, origin: Origin::Node },
-            demand: None,
-            source_heard: Instant::MIN,
-            stage: LossStage::None,
-            stop_latched: false,
+            config: config.supervision,
+            sources: Sources::new(&config.supervision),
+            mode: Mode::Listen { kept: None, until: None },
+            ordered: Ordered { order: Order::Listen, origin: Origin::Node },
+            armed: false,
             start_allowed: false,
-            came_alive: false,
+            last_start: None,
+            up_since: None,
+            failed: false,
+            reduced_to: None,
+            watch: Watch::new(config.supervision.limits),
             commands_rejected: 0,
             last_rejection: None,
             events: Deque::new(),
@@ -79,13 +124,20 @@ impl Engine {
         }
     }
 
-    /// Begins. No engine ever starts by itself: the first order is standby, or the emergency stop that was
-    /// commanded before.
-    pub fn start(&mut self, now: Instant) {
-        self.source_heard = now;
+    /// Begins, after a reset of whatever kind. Listens first; `kept` is what survived the reset.
+    pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
-        if !self.stop_latched {
-            self.order(now, Order::Standby, Origin::Node);
+        if matches!(self.mode, Mode::Stop(_)) {
+            return;
+        }
+        self.armed = kept.is_some_and(|kept| kept.armed);
+        match kept {
+            // A latched stop does not wait.
+            Some(Record { order: Order::EmergencyStop, origin, .. }) => self.stop(now, origin),
+            kept => {
+                self.mode = Mode::Listen { kept, until: None };
+                self.order(now, Order::Listen, Origin::Node);
+            }
         }
     }
 
@@ -96,8 +148,12 @@ impl Engine {
 
     /// Bytes came from the ECU; see [`Link::receive`].
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let before = self.link.heard();
         let taken = self.link.receive(now, bytes);
-        self.follow(now);
+        if self.link.heard() != before {
+            self.update(now);
+            self.look(now);
+        }
         taken
     }
 
@@ -116,13 +172,11 @@ impl Engine {
         self.link.not_sent(now, why);
     }
 
-    /// See [`Link::timeout`].
+    /// See [`Link::timeout`]. What is ordered is brought up to date first, so that a turn of the link carries it.
     pub fn timeout(&mut self, now: Instant) {
+        self.update(now);
         self.link.timeout(now);
-        self.follow(now);
-        if self.loss_deadline().is_some_and(|deadline| now >= deadline) {
-            self.lose_source(now);
-        }
+        self.update(now);
     }
 
     /// See [`Link::poll`].
@@ -131,7 +185,7 @@ impl Engine {
             return Output::Event(event);
         }
         match self.link.poll() {
-            Output::Wait(deadline) => Output::Wait(earlier(deadline, self.loss_deadline())),
+            Output::Wait(deadline) => Output::Wait(earlier(deadline, self.deadline())),
             output => output,
         }
     }
@@ -141,37 +195,21 @@ impl Engine {
         self.link.pressure(now, pressure);
     }
 
-    /// A command. The latest wins, and a stop pre-empts whatever waits.
+    /// A command. The latest of a source wins, the highest fresh source rules, and a stop pre-empts everything.
+    /// `others_allow_start`: no other engine of the group is starting.
     ///
     /// # Errors
-    /// [`Rejected`] with the reason; what was commanded before stays in force.
-    pub fn command(&mut self, now: Instant, command: Command, origin: Origin) -> Result<(), Rejected> {
-        let answer = match command {
-            Command::EmergencyStop => {
-                self.stop_latched = true;
-                self.start_allowed = false;
-                self.order(now, Order::EmergencyStop, origin);
-                Ok(())
-            }
-            Command::ReleaseStop => self.release(now, origin),
-            _ if self.stop_latched => Err(Rejected::StopLatched),
-            Command::Standby => {
-                self.order(now, Order::Standby, origin);
-                self.start_allowed = true;
-                Ok(())
-            }
-            Command::Run(demand) => self.run(now, demand, origin),
-            Command::HandOverToPwm => self.link.order(now, Order::Pwm).map(|()| {
-                self.start_allowed = false;
-                self.note_order(Order::Pwm, origin);
-            }),
-            Command::Service(service) => {
-                if service.needs_stopped_engine() { self.require_stopped() } else { Ok(()) }
-                    .and_then(|()| self.link.service(now, service))
-            }
-        };
+    /// [`Rejected`] with the reason; what was in force stays in force.
+    pub fn command(
+        &mut self,
+        now: Instant,
+        command: Command,
+        origin: Origin,
+        others_allow_start: bool,
+    ) -> Result<Accepted, Rejected> {
+        let answer = self.obey(now, command, origin, others_allow_start);
         match answer {
-            Ok(()) => self.last_rejection = None,
+            Ok(_) => self.last_rejection = None,
             Err(why) => {
                 bump(&mut self.commands_rejected);
                 if self.last_rejection.replace((why, origin)) != Some((why, origin)) {
@@ -179,7 +217,49 @@ impl Engine {
                 }
             }
         }
+        self.update(now);
         answer
+    }
+
+    /// Whether another engine of the group has to wait with its start.
+    pub fn keeps_others_from_start(&self, now: Instant) -> bool {
+        let starting = match &self.mode {
+            Mode::Run(run) => run.start_by.is_some(),
+            _ => false,
+        };
+        starting || self.last_start.is_some_and(|at| now < at + self.config.start.gap)
+    }
+
+    /// Whether it ran, and stopped or fell silent without a command.
+    pub const fn failed(&self) -> bool {
+        self.failed
+    }
+
+    /// Another engine of the group failed (the demand is reduced to so many thousandths), or none does any more.
+    pub fn reduce(&mut self, now: Instant, to: Option<u16>) {
+        if self.reduced_to != to {
+            self.reduced_to = to;
+            self.event(Event::Reduced(to));
+            self.update(now);
+        }
+    }
+
+    /// What shall survive a reset.
+    pub fn record(&self) -> Record {
+        let order = match &self.mode {
+            Mode::Listen { kept: Some(kept), .. } => return *kept,
+            Mode::Listen { kept: None, .. } => Order::Listen,
+            Mode::Stop(_) => Order::EmergencyStop,
+            Mode::Standby => Order::Standby,
+            Mode::Run(run) => Order::Run(run.demand),
+            Mode::Pwm => Order::Pwm,
+        };
+        let origin = match &self.mode {
+            Mode::Stop(origin) => *origin,
+            Mode::Run(run) => run.ruler,
+            _ => self.ordered.origin,
+        };
+        Record { order, origin, armed: self.armed }
     }
 
     /// A snapshot.
@@ -187,49 +267,187 @@ impl Engine {
         let mut counters = self.link.counters();
         counters.commands_rejected = self.commands_rejected;
         counters.events_lost = counters.events_lost.wrapping_add(self.events_lost);
+        let (ruler, asked, loss) = match &self.mode {
+            Mode::Run(run) => (run.ruler, Some(run.demand), run.stage),
+            _ => (self.ordered.origin, None, LossStage::None),
+        };
         Telemetry {
             at: now,
             link: self.link.state(),
             heard: self.link.heard(),
+            state: EngineState::of(now, self.link.state(), self.link.report()),
             report: *self.link.report(),
             ordered: self.ordered,
-            source_heard: self.source_heard,
-            loss: self.stage,
-            stop_latched: self.stop_latched,
+            ruler,
+            source_heard: self.sources.last_heard(ruler),
+            asked,
+            loss,
+            armed: self.armed,
+            stop_latched: matches!(self.mode, Mode::Stop(_)),
             counters,
         }
     }
 
-    fn release(&mut self, now: Instant, origin: Origin) -> Result<(), Rejected> {
-        if self.stop_latched {
+    // -----------------------------------------------------------------------------------------
+    // Commands
+    // -----------------------------------------------------------------------------------------
+
+    fn obey(
+        &mut self,
+        now: Instant,
+        command: Command,
+        origin: Origin,
+        others_allow_start: bool,
+    ) -> Result<Accepted, Rejected> {
+        match command {
+            Command::EmergencyStop => {
+                self.stop(now, origin);
+                return Ok(Accepted::InForce);
+            }
+            Command::Arm => {
+                self.armed = true;
+                return Ok(Accepted::InForce);
+            }
+            Command::Disarm => {
+                self.armed = false;
+                return Ok(Accepted::InForce);
+            }
+            Command::ReleaseStop => return self.release(now, origin),
+            Command::Standby => self.sources.heard(now, origin, Intent::Standby),
+            Command::Run(demand) => self.sources.heard(now, origin, Intent::Run(demand)),
+            Command::HandOverToPwm | Command::Service(_) => {}
+        }
+        if matches!(self.mode, Mode::Stop(_)) {
+            return Err(Rejected::StopLatched);
+        }
+        if matches!(self.mode, Mode::Listen { .. }) {
+            return Err(Rejected::Listening);
+        }
+        if let Some(ruler) = self.sources.above(now, origin) {
+            return Ok(Accepted::Behind(ruler));
+        }
+        match command {
+            Command::Run(demand) => self.run(now, demand, origin, others_allow_start),
+            Command::HandOverToPwm => {
+                self.link.order(now, Order::Pwm)?;
+                self.mode = Mode::Pwm;
+                self.start_allowed = false;
+                self.note_order(Order::Pwm, origin);
+                Ok(Accepted::InForce)
+            }
+            Command::Service(service) => {
+                if service.needs_stopped_engine() {
+                    self.require_stopped()?;
+                }
+                self.link.service(now, service).map(|()| Accepted::InForce)
+            }
+            // Standby; the others were dealt with above.
+            _ => {
+                self.standby(now, origin);
+                self.start_allowed = true;
+                self.failed = false;
+                Ok(Accepted::InForce)
+            }
+        }
+    }
+
+    fn release(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
+        if let Mode::Stop(by) = self.mode {
+            if origin.priority() < by.priority() {
+                return Err(Rejected::NotYours(by));
+            }
+            if let Some(Intent::Run(demand)) = self.sources.intent(origin)
+                && !self.is_idle(demand)
+            {
+                return Err(Rejected::Start(Interlock::NotIdle));
+            }
             self.require_stopped()?;
-            self.stop_latched = false;
-            self.order(now, Order::Standby, origin);
+            self.standby(now, origin);
+        }
+        Ok(Accepted::InForce)
+    }
+
+    fn run(
+        &mut self,
+        now: Instant,
+        demand: Demand,
+        origin: Origin,
+        others_allow_start: bool,
+    ) -> Result<Accepted, Rejected> {
+        self.can(now, demand)?;
+        if let Mode::Run(run) = &mut self.mode {
+            if run.ruler == origin && run.lost.is_none() {
+                run.demand = demand;
+                return Ok(Accepted::InForce);
+            }
+            // Taking over is for `update`.
+            return Ok(Accepted::Held);
+        }
+        if !self.start_allowed {
+            return Err(Rejected::StandbyFirst);
+        }
+        self.interlocks(now, demand, others_allow_start).map_err(Rejected::Start)?;
+        self.begin(now, demand, origin, true);
+        Ok(Accepted::InForce)
+    }
+
+    /// Whether the ECU, or the governor for it, can do this.
+    fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
+        let Demand::Rpm(rpm) = demand else { return Ok(()) };
+        match self.link.speed_control() {
+            Err(_) if self.config.governor.is_some() => {
+                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= self.config.start.link_stable);
+                if known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
+            }
+            Err(why) => Err(why),
+            Ok(()) => match self.link.report().max_rpm {
+                Some(max) if rpm > max.value => Err(Rejected::AboveMaxRpm { max: max.value }),
+                _ => Ok(()),
+            },
+        }
+    }
+
+    /// What keeps the engine from a start, the first thing found.
+    fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
+        let rules = &self.config.start;
+        let report = self.link.report();
+        if rules.arming && !self.armed {
+            return Err(Interlock::NotArmed);
+        }
+        if !self.is_idle(demand) {
+            return Err(Interlock::NotIdle);
+        }
+        let stable = self.up_since.is_some_and(|since| now >= since + rules.link_stable);
+        if self.link.state() != LinkState::Up || !stable {
+            return Err(Interlock::Link);
+        }
+        if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
+            return Err(Interlock::Fault);
+        }
+        if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {
+            return Err(Interlock::NotStandby);
+        }
+        match report.egt.filter(|egt| egt.age(now) <= rules.link_stable.max(embassy_time::Duration::from_secs(1))) {
+            None => return Err(Interlock::EgtUnknown),
+            Some(egt) if egt.value > rules.egt_max => return Err(Interlock::TooHot(egt.value)),
+            Some(_) => {}
+        }
+        if let (Some(least), Some(supply)) = (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
+            && supply < least
+        {
+            return Err(Interlock::SupplyLow(supply));
+        }
+        if !others_allow_start {
+            return Err(Interlock::OtherStarting);
         }
         Ok(())
     }
 
-    fn run(&mut self, now: Instant, demand: Demand, origin: Origin) -> Result<(), Rejected> {
-        let running = matches!(self.ordered.order, Order::Run(_));
-        if !running {
-            if !self.start_allowed {
-                return Err(Rejected::StandbyFirst);
-            }
-            if self.link.state() != LinkState::Up {
-                return Err(Rejected::NoLink);
-            }
+    fn is_idle(&self, demand: Demand) -> bool {
+        match demand {
+            Demand::Throttle(throttle) => throttle <= self.config.start.idle_band,
+            Demand::Rpm(rpm) => self.link.report().idle_rpm.is_some_and(|idle| rpm <= idle.value),
         }
-        self.link.order(now, Order::Run(demand))?;
-        if !running {
-            self.start_allowed = false;
-            self.came_alive = false;
-        }
-        self.demand = Some(demand);
-        self.source_heard = now;
-        self.stage(LossStage::None);
-        self.note_order(Order::Run(demand), origin);
-        self.follow(now);
-        Ok(())
     }
 
     fn require_stopped(&self) -> Result<(), Rejected> {
@@ -242,11 +460,231 @@ impl Engine {
         }
     }
 
+    // -----------------------------------------------------------------------------------------
+    // What is ordered
+    // -----------------------------------------------------------------------------------------
+
+    fn stop(&mut self, now: Instant, origin: Origin) {
+        // Whoever latched it first, or a higher one, holds it.
+        let by = match self.mode {
+            Mode::Stop(by) if by.priority() > origin.priority() => by,
+            _ => origin,
+        };
+        self.mode = Mode::Stop(by);
+        self.start_allowed = false;
+        self.failed = false;
+        self.order(now, Order::EmergencyStop, by);
+    }
+
+    fn standby(&mut self, now: Instant, origin: Origin) {
+        self.mode = Mode::Standby;
+        self.start_allowed = false;
+        self.order(now, Order::Standby, origin);
+    }
+
+    /// Orders a run: a start, or going on after a reset.
+    fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, from_standby: bool) {
+        let timeout = match self.link.report().startup {
+            // The ECU's own figure, doubled, where it has one.
+            Some(startup) if startup.value.as_ticks() > 0 => startup.value * 2,
+            _ => self.config.start.timeout,
+        };
+        self.mode = Mode::Run(Run {
+            start_by: from_standby.then(|| now + timeout),
+            came_alive: !from_standby,
+            ruler: origin,
+            demand,
+            taking_over: None,
+            lost: None,
+            stage: LossStage::None,
+            limited: false,
+            shaper: Shaper::new(now, demand),
+            lowered: now,
+            next: None,
+        });
+        if from_standby {
+            self.start_allowed = false;
+            self.last_start = Some(now);
+        }
+        self.update(now);
+    }
+
+    /// Brings what is ordered up to date: with the sources, the ECU and the time.
+    fn update(&mut self, now: Instant) {
+        self.up_since = match (self.link.state(), self.up_since) {
+            (LinkState::Up, None) => Some(now),
+            (LinkState::Up, since) => since,
+            _ => None,
+        };
+        if matches!(self.mode, Mode::Listen { .. }) {
+            self.listen(now);
+        }
+        self.follow(now);
+        let Mode::Run(run) = &mut self.mode else { return };
+        let mut told: Deque<Event, 4> = Deque::new();
+        let standby_by = run.rule(now, &self.sources, &self.config, &mut told);
+        for event in &told {
+            self.event(*event);
+        }
+        if let Some(origin) = standby_by {
+            self.standby(now, origin);
+            return;
+        }
+        self.shape(now);
+    }
+
+    /// After a reset: goes on with an engine that runs, and orders standby where none does.
+    fn listen(&mut self, now: Instant) {
+        let Mode::Listen { kept, until } = &mut self.mode else { return };
+        let Some(heard) = self.link.heard() else { return };
+        let until = *until.get_or_insert(heard + self.config.listen);
+        let kept = *kept;
+        match self.link.report().phase.map(|phase| phase.value) {
+            Some(phase) if phase.is_alive() => self.go_on(now, kept),
+            // The document has no name for it: whatever was in force stays in force, and if nothing was, standby.
+            Some(Phase::Unknown) if kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
+                self.go_on(now, kept);
+            }
+            Some(_) => self.standby(now, Origin::Node),
+            None if now >= until => self.standby(now, Origin::Node),
+            None => {}
+        }
+    }
+
+    fn go_on(&mut self, now: Instant, kept: Option<Record>) {
+        let report = self.link.report();
+        let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
+        let (order, origin) = match kept {
+            Some(Record { order: order @ (Order::Run(_) | Order::Standby | Order::Pwm), origin, .. }) => (order, origin),
+            // Nothing was kept: what the ECU obeys is what was commanded.
+            _ => match report.switch.map(|switch| switch.value) {
+                Some(crate::telemetry::ReportedSwitch::Run) | None => {
+                    (Order::Run(Demand::Throttle(reported)), Origin::Bench)
+                }
+                Some(_) => (Order::Standby, Origin::Node),
+            },
+        };
+        match order {
+            Order::Run(demand) => {
+                let demand = if self.can(now, demand).is_ok() { demand } else { Demand::Throttle(reported) };
+                self.sources.resume(now, origin, demand);
+                self.begin(now, demand, origin, false);
+                self.event(Event::WentOn(demand));
+            }
+            Order::Pwm if self.link.order(now, Order::Pwm).is_ok() => {
+                self.mode = Mode::Pwm;
+                self.note_order(Order::Pwm, origin);
+            }
+            _ => self.standby(now, Origin::Node),
+        }
+    }
+
+    /// The ECU's own state wins over what was commanded.
+    fn follow(&mut self, now: Instant) {
+        let phase = self.phase();
+        let link = self.link.state();
+        let Mode::Run(run) = &mut self.mode else { return };
+        if phase.is_some_and(Phase::is_alive) {
+            run.came_alive = true;
+        }
+        if phase == Some(Phase::Running) {
+            run.start_by = None;
+        }
+        let ran = run.came_alive && run.start_by.is_none();
+        let stopped = run.came_alive && phase.is_some_and(Phase::is_stopped);
+        let gone = !run.came_alive && link == LinkState::Lost;
+        let late = run.start_by.filter(|by| now >= *by);
+        if ran && link == LinkState::Lost {
+            self.failed = true;
+        } else if ran && !stopped {
+            self.failed = false;
+        }
+        if stopped || gone {
+            self.failed = ran;
+            self.sources.forget_runs();
+            self.standby(now, Origin::Node);
+            self.event(Event::RunWithdrawn);
+        } else if late.is_some() {
+            self.sources.forget_runs();
+            self.standby(now, Origin::Node);
+            let limit = i32::try_from(self.config.start.timeout.as_millis()).unwrap_or(i32::MAX);
+            self.event(Event::Limit(Passed { what: Watched::StartTimeout, value: limit, limit, at: now }));
+        }
+    }
+
+    /// Orders the demand, as far as ramps, slew and limits let it go.
+    fn shape(&mut self, now: Instant) {
+        let idle_rpm = self.link.report().idle_rpm.map(|idle| idle.value);
+        let shape = Shape {
+            // A state without a name does not bring a running engine to idle; the link knows whether it ran.
+            running: matches!(self.phase(), Some(Phase::Running | Phase::Unknown)),
+            idle_rpm,
+            max_rpm: self.link.report().max_rpm.map(|max| max.value),
+            rpm: self.link.report().rpm,
+            reduced_to: self.reduced_to,
+            governed: self.link.speed_control().is_err(),
+        };
+        let config = self.config;
+        let Mode::Run(run) = &mut self.mode else { return };
+        let plan = run.plan();
+        let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
+        run.next = next;
+        if let Order::Run(before) = self.ordered.order
+            && demand::is_lower(demand, before)
+        {
+            run.lowered = now;
+        }
+        let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
+        if self.link.order(now, Order::Run(demand)).is_ok() {
+            self.note_order(Order::Run(demand), origin);
+        }
+    }
+
+    /// Looks for limits that were passed, and acts.
+    fn look(&mut self, now: Instant) {
+        let lowered = match &self.mode {
+            Mode::Run(run) => run.lowered,
+            _ => now,
+        };
+        self.watch.see(now, self.link.report(), lowered);
+        while let Some((passed, action)) = self.watch.found() {
+            self.event(Event::Limit(passed));
+            match (action, &mut self.mode) {
+                (Action::FailSafe, Mode::Run(run)) => run.limited = true,
+                (Action::Standby, Mode::Run(_)) => {
+                    self.sources.forget_runs();
+                    self.standby(now, Origin::Node);
+                }
+                _ => {}
+            }
+        }
+        self.update(now);
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        match &self.mode {
+            Mode::Listen { until, .. } => *until,
+            Mode::Run(run) => {
+                let now = self.ordered_at();
+                let loss = run.loss_deadline(&self.config);
+                let take_over = run.taking_over.map(|(_, at)| at);
+                [self.sources.deadline(now), loss, take_over, run.start_by, run.next].into_iter().flatten().min()
+            }
+            _ => None,
+        }
+    }
+
+    /// The time of the last update: deadlines before it have been dealt with.
+    fn ordered_at(&self) -> Instant {
+        match &self.mode {
+            Mode::Run(run) => run.shaper.at(),
+            _ => Instant::MIN,
+        }
+    }
+
     /// An order that no link refuses.
     fn order(&mut self, now: Instant, order: Order, origin: Origin) {
         if self.link.order(now, order).is_ok() {
-            self.demand = None;
-            self.stage(LossStage::None);
             self.note_order(order, origin);
         }
     }
@@ -261,66 +699,8 @@ impl Engine {
         }
     }
 
-    /// The ECU's own state wins over what was commanded.
-    fn follow(&mut self, now: Instant) {
-        let Order::Run(_) = self.ordered.order else { return };
-        let phase = self.phase();
-        if phase.is_some_and(Phase::is_alive) {
-            self.came_alive = true;
-        }
-        let stopped = self.came_alive && phase.is_some_and(Phase::is_stopped);
-        let gone = !self.came_alive && self.link.state() == LinkState::Lost;
-        if stopped || gone {
-            self.order(now, Order::Standby, Origin::Node);
-            self.event(Event::RunWithdrawn);
-        }
-    }
-
     fn phase(&self) -> Option<Phase> {
         self.link.report().phase.map(|phase| phase.value)
-    }
-
-    fn loss_deadline(&self) -> Option<Instant> {
-        self.demand?;
-        let fail_safe_at = self.source_heard + self.loss.hold;
-        match self.stage {
-            LossStage::None => Some(fail_safe_at),
-            LossStage::FailSafe => self.loss.standby_after.map(|after| fail_safe_at + after),
-            LossStage::Standby => None,
-        }
-    }
-
-    fn lose_source(&mut self, now: Instant) {
-        match self.stage {
-            LossStage::None => {
-                self.stage(LossStage::FailSafe);
-                let safe = match self.demand {
-                    Some(Demand::Throttle(demand)) => Demand::Throttle(demand.min(self.loss.throttle)),
-                    // Without an idle rpm the throttle takes over, at idle: no rpm can be guessed.
-                    Some(Demand::Rpm(demand)) => match self.link.report().idle_rpm {
-                        Some(idle) => Demand::Rpm(demand.min(idle.value)),
-                        None => Demand::Throttle(Throttle::IDLE),
-                    },
-                    None => Demand::Throttle(Throttle::IDLE),
-                };
-                // No link refuses a throttle, nor an rpm below one that it took before.
-                if self.link.order(now, Order::Run(safe)).is_ok() {
-                    self.note_order(Order::Run(safe), Origin::Node);
-                }
-            }
-            LossStage::FailSafe => {
-                self.order(now, Order::Standby, Origin::Node);
-                self.stage(LossStage::Standby);
-            }
-            LossStage::Standby => {}
-        }
-    }
-
-    fn stage(&mut self, stage: LossStage) {
-        if self.stage != stage {
-            self.stage = stage;
-            self.event(Event::SourceLoss(stage));
-        }
     }
 
     fn event(&mut self, event: Event) {

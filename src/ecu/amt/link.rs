@@ -87,7 +87,7 @@ pub struct AmtLink {
     report: Report,
     outbox: Outbox,
     counters: Counters,
-    order: Option<Order>,
+    order: Order,
     ctf: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
@@ -114,7 +114,7 @@ impl AmtLink {
             report: Report::default(),
             outbox: Outbox::default(),
             counters: Counters::default(),
-            order: None,
+            order: Order::Listen,
             ctf: false,
             damaged: false,
             sending: None,
@@ -253,6 +253,10 @@ impl AmtLink {
 
     /// AMT-11: one reply to this frame, right now or not at all.
     fn answer(&mut self, now: Instant) {
+        if self.order == Order::Listen {
+            // After a reset: the wrong answer could stop a running engine, no answer does not for its serial delay.
+            return;
+        }
         let window_end = now + REPLY_WINDOW;
         if self.outbox.idle() {
             self.reply(now, window_end);
@@ -277,16 +281,16 @@ impl AmtLink {
         self.outbox.event(Event::NotSent(NotSent::TooLate));
     }
 
-    /// What the reply says. Nothing ordered yet means auto stop: every frame must be answered.
+    /// What the reply says.
     fn control(&self) -> Control {
         let (ops, throttle) = match self.order {
-            Some(Order::EmergencyStop) => (Ops::EmergencyStop, Throttle::IDLE),
-            Some(Order::Run(Demand::Throttle(throttle))) => {
+            Order::EmergencyStop => (Ops::EmergencyStop, Throttle::IDLE),
+            Order::Run(Demand::Throttle(throttle)) => {
                 // AMT-14: until full operation, the start throttle.
                 (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
             }
-            // An rpm is refused by `order`, a hand-over too.
-            None | Some(Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_))) => {
+            // An rpm is refused by `order`, a hand-over too, and while it listens nothing is answered.
+            Order::Standby | Order::Listen | Order::Pwm | Order::Run(Demand::Rpm(_)) => {
                 (Ops::AutoStop, Throttle::IDLE)
             }
         };
@@ -329,9 +333,9 @@ impl Link for AmtLink {
         match order {
             Order::Run(Demand::Rpm(_)) => return Err(Rejected::NoSpeedControl),
             Order::Pwm => return Err(Rejected::NotSupported),
-            Order::EmergencyStop | Order::Standby | Order::Run(Demand::Throttle(_)) => {}
+            Order::EmergencyStop | Order::Standby | Order::Listen | Order::Run(Demand::Throttle(_)) => {}
         }
-        self.order = Some(order);
+        self.order = order;
         // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
         if !matches!(order, Order::Run(_)) {
             self.ctf = false;
@@ -339,6 +343,10 @@ impl Link for AmtLink {
         let control = self.control();
         self.outbox.rewrite(|| control.encode());
         Ok(())
+    }
+
+    fn speed_control(&self) -> Result<(), Rejected> {
+        Err(Rejected::NoSpeedControl)
     }
 
     fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {

@@ -132,7 +132,7 @@ pub struct ZkLink {
     report: Report,
     outbox: Outbox,
     counters: Counters,
-    order: Option<Order>,
+    order: Order,
     next_turn: Option<Instant>,
     /// Something must go out before the next turn: as soon as the UART is free.
     out_of_turn: bool,
@@ -162,7 +162,7 @@ impl ZkLink {
             report: Report::default(),
             outbox: Outbox::default(),
             counters: Counters::default(),
-            order: None,
+            order: Order::Listen,
             next_turn: None,
             out_of_turn: false,
             second_next: false,
@@ -328,7 +328,7 @@ impl ZkLink {
     }
 
     fn compose(&mut self, now: Instant) -> Control {
-        if self.order == Some(Order::EmergencyStop) {
+        if self.order == Order::EmergencyStop {
             // An unlock whose command was pre-empted begins anew, should the stop ever be released.
             if let ServiceState::Unlocking { service, attempts_left } = self.service {
                 self.service = ServiceState::Waiting { service, attempts_left };
@@ -407,8 +407,9 @@ impl ZkLink {
 
     /// ZK-9: the frame of the mode in force. Where two frames make up a command they take turns.
     fn switch_and_demand(&mut self) -> Control {
-        let Some(order) = self.order else { return Control::KeepAlive };
+        let order = self.order;
         let (switch, demand) = match order {
+            Order::Listen => return Control::KeepAlive,
             Order::EmergencyStop => (Switch::Stop, Demand::Throttle(Throttle::IDLE)),
             Order::Standby => (Switch::Standby, Demand::Throttle(Throttle::IDLE)),
             Order::Pwm => (Switch::Pwm, Demand::Throttle(Throttle::IDLE)),
@@ -484,7 +485,7 @@ impl Link for ZkLink {
 
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
         if let Order::Run(Demand::Rpm(rpm)) = order {
-            self.require(Control::Rpm(RpmCode::for_target(rpm, RpmFactor::OFF)).min_version())?;
+            self.speed_control()?;
             // Status ID 6 carries the version and the maximum, so it is known here.
             if let Some(max) = self.report.max_rpm
                 && rpm > max.value
@@ -492,8 +493,8 @@ impl Link for ZkLink {
                 return Err(Rejected::AboveMaxRpm { max: max.value });
             }
         }
-        let before = self.order.replace(order);
-        if before.map(kind) != Some(kind(order)) {
+        let before = core::mem::replace(&mut self.order, order);
+        if kind(before) != kind(order) {
             self.second_next = false;
             if order == Order::EmergencyStop {
                 // ZK knows no window: a stop goes out at once.
@@ -505,6 +506,10 @@ impl Link for ZkLink {
             }
         }
         Ok(())
+    }
+
+    fn speed_control(&self) -> Result<(), Rejected> {
+        self.require(Control::Rpm(RpmCode::for_target(Rpm::new(0), RpmFactor::OFF)).min_version())
     }
 
     fn service(&mut self, now: Instant, service: AnyService) -> Result<(), Rejected> {
@@ -606,6 +611,7 @@ fn kind(order: Order) -> u8 {
         Order::Run(Demand::Throttle(_)) => 2,
         Order::Run(Demand::Rpm(_)) => 3,
         Order::Pwm => 4,
+        Order::Listen => 5,
     }
 }
 

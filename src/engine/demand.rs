@@ -1,0 +1,280 @@
+//! The demand of a running engine: who asks for it, what becomes of it when nobody does, and how it moves.
+
+use super::config::{Supervision, Takeover};
+use super::governor::Governor;
+use super::ramp::{Ramp, Rates};
+use super::sources::{Intent, Sources};
+use super::Run;
+use crate::command::{Demand, Origin};
+use crate::link::earlier;
+use crate::telemetry::{Event, LossStage, Timed};
+use crate::units::{Rpm, Throttle};
+use embassy_time::{Duration, Instant};
+use heapless::Deque;
+
+/// Between two updates of a demand that moves.
+const STEP: Duration = Duration::from_millis(20);
+/// Stands for the maximum rpm of an engine that does not tell its own, when a rate in % is made one in rpm.
+const NOMINAL_MAX_RPM: u32 = 100_000;
+
+/// Where the demand shall go.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Plan {
+    /// Nowhere: another source is about to take over.
+    Hold,
+    /// To what the ruling source asks.
+    To(Demand),
+    /// To the fail-safe throttle, by its ramp.
+    FailSafe,
+}
+
+/// What is known of the engine when its demand is shaped.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    /// The ECU reports a running engine; until then the demand stays at idle.
+    pub running: bool,
+    pub idle_rpm: Option<Rpm>,
+    pub max_rpm: Option<Rpm>,
+    pub rpm: Option<Timed<Rpm>>,
+    /// Thousandths.
+    pub reduced_to: Option<u16>,
+    /// The ECU has no speed control, so an rpm needs the governor.
+    pub governed: bool,
+}
+
+impl Run {
+    /// Finds who rules now. Gives whose standby it is, if it is to be standby.
+    pub fn rule(
+        &mut self,
+        now: Instant,
+        sources: &Sources,
+        config: &Supervision,
+        told: &mut Deque<Event, 4>,
+    ) -> Option<Origin> {
+        match sources.ruler(now) {
+            Some((origin, Intent::Standby)) => return Some(origin),
+            Some((origin, Intent::Run(demand))) => {
+                if origin == self.ruler && self.lost.is_none() {
+                    self.taking_over = None;
+                    self.demand = demand;
+                    return None;
+                }
+                let latest = match self.taking_over {
+                    Some((waiting, latest)) if waiting == origin => latest,
+                    _ => now + config.takeover.within,
+                };
+                self.taking_over = Some((origin, latest));
+                if now >= latest || self.shaper.is_close(demand, &config.takeover) {
+                    self.taking_over = None;
+                    self.lost = None;
+                    self.demand = demand;
+                    if self.ruler != origin {
+                        self.ruler = origin;
+                        let _ = told.push_back(Event::Ruler(origin));
+                    }
+                    self.stage(LossStage::None, told);
+                }
+            }
+            None => {
+                self.taking_over = None;
+                let heard = sources.last_heard(self.ruler).unwrap_or(now);
+                let silent_from = heard.checked_add(config.ages.of(self.ruler)).unwrap_or(now);
+                let lost = *self.lost.get_or_insert(silent_from.min(now));
+                let fail_safe_at = lost + config.loss.hold;
+                let standby_at = config.loss.standby_after.map(|after| fail_safe_at + after);
+                if standby_at.is_some_and(|at| now >= at) {
+                    self.stage(LossStage::Standby, told);
+                    return Some(Origin::Node);
+                }
+                let stage = if now >= fail_safe_at { LossStage::FailSafe } else { LossStage::Hold };
+                self.stage(stage, told);
+            }
+        }
+        None
+    }
+
+    /// When the next stage of loss begins.
+    pub fn loss_deadline(&self, config: &Supervision) -> Option<Instant> {
+        let fail_safe_at = self.lost? + config.loss.hold;
+        match self.stage {
+            LossStage::None | LossStage::Hold => Some(fail_safe_at),
+            LossStage::FailSafe => config.loss.standby_after.map(|after| fail_safe_at + after),
+            LossStage::Standby => None,
+        }
+    }
+
+    pub fn plan(&self) -> Plan {
+        if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
+            Plan::FailSafe
+        } else if self.taking_over.is_some() {
+            Plan::Hold
+        } else {
+            Plan::To(self.demand)
+        }
+    }
+
+    fn stage(&mut self, stage: LossStage, told: &mut Deque<Event, 4>) {
+        if self.stage != stage {
+            self.stage = stage;
+            let _ = told.push_back(Event::SourceLoss(stage));
+        }
+    }
+}
+
+/// A demand of either kind on its way.
+#[derive(Clone, Copy, Debug)]
+enum Moving {
+    /// In tenths of a percent.
+    Throttle(Ramp),
+    /// In revolutions a minute.
+    Rpm(Ramp),
+}
+
+/// Moves the demand and, where the ECU has no speed control, makes it a throttle.
+#[derive(Clone, Debug)]
+pub(super) struct Shaper {
+    moving: Moving,
+    governor: Option<Governor>,
+    /// The throttle that the governor has set.
+    governed: Throttle,
+    at: Instant,
+}
+
+impl Shaper {
+    /// At rest at a demand.
+    pub fn new(now: Instant, demand: Demand) -> Self {
+        Self { moving: Moving::new(now, demand), governor: None, governed: Throttle::IDLE, at: now }
+    }
+
+    /// When it last moved.
+    pub const fn at(&self) -> Instant {
+        self.at
+    }
+
+    /// Whether a demand is close enough to the one in force to take over without a bump.
+    pub fn is_close(&self, demand: Demand, takeover: &Takeover) -> bool {
+        match (self.moving.demand(), demand) {
+            (Demand::Throttle(a), Demand::Throttle(b)) => {
+                a.tenths().abs_diff(b.tenths()) <= takeover.throttle_band.tenths()
+            }
+            (Demand::Rpm(a), Demand::Rpm(b)) => a.get().abs_diff(b.get()) <= takeover.rpm_band.get(),
+            _ => false,
+        }
+    }
+
+    /// The demand for the ECU now, and when it moves on.
+    pub fn demand(
+        &mut self,
+        now: Instant,
+        plan: Plan,
+        shape: &Shape,
+        config: &Supervision,
+    ) -> (Demand, Option<Instant>) {
+        self.at = now;
+        let slew = Rates { up: config.slew.up.map(u32::from), down: config.slew.down.map(u32::from) };
+        let (target, rates) = match plan {
+            Plan::Hold => (self.moving.demand(), Rates::AT_ONCE),
+            Plan::To(demand) => (reduced(demand, shape.reduced_to), slew),
+            Plan::FailSafe => {
+                let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
+                (self.fail_safe(now, shape, config), down)
+            }
+        };
+        let (target, rates) = if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
+        let next = self.moving.follow(now, target, rates, shape);
+        let demand = self.moving.demand();
+        let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
+            self.governor = None;
+            return (demand, next);
+        };
+        if !shape.running {
+            self.governor = None;
+            return (Demand::Throttle(Throttle::IDLE), next);
+        }
+        let governor = self.governor.get_or_insert_with(|| Governor::new(settings, Throttle::IDLE));
+        let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
+        self.governed = throttle;
+        (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
+    }
+
+    /// Where the fail-safe takes the demand. It only ever lowers.
+    fn fail_safe(&mut self, now: Instant, shape: &Shape, config: &Supervision) -> Demand {
+        let safe = config.loss.throttle;
+        match (self.moving.demand(), shape.idle_rpm) {
+            (Demand::Throttle(throttle), _) => Demand::Throttle(throttle.min(safe)),
+            (Demand::Rpm(rpm), Some(idle)) if !shape.governed => Demand::Rpm(rpm.min(idle)),
+            (Demand::Rpm(_), _) => {
+                // From the governor's throttle on; an ECU's own is not known, and its idle rpm neither.
+                let from = if shape.governed { self.governed } else { Throttle::IDLE };
+                self.moving = Moving::new(now, Demand::Throttle(from));
+                Demand::Throttle(from.min(safe))
+            }
+        }
+    }
+}
+
+impl Moving {
+    fn new(now: Instant, demand: Demand) -> Self {
+        match demand {
+            Demand::Throttle(throttle) => Self::Throttle(Ramp::new(throttle.tenths().into(), now)),
+            Demand::Rpm(rpm) => Self::Rpm(Ramp::new(rpm.get(), now)),
+        }
+    }
+
+    fn demand(&self) -> Demand {
+        match self {
+            Self::Throttle(ramp) => {
+                let tenths = u16::try_from(ramp.value()).unwrap_or(u16::MAX);
+                Demand::Throttle(Throttle::from_tenths(tenths).unwrap_or(Throttle::FULL))
+            }
+            Self::Rpm(ramp) => Demand::Rpm(Rpm::new(ramp.value())),
+        }
+    }
+
+    fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
+        match (&mut *self, target) {
+            (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
+                ramp.follow(now, throttle.tenths().into(), rates, STEP)
+            }
+            (Self::Rpm(ramp), Demand::Rpm(rpm)) => {
+                let max = shape.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
+                // Tenths of a percent of the maximum.
+                let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(max / 1000));
+                ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
+            }
+            // The other kind of demand: nothing says how the two compare.
+            (moving, target) => {
+                *moving = Self::new(now, target);
+                None
+            }
+        }
+    }
+}
+
+/// Whether a demand asks for less than the one before. Between kinds that cannot be told, so it counts as less.
+pub(super) fn is_lower(demand: Demand, before: Demand) -> bool {
+    match (demand, before) {
+        (Demand::Throttle(now), Demand::Throttle(before)) => now < before,
+        (Demand::Rpm(now), Demand::Rpm(before)) => now < before,
+        _ => true,
+    }
+}
+
+fn reduced(demand: Demand, to: Option<u16>) -> Demand {
+    let Some(to) = to else { return demand };
+    let share = |value: u32| (u64::from(value) * u64::from(to) / 1000) as u32;
+    match demand {
+        Demand::Throttle(throttle) => {
+            let tenths = u16::try_from(share(throttle.tenths().into())).unwrap_or(0);
+            Demand::Throttle(Throttle::from_tenths(tenths).unwrap_or(throttle).min(throttle))
+        }
+        Demand::Rpm(rpm) => Demand::Rpm(Rpm::new(share(rpm.get())).min(rpm)),
+    }
+}
+
+fn idle(target: Demand, shape: &Shape) -> Demand {
+    match target {
+        Demand::Throttle(_) => Demand::Throttle(Throttle::IDLE),
+        Demand::Rpm(rpm) => Demand::Rpm(shape.idle_rpm.map_or(Rpm::new(0), |idle| idle.min(rpm))),
+    }
+}
