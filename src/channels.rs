@@ -5,9 +5,10 @@
 //! microseconds, and gets its answer at once. So an old throttle can never follow a new one, and a stop
 //! cannot stand behind anything.
 
-use crate::command::{Command, Origin, Rejected};
+use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::engine::Engine;
+use crate::engine::keep::Memory;
 use crate::runner::Runner;
 use crate::telemetry::{Event, Telemetry};
 use crate::units::Hectopascals;
@@ -39,6 +40,8 @@ pub struct Channel {
     pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
     pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
     progress: AtomicU32,
+    /// Where what must survive a reset is kept.
+    memory: Option<&'static Memory>,
 }
 
 impl core::fmt::Debug for Channel {
@@ -57,22 +60,54 @@ impl Channel {
             events: PubSubChannel::new(),
             telemetry: Watch::new(),
             progress: AtomicU32::new(0),
+            memory: None,
         }
+    }
+
+    /// The same, with memory that a reset leaves alone: an engine that runs goes on after it.
+    pub fn with_memory(config: &EngineConfig, memory: &'static Memory) -> Self {
+        Self { memory: Some(memory), ..Self::new(config) }
     }
 
     /// For a source of commands or a listener; as many as wanted.
     pub const fn handle(&self) -> Handle<'_> {
-        Handle(self)
+        Handle { channel: self, group: core::slice::from_ref(self) }
+    }
+
+    /// The same, as one of a group.
+    pub(crate) const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
+        Handle { channel: self, group }
     }
 
     /// For the task that owns the UART: one.
     pub const fn runner(&self) -> Runner<'_> {
-        Runner::new(self)
+        Runner::new(self, core::slice::from_ref(self))
+    }
+
+    /// The same, as one of a group.
+    pub(crate) const fn runner_in<'a>(&'a self, group: &'a [Channel]) -> Runner<'a> {
+        Runner::new(self, group)
+    }
+
+    /// The engine begins, with what was kept over the reset.
+    pub(crate) fn begin(&self, now: Instant) {
+        let kept = self.memory.and_then(Memory::load);
+        self.with(|engine| engine.start(now, kept));
     }
 
     /// Does something with the engine. Short: interrupts wait meanwhile.
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Engine) -> T) -> T {
-        self.engine.lock(|engine| act(&mut engine.borrow_mut()))
+        self.engine.lock(|engine| {
+            let engine = &mut *engine.borrow_mut();
+            let Some(memory) = self.memory else { return act(engine) };
+            let before = engine.record();
+            let result = act(engine);
+            let after = engine.record();
+            if after != before {
+                memory.store(&after);
+            }
+            result
+        })
     }
 
     pub(crate) fn made_progress(&self) {
@@ -84,52 +119,65 @@ impl Channel {
 
 /// Commands one engine and listens to it. Copies may be used from several tasks.
 #[derive(Clone, Copy, Debug)]
-pub struct Handle<'a>(&'a Channel);
+pub struct Handle<'a> {
+    channel: &'a Channel,
+    /// All engines of the group, this one among them.
+    group: &'a [Channel],
+}
 
 impl<'a> Handle<'a> {
     /// The engine's name.
     pub const fn name(&self) -> &'static str {
-        self.0.name
+        self.channel.name
     }
 
-    /// Commands the engine. The latest command wins; a stop pre-empts whatever is going on. A source has to
-    /// repeat `Run` within the engine's age limit ([`crate::engine::Loss::hold`]).
+    /// Commands the engine. The latest command of a source wins, the highest fresh source rules, and a stop pre-empts
+    /// whatever is going on. A source has to repeat `Run` within its age limit
+    /// ([`crate::engine::config::SourceAges`]).
     ///
     /// # Errors
     /// [`Rejected`] with the reason; what was commanded before stays in force.
-    pub fn command(&self, command: Command, origin: Origin) -> Result<(), Rejected> {
+    pub fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
         let now = self.now();
-        let answer = self.0.with(|engine| engine.command(now, command, origin));
-        self.0.poke.signal(());
+        // One source at a time, so that two engines cannot both find the other one standing.
+        let answer = critical_section::with(|_| {
+            let others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
+            let free = matches!(command, Command::Run(_))
+                && others.fold(true, |free, other| {
+                    free && !other.with(|engine| engine.keeps_others_from_start(now))
+                });
+            self.channel.with(|engine| engine.command(now, command, origin, free))
+        });
+        self.channel.poke.signal(());
         answer
     }
 
     /// Tells the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.
     pub fn pressure(&self, pressure: Hectopascals) {
         let now = self.now();
-        self.0.with(|engine| engine.pressure(now, pressure));
+        self.channel.with(|engine| engine.pressure(now, pressure));
     }
 
     /// What is known of the engine now.
     pub fn telemetry(&self) -> Telemetry {
         let now = self.now();
-        self.0.with(|engine| engine.telemetry(now))
+        self.channel.with(|engine| engine.telemetry(now))
     }
 
     /// Waits for telemetry, one snapshot for each frame of the ECU or change of order.
     /// `None` when [`LISTENERS`] tasks do so already.
     pub fn telemetry_receiver(&self) -> Option<TelemetryReceiver<'a>> {
-        self.0.telemetry.receiver()
+        self.channel.telemetry.receiver()
     }
 
     /// Listens to events from now on. `None` when [`LISTENERS`] tasks do so already.
     pub fn events(&self) -> Option<Events<'a>> {
-        self.0.events.subscriber().ok()
+        self.channel.events.subscriber().ok()
     }
 
     /// A number that changes at least every 0.1 s while the engine's runner works: for a watchdog.
     pub fn progress(&self) -> u32 {
-        self.0.progress.load(Ordering::Relaxed)
+        self.channel.progress.load(Ordering::Relaxed)
     }
 
     #[expect(clippy::disallowed_methods, reason = "a command is stamped where it enters")]

@@ -185,7 +185,9 @@ impl core::fmt::Display for Interlock {
             Self::NotStandby => f.write_str("the ECU does not report standby"),
             Self::Fault => f.write_str("the ECU reports a fault"),
             Self::EgtUnknown => f.write_str("the exhaust temperature is not known"),
-            Self::TooHot(egt) => write!(f, "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10),
+            Self::TooHot(egt) => {
+                write!(f, "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10)
+            }
             Self::SupplyLow(supply) => write!(f, "the supply has only {} mV", supply.get()),
             Self::OtherStarting => f.write_str("another engine of the group is starting"),
         }
@@ -200,7 +202,10 @@ impl core::fmt::Display for Rejected {
             }
             Self::StandbyFirst => f.write_str("command standby before a start"),
             Self::NotYours(origin) => {
-                write!(f, "the emergency stop came from {origin:?}, which has to release it, or a higher source")
+                write!(
+                    f,
+                    "the emergency stop came from {origin:?}, which has to release it, or a higher source"
+                )
             }
             Self::Listening => f.write_str("the node has just started and listens to what the engine does"),
             Self::Start(interlock) => interlock.fmt(f),

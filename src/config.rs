@@ -9,9 +9,11 @@ use crate::ecu::zk::{self, codec::Rate};
 use crate::engine::config::{Field, Supervision};
 use crate::line::{Line, StopBits};
 use crate::link::Timing;
+use embassy_time::Duration;
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see the board's file under
 /// `src/board/` for their names and pins.
+#[cfg(not(feature = "all-ports"))]
 pub const ENGINES: [EngineConfig; 4] = [
     //                name       port  line                    ECU
     EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
@@ -20,7 +22,27 @@ pub const ENGINES: [EngineConfig; 4] = [
     EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
 ];
 
+/// Bench only (feature `all-ports`): an engine on every port of the board, with every kind of line.
+#[cfg(feature = "all-ports")]
+pub const ENGINES: [EngineConfig; if cfg!(feature = "board-pixracer") { 5 } else { 6 }] = {
+    let six = [
+        EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
+        EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
+        EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
+        EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
+        EngineConfig::zk("upper", 4, Line::with_two_stop_bits(57_600), Rate::Hz100),
+        EngineConfig::amt("tail", 5, Line::new(9600), Some(AmtEngine::Mercury)),
+    ];
+    match six.first_chunk() {
+        Some(engines) => *engines,
+        None => unreachable!(),
+    }
+};
+
 const _: () = check(&ENGINES);
+
+/// The longest time that makes sense anywhere in a table of engines.
+const LONGEST: Duration = Duration::from_secs(60);
 
 /// One engine and the port it sits on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -82,7 +104,7 @@ pub enum ConfigError {
     AmtStopBits(usize),
     /// No reply fits the window: the guard is too long (AMT-11).
     NoReplyFits(usize),
-    /// A link would never be up, or would be lost at once.
+    /// A link would never be up, or would be lost at once or never.
     Timing(usize),
     /// A field of the supervision is out of its range.
     Supervision(usize, Field),
@@ -101,8 +123,8 @@ impl ConfigError {
             }
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
-            Self::Timing(_) => "an engine's link timing is zero",
             Self::Supervision(_, field) => field.message(),
+            Self::Timing(_) => "an engine's link timing is zero, or above 60 s",
         }
     }
 
@@ -139,7 +161,11 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if !engine.line.is_printed_rate() {
             return Err(ConfigError::BaudRate(row));
         }
-        if engine.timing.up_after == 0 || engine.timing.lost_after.as_ticks() == 0 {
+        let timing = &engine.timing;
+        if timing.up_after == 0
+            || timing.lost_after.as_ticks() == 0
+            || timing.lost_after.as_ticks() > LONGEST.as_ticks()
+        {
             return Err(ConfigError::Timing(row));
         }
         if let Err(field) = engine.supervision.validate() {

@@ -1,8 +1,9 @@
 //! All engines of one board.
 
 use crate::channels::{Channel, Handle};
-use crate::command::{Command, Origin, Rejected};
+use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::{ConfigError, EngineConfig, validate};
+use crate::engine::keep::Memory;
 use crate::runner::Runner;
 
 /// `N` engines, each on its own channel.
@@ -22,18 +23,30 @@ impl<const N: usize> Node<N> {
         Ok(Self { channels: core::array::from_fn(|i| Channel::new(&engines[i])) })
     }
 
+    /// The same, with memory that a reset leaves alone, one for each engine: those that run go on after it.
+    ///
+    /// # Errors
+    /// As [`Node::new`].
+    pub fn with_memory(
+        engines: &[EngineConfig; N],
+        memory: &'static [Memory; N],
+    ) -> Result<Self, ConfigError> {
+        validate(engines)?;
+        Ok(Self { channels: core::array::from_fn(|i| Channel::with_memory(&engines[i], &memory[i])) })
+    }
+
     /// The runner of each engine, in the order of the table. Each wants to run exactly once.
     pub fn runners(&self) -> [Runner<'_>; N] {
-        self.channels.each_ref().map(Channel::runner)
+        self.channels.each_ref().map(|channel| channel.runner_in(&self.channels))
     }
 
     /// A handle to each engine, in the order of the table.
     pub fn handles(&self) -> [Handle<'_>; N] {
-        self.channels.each_ref().map(Channel::handle)
+        self.channels.each_ref().map(|channel| channel.handle_in(&self.channels))
     }
 
     /// Commands every engine; the answers are in the order of the table.
-    pub fn command_all(&self, command: Command, origin: Origin) -> [Result<(), Rejected>; N] {
+    pub fn command_all(&self, command: Command, origin: Origin) -> [Result<Accepted, Rejected>; N] {
         self.handles().map(|handle| handle.command(command, origin))
     }
 }

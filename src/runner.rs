@@ -73,6 +73,10 @@ impl LineErrors {
 /// Runs one engine on one UART.
 pub struct Runner<'a> {
     channel: &'a Channel,
+    /// All engines of the group, this one among them.
+    group: &'a [Channel],
+    /// This engine had failed when the others were last told.
+    failed: Cell<bool>,
     /// The transmission on its way to the writing half. A link hands out one at a time.
     outgoing: Signal<NoopRawMutex, Transmission>,
     /// Something happened since telemetry was last published.
@@ -86,8 +90,8 @@ impl core::fmt::Debug for Runner<'_> {
 }
 
 impl<'a> Runner<'a> {
-    pub(crate) const fn new(channel: &'a Channel) -> Self {
-        Self { channel, outgoing: Signal::new(), changed: Cell::new(true) }
+    pub(crate) const fn new(channel: &'a Channel, group: &'a [Channel]) -> Self {
+        Self { channel, group, failed: Cell::new(false), outgoing: Signal::new(), changed: Cell::new(true) }
     }
 
     /// Runs for ever. `rx` and `tx` are the two halves of a UART that is set to the engine's line, for example
@@ -100,7 +104,7 @@ impl<'a> Runner<'a> {
     /// of Embassy's are: a read that is dropped loses no bytes.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     pub async fn run<R: Read, W: Write>(self, rx: R, tx: W, errors: &LineErrors) -> ! {
-        self.channel.with(|engine| engine.start(Instant::now()));
+        self.channel.begin(Instant::now());
         let (never, _) = join(self.receive(rx, errors), self.transmit(tx)).await;
         never
     }
@@ -111,6 +115,7 @@ impl<'a> Runner<'a> {
         loop {
             let deadline = self.drain();
             self.publish();
+            self.tell_group();
             self.channel.made_progress();
             let heartbeat = Instant::now() + HEARTBEAT;
             let wake = deadline.map_or(heartbeat, |deadline| deadline.min(heartbeat));
@@ -199,6 +204,20 @@ impl<'a> Runner<'a> {
                 Output::Wait(deadline) => return deadline,
             }
             self.changed.set(true);
+        }
+    }
+
+    /// Tells the other engines of the group when this one has failed, or no longer has.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    fn tell_group(&self) {
+        let failed = self.channel.with(|engine| engine.failed());
+        if self.failed.replace(failed) == failed {
+            return;
+        }
+        let now = Instant::now();
+        for other in self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel)) {
+            other.with(|engine| engine.other_failed(now, failed));
+            other.poke.signal(());
         }
     }
 

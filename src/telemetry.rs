@@ -65,7 +65,7 @@ pub enum Phase {
 impl Phase {
     /// Whether the ECU reports an engine that burns no fuel.
     pub const fn is_stopped(self) -> bool {
-        matches!(self, Self::Stopped | Self::Standby | Self::Cooling)
+        matches!(self, Self::Stopped | Self::Standby | Self::Cooling | Self::Service)
     }
 
     /// Whether the ECU reports an engine on its way up or running.
@@ -290,8 +290,8 @@ pub enum Event {
     Ruler(Origin),
     /// A limit was passed.
     Limit(Passed),
-    /// The demand is reduced to so many thousandths because another engine of the group failed, or no longer.
-    Reduced(Option<u16>),
+    /// So many other engines of the group have failed: they ran, and stopped or fell silent without a command.
+    OtherFailed(u8),
     /// After a reset the engine was found running, and goes on with this demand.
     WentOn(Demand),
     /// The ECU reports a stopped engine although it was to run: the order fell to standby.

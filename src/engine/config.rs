@@ -24,6 +24,9 @@ pub struct Supervision {
     pub limits: Limits,
     /// Speed control over the throttle, for ECUs without one. Off by default.
     pub governor: Option<Governor>,
+    /// The demand is reduced to so many thousandths while another engine of the group has failed. Default `None`: that is
+    /// told, and this engine left alone. At most 1000.
+    pub when_other_fails: Option<u16>,
     /// The longest wait for the ECU's state after its first frame, following a reset. Default 2 s, at least 0.3 s.
     pub listen: Duration,
 }
@@ -241,6 +244,7 @@ impl Supervision {
             ecu_fault: Action::None,
         },
         governor: None,
+        when_other_fails: None,
         listen: Duration::from_secs(2),
     };
 
@@ -265,6 +269,9 @@ impl Supervision {
         }
         if above(self.loss.hold, 60_000) {
             return Err(Field::LossHold);
+        }
+        if matches!(self.loss.standby_after, Some(after) if above(after, 3_600_000)) {
+            return Err(Field::LossStandby);
         }
         if self.loss.ramp < 10 {
             return Err(Field::LossRamp);
@@ -295,6 +302,9 @@ impl Supervision {
         {
             return Err(Field::Governor);
         }
+        if matches!(self.when_other_fails, Some(1001..)) {
+            return Err(Field::WhenOtherFails);
+        }
         if below(self.listen, 300) || above(self.listen, 60_000) {
             return Err(Field::Listen);
         }
@@ -314,6 +324,8 @@ pub enum Field {
     TakeoverWithin,
     /// `loss.hold`.
     LossHold,
+    /// `loss.standby_after`.
+    LossStandby,
     /// `loss.ramp`.
     LossRamp,
     /// `start.link_stable`.
@@ -328,6 +340,8 @@ pub enum Field {
     FlameOut,
     /// `governor`.
     Governor,
+    /// `when_other_fails`.
+    WhenOtherFails,
     /// `listen`.
     Listen,
 }
@@ -340,6 +354,7 @@ impl Field {
             Self::RecoverAfter => "recover_after: at most 60 s",
             Self::TakeoverWithin => "takeover.within: at most 60 s",
             Self::LossHold => "loss.hold: at most 60 s",
+            Self::LossStandby => "loss.standby_after: at most 3600 s",
             Self::LossRamp => "loss.ramp: at least 10 tenths of a percent a second",
             Self::LinkStable => "start.link_stable: at most 60 s",
             Self::StartTimeout => "start.timeout: 5 s to 600 s",
@@ -347,6 +362,7 @@ impl Field {
             Self::Slew => "slew: at least 10 tenths of a percent a second",
             Self::FlameOut => "limits.flame_out: 5 % to 95 %",
             Self::Governor => "governor: a gain, its slew or its max_age is out of range",
+            Self::WhenOtherFails => "when_other_fails: at most 1000 thousandths",
             Self::Listen => "listen: 0.3 s to 60 s",
         }
     }

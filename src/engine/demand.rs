@@ -1,10 +1,10 @@
 //! The demand of a running engine: who asks for it, what becomes of it when nobody does, and how it moves.
 
+use super::Run;
 use super::config::{Supervision, Takeover};
 use super::governor::Governor;
 use super::ramp::{Ramp, Rates};
 use super::sources::{Intent, Sources};
-use super::Run;
 use crate::command::{Demand, Origin};
 use crate::link::earlier;
 use crate::telemetry::{Event, LossStage, Timed};
@@ -180,7 +180,8 @@ impl Shaper {
                 (self.fail_safe(now, shape, config), down)
             }
         };
-        let (target, rates) = if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
+        let (target, rates) =
+            if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
         let next = self.moving.follow(now, target, rates, shape);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {

@@ -24,7 +24,7 @@ use self::config::{Action, Supervision};
 use self::demand::{Shape, Shaper};
 use self::keep::Record;
 use self::sources::{Intent, Sources};
-use self::state::EngineState;
+use self::state::{EngineState, STATE_MAX_AGE};
 use self::watch::{Passed, Watch, Watched};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
@@ -38,11 +38,17 @@ use heapless::Deque;
 
 pub use self::config::Loss;
 
+/// So many reports in a row of a standing engine withdraw an order to run.
+const STOPPED_REPORTS: u8 = 3;
+
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
 enum Mode {
     /// After a reset: until the ECU has said what its engine does.
-    Listen { kept: Option<Record>, until: Option<Instant> },
+    Listen {
+        kept: Option<Record>,
+        until: Option<Instant>,
+    },
     /// Emergency stop, latched by this source.
     Stop(Origin),
     Standby,
@@ -57,6 +63,9 @@ struct Run {
     start_by: Option<Instant>,
     /// The ECU reported it starting or running under this order.
     came_alive: bool,
+    /// Reports in a row that the engine stands, and when the last of them came.
+    stopped_reports: u8,
+    stopped_at: Option<Instant>,
     /// Whose demand is in force.
     ruler: Origin,
     /// That demand, before it is shaped.
@@ -92,8 +101,8 @@ pub struct Engine {
     up_since: Option<Instant>,
     /// It ran, and stopped or fell silent without a command.
     failed: bool,
-    /// The demand is reduced to so many thousandths, because another engine of the group failed.
-    reduced_to: Option<u16>,
+    /// So many other engines of the group have failed.
+    others_failed: u8,
     watch: Watch,
     commands_rejected: u32,
     last_rejection: Option<(Rejected, Origin)>,
@@ -115,7 +124,7 @@ impl Engine {
             last_start: None,
             up_since: None,
             failed: false,
-            reduced_to: None,
+            others_failed: 0,
             watch: Watch::new(config.supervision.limits),
             commands_rejected: 0,
             last_rejection: None,
@@ -235,13 +244,12 @@ impl Engine {
         self.failed
     }
 
-    /// Another engine of the group failed (the demand is reduced to so many thousandths), or none does any more.
-    pub fn reduce(&mut self, now: Instant, to: Option<u16>) {
-        if self.reduced_to != to {
-            self.reduced_to = to;
-            self.event(Event::Reduced(to));
-            self.update(now);
-        }
+    /// Another engine of the group failed, or no longer has.
+    pub fn other_failed(&mut self, now: Instant, failed: bool) {
+        self.others_failed =
+            if failed { self.others_failed.saturating_add(1) } else { self.others_failed.saturating_sub(1) };
+        self.event(Event::OtherFailed(self.others_failed));
+        self.update(now);
     }
 
     /// What shall survive a reset.
@@ -361,7 +369,12 @@ impl Engine {
             {
                 return Err(Rejected::Start(Interlock::NotIdle));
             }
-            self.require_stopped()?;
+            // Standby is no start, so a phase that the ECU no longer tells does not keep the stop: an AMT error
+            // set carries none.
+            let told = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
+            if told {
+                self.require_stopped()?;
+            }
             self.standby(now, origin);
         }
         Ok(Accepted::InForce)
@@ -396,7 +409,8 @@ impl Engine {
         let Demand::Rpm(rpm) = demand else { return Ok(()) };
         match self.link.speed_control() {
             Err(_) if self.config.governor.is_some() => {
-                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= self.config.start.link_stable);
+                let known =
+                    self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= self.config.start.link_stable);
                 if known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
             }
             Err(why) => Err(why),
@@ -427,12 +441,16 @@ impl Engine {
         if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {
             return Err(Interlock::NotStandby);
         }
-        match report.egt.filter(|egt| egt.age(now) <= rules.link_stable.max(embassy_time::Duration::from_secs(1))) {
+        match report
+            .egt
+            .filter(|egt| egt.age(now) <= rules.link_stable.max(embassy_time::Duration::from_secs(1)))
+        {
             None => return Err(Interlock::EgtUnknown),
             Some(egt) if egt.value > rules.egt_max => return Err(Interlock::TooHot(egt.value)),
             Some(_) => {}
         }
-        if let (Some(least), Some(supply)) = (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
+        if let (Some(least), Some(supply)) =
+            (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
             && supply < least
         {
             return Err(Interlock::SupplyLow(supply));
@@ -492,6 +510,8 @@ impl Engine {
         self.mode = Mode::Run(Run {
             start_by: from_standby.then(|| now + timeout),
             came_alive: !from_standby,
+            stopped_reports: 0,
+            stopped_at: None,
             ruler: origin,
             demand,
             taking_over: None,
@@ -546,6 +566,10 @@ impl Engine {
                 self.go_on(now, kept);
             }
             Some(_) => self.standby(now, Origin::Node),
+            // It sends, and does not say what it does: an AMT ECU with a fault. What was kept is all there is.
+            None if now >= until && kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
+                self.go_on(now, kept);
+            }
             None if now >= until => self.standby(now, Origin::Node),
             None => {}
         }
@@ -555,7 +579,9 @@ impl Engine {
         let report = self.link.report();
         let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
         let (order, origin) = match kept {
-            Some(Record { order: order @ (Order::Run(_) | Order::Standby | Order::Pwm), origin, .. }) => (order, origin),
+            Some(Record { order: order @ (Order::Run(_) | Order::Standby | Order::Pwm), origin, .. }) => {
+                (order, origin)
+            }
             // Nothing was kept: what the ECU obeys is what was commanded.
             _ => match report.switch.map(|switch| switch.value) {
                 Some(crate::telemetry::ReportedSwitch::Run) | None => {
@@ -581,17 +607,23 @@ impl Engine {
 
     /// The ECU's own state wins over what was commanded.
     fn follow(&mut self, now: Instant) {
-        let phase = self.phase();
+        let phase = self.link.report().phase;
         let link = self.link.state();
         let Mode::Run(run) = &mut self.mode else { return };
-        if phase.is_some_and(Phase::is_alive) {
-            run.came_alive = true;
-        }
-        if phase == Some(Phase::Running) {
-            run.start_by = None;
+        if let Some(phase) = phase {
+            run.came_alive |= phase.value.is_alive();
+            if phase.value == Phase::Running {
+                run.start_by = None;
+            }
+            if !phase.value.is_stopped() {
+                run.stopped_reports = 0;
+            } else if run.stopped_at.replace(phase.at) != Some(phase.at) {
+                run.stopped_reports = run.stopped_reports.saturating_add(1);
+            }
         }
         let ran = run.came_alive && run.start_by.is_none();
-        let stopped = run.came_alive && phase.is_some_and(Phase::is_stopped);
+        // On a noisy line one or two damaged frames can say so of an engine that runs.
+        let stopped = run.came_alive && run.stopped_reports >= STOPPED_REPORTS;
         let gone = !run.came_alive && link == LinkState::Lost;
         let late = run.start_by.filter(|by| now >= *by);
         if ran && link == LinkState::Lost {
@@ -621,7 +653,7 @@ impl Engine {
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
-            reduced_to: self.reduced_to,
+            reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: self.link.speed_control().is_err(),
         };
         let config = self.config;
@@ -635,8 +667,12 @@ impl Engine {
             run.lowered = now;
         }
         let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
-        if self.link.order(now, Order::Run(demand)).is_ok() {
-            self.note_order(Order::Run(demand), origin);
+        // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
+        for demand in [demand, Demand::Throttle(Throttle::IDLE)] {
+            if self.link.order(now, Order::Run(demand)).is_ok() {
+                self.note_order(Order::Run(demand), origin);
+                break;
+            }
         }
     }
 
@@ -668,7 +704,10 @@ impl Engine {
                 let now = self.ordered_at();
                 let loss = run.loss_deadline(&self.config);
                 let take_over = run.taking_over.map(|(_, at)| at);
-                [self.sources.deadline(now), loss, take_over, run.start_by, run.next].into_iter().flatten().min()
+                [self.sources.deadline(now), loss, take_over, run.start_by, run.next]
+                    .into_iter()
+                    .flatten()
+                    .min()
             }
             _ => None,
         }

@@ -51,11 +51,6 @@ impl Ramp {
         let end = Duration::from_micros((left * 1000).div_ceil(rate));
         Some(now + end.min(step))
     }
-
-    /// Stands still until `now`: time that passed does not count.
-    pub const fn hold(&mut self, now: Instant) {
-        self.at = now;
-    }
 }
 
 #[cfg(test)]

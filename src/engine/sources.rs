@@ -35,7 +35,11 @@ pub(super) struct Sources {
 
 impl Sources {
     pub const fn new(config: &Supervision) -> Self {
-        Self { ages: config.ages, recover_after: config.recover_after, sources: [None; Origin::SOURCES.len()] }
+        Self {
+            ages: config.ages,
+            recover_after: config.recover_after,
+            sources: [None; Origin::SOURCES.len()],
+        }
     }
 
     /// A source speaks.

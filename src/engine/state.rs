@@ -5,7 +5,7 @@ use crate::telemetry::{EcuState, LinkState, Phase, Report, ReportedSwitch};
 use embassy_time::{Duration, Instant};
 
 /// An older state is not believed.
-const STATE_MAX_AGE: Duration = Duration::from_secs(3);
+pub(super) const STATE_MAX_AGE: Duration = Duration::from_secs(3);
 
 /// What an engine does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

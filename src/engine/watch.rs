@@ -88,7 +88,7 @@ pub(super) struct Watch {
     flame_out: Twice,
     supply_low: Twice,
     implausible: Twice,
-    fault: Option<i32>,
+    fault: Option<u8>,
     rpm_seen: Option<Instant>,
     egt_seen: Option<Instant>,
     supply_seen: Option<Instant>,
@@ -144,11 +144,12 @@ impl Watch {
                 self.tell(now, Watched::SupplyLow, voltage.get(), limit.get(), self.limits.supply_low.action);
             }
         }
-        let fault = report.faults.filter(|faults| !faults.value.is_empty()).map(|faults| faults.value.number());
+        let fault =
+            report.faults.filter(|faults| !faults.value.is_empty()).map(|faults| faults.value.number());
         if fault != self.fault {
             self.fault = fault;
             if let Some(number) = fault {
-                self.tell(now, Watched::EcuFault, number as u32, 0, self.limits.ecu_fault);
+                self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
             }
         }
         self.sample(now, report);
@@ -212,7 +213,13 @@ impl Watch {
         if let Some(limit) = self.limits.over_temperature.at
             && self.over_temperature.see(egt.value > limit)
         {
-            self.push(now, Watched::OverTemperature, value.into(), limit.tenths().into(), self.limits.over_temperature.action);
+            self.push(
+                now,
+                Watched::OverTemperature,
+                value.into(),
+                limit.tenths().into(),
+                self.limits.over_temperature.action,
+            );
         }
         if let Some(limit) = self.limits.hot_start.at {
             let before = self

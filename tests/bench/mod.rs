@@ -81,6 +81,7 @@ impl<E: Ecu> Bench<E> {
 
     /// From anywhere to a running engine at idle, the way every source has to go.
     pub async fn start(&self) {
+        self.handle().command(Command::Arm, Origin::Bench).expect("always accepted");
         self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
         self.command_until(throttle(0), |bench| bench.in_phase(Phase::Running)).await;
     }
