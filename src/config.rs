@@ -12,6 +12,7 @@ use crate::link::Timing;
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see the board's file under
 /// `src/board/` for their names and pins.
+#[cfg(not(feature = "all-ports"))]
 pub const ENGINES: [EngineConfig; 4] = [
     //                name       port  line                    ECU
     EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
@@ -19,6 +20,23 @@ pub const ENGINES: [EngineConfig; 4] = [
     EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
     EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
 ];
+
+/// Bench only (feature `all-ports`): an engine on every port of the board, with every kind of line.
+#[cfg(feature = "all-ports")]
+pub const ENGINES: [EngineConfig; if cfg!(feature = "board-pixracer") { 5 } else { 6 }] = {
+    let six = [
+        EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
+        EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
+        EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
+        EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
+        EngineConfig::zk("upper", 4, Line::with_two_stop_bits(57_600), Rate::Hz100),
+        EngineConfig::amt("tail", 5, Line::new(9600), Some(AmtEngine::Mercury)),
+    ];
+    match six.first_chunk() {
+        Some(engines) => *engines,
+        None => unreachable!(),
+    }
+};
 
 const _: () = check(&ENGINES);
 

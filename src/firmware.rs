@@ -94,7 +94,23 @@ fn log_ports() {
 
 #[embassy_executor::task(pool_size = N)]
 async fn engine(runner: Runner<'static>, port: EcuPort) {
-    runner.run(port.rx, port.tx, port.errors).await
+    let run = runner.run(port.rx, port.tx, port.errors);
+    #[cfg(feature = "wedge")]
+    let run = wedged(run);
+    run.await
+}
+
+/// Test image only (feature `wedge`): the first engine's task stands still after 5 s, with its UART open.
+#[cfg(feature = "wedge")]
+async fn wedged<R: Future>(run: R) -> R::Output {
+    use core::sync::atomic::{AtomicBool, Ordering};
+    static TAKEN: AtomicBool = AtomicBool::new(false);
+    let mut run = core::pin::pin!(run);
+    if !TAKEN.swap(true, Ordering::Relaxed) {
+        embassy_futures::select::select(run.as_mut(), Timer::after_secs(5)).await;
+        core::future::pending::<()>().await;
+    }
+    run.await
 }
 
 #[embassy_executor::task(pool_size = N)]
