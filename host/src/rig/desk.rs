@@ -4,7 +4,6 @@ use super::audit::Audit;
 use super::engines::Engine;
 use embassy_time::Instant;
 use jetlink::command::{Command, Demand, Order};
-use jetlink::units::Throttle;
 use std::cell::{Cell, RefCell};
 
 /// How far an engine's pilot has come.
@@ -51,9 +50,6 @@ pub enum Lever {
 }
 
 impl Lever {
-    /// Run at idle by throttle.
-    pub const IDLE: Self = Self::Run(Demand::Throttle(Throttle::IDLE));
-
     /// As a command to the node.
     pub const fn command(self) -> Command {
         match self {

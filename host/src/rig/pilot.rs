@@ -3,7 +3,7 @@
 //!
 //! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
 //! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
-//! is the end of the run for this engine.
+//! is the end of the run for this engine, unless its flame was put out.
 
 use super::desk::{Desk, Lever, Stage};
 use super::faults::{Failure, Faults};
@@ -32,8 +32,6 @@ const STEADY_TICKS: usize = 10;
 const COOL: i16 = 1000;
 /// Slower than this the shaft counts as standing.
 const STANDING_RPM: u32 = 1000;
-/// Starts of one engine in one run.
-const MOST_STARTS: u32 = 3;
 
 /// Why something was not waited for to the end.
 #[derive(Clone, Copy, Debug)]
@@ -56,8 +54,8 @@ pub struct Pilot<'a> {
     rng: fastrand::Rng,
     /// When the last fault on the line ends.
     clean_from: Instant,
-    /// Something is wrong with the engine or its line in this run, so it may be started again.
-    may_start_again: bool,
+    /// How often its flame is put out in this run.
+    flame_outs: usize,
 }
 
 impl<'a> Pilot<'a> {
@@ -79,7 +77,7 @@ impl<'a> Pilot<'a> {
             standby_only,
             rng: fastrand::Rng::with_seed(seed),
             clean_from: faults.line_clean_from(desk.index),
-            may_start_again: !faults.line_is_clean(desk.index) || faults.failures.iter().any(flame_out),
+            flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
     }
 
@@ -105,17 +103,18 @@ impl<'a> Pilot<'a> {
     }
 
     async fn whole_run(&mut self) -> Result<(), String> {
-        let mut starts = 0;
+        let mut flame_outs_left = self.flame_outs;
         loop {
-            starts += 1;
+            let began = Instant::now();
             self.ready().await?;
             let flown = match self.start().await {
                 Ok(()) => self.run().await,
                 Err(why) => Err(why),
             };
             let Err(why) = flown else { break };
-            if !self.may_start_again || starts == MOST_STARTS {
-                return Err(why);
+            if began >= self.clean_from {
+                // Nothing disturbs the line: only a flame that was put out is a reason to start again.
+                flame_outs_left = flame_outs_left.checked_sub(1).ok_or_else(|| why.clone())?;
             }
             self.desk.note(format!("{why}; it will be started again"));
         }

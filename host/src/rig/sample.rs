@@ -67,7 +67,7 @@ impl Sample {
     }
 }
 
-/// What came from the ECU and was no frame, and frames of unknown kinds.
+/// Bytes from the ECU that were no frame, frames that were broken, and frames of unknown kinds.
 pub const fn decode_errors(counters: &Counters) -> u32 {
     counters
         .crc_failures

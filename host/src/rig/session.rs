@@ -218,8 +218,11 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, handle: Handle<'_>, plu
         };
         if event == Event::RunWithdrawn {
             let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
+            let mut audit = desk.audit.borrow_mut();
             if !live || handle.telemetry().link == LinkState::Lost {
-                desk.audit.borrow_mut().withdrawn(clock::now_ns());
+                audit.withdrawn(clock::now_ns());
+            } else {
+                audit.withdrawn_in_error(clock::now_ns());
             }
         }
         let Some(text) = text(event) else { continue };

@@ -20,11 +20,10 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
             problem(why.clone());
         }
         for finding in &audit.findings {
-            let bytes: Vec<String> = finding.bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            let bytes: String = finding.bytes.iter().map(|byte| format!("{byte:02X} ")).collect();
             problem(format!(
-                "a command that nobody gave went out at {:.6} s: {} ({})",
+                "a command that nobody gave at {:.6} s: {bytes}({})",
                 finding.at as f64 / 1e9,
-                bytes.join(" "),
                 finding.what
             ));
         }
