@@ -8,11 +8,10 @@
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
 //! Every engine starts in standby. Nothing here commands an engine, except the demonstration
-//! (feature `demo`).
+//! (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
 use crate::board::{self, EcuPort, Led, PORTS, Watchdog};
-use defmt_rtt as _; // the logger
 use embassy_executor::Executor;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
@@ -68,6 +67,8 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(status(node, board.led)));
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
+        #[cfg(feature = "trial")]
+        spawner.spawn(defmt::unwrap!(trial(node)));
 
         let engines = board::start_engine_executor();
         for (config, runner) in ENGINES.iter().zip(node.runners()) {
@@ -202,6 +203,12 @@ impl defmt::Format for StatusLine<'_> {
 #[embassy_executor::task]
 async fn demonstration(node: &'static Node<N>) {
     crate::demo::demonstrate(node).await
+}
+
+#[cfg(feature = "trial")]
+#[embassy_executor::task]
+async fn trial(node: &'static Node<N>) {
+    crate::trial::run(node).await
 }
 
 #[embassy_executor::task]

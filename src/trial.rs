@@ -1,0 +1,110 @@
+//! Test image only (feature `trial`, `cargo qemu-test`): every engine is started, run and shut down once, as a
+//! pilot would. Then the program ends, with exit status 0 if the engines' own reports say that all went well.
+//!
+//! It judges by telemetry alone. What the simulated ECUs have to say about it is the runner's business (`qemu/`).
+
+use crate::board;
+use embassy_time::{Duration, Instant, Ticker};
+use jetlink::command::{Command, Demand, Origin};
+use jetlink::node::Node;
+use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
+use jetlink::units::Throttle;
+
+/// Between two commands; well within the 1 s for which a source may be silent.
+const PERIOD: Duration = Duration::from_millis(100);
+/// The throttle at which every engine runs for a while, and for how long at least.
+const THROTTLE: Throttle = match Throttle::from_percent(30) {
+    Ok(throttle) => throttle,
+    Err(_) => panic!("the trial's throttle is above 100 %"),
+};
+const AT_THROTTLE: Duration = Duration::from_secs(3);
+/// An engine that is cool enough for the next start, in 0.1 °C.
+const COOL: i16 = 1000;
+
+/// One step: what is commanded until all engines report something.
+struct Step {
+    name: &'static str,
+    command: Command,
+    /// At least so long,
+    hold: Duration,
+    /// and at most so long.
+    limit: Duration,
+    done: fn(&Telemetry) -> bool,
+}
+
+const STEPS: [Step; 4] = [
+    Step {
+        name: "every ECU is heard and stands by",
+        command: Command::Standby,
+        hold: Duration::from_secs(1),
+        limit: Duration::from_secs(20),
+        done: |engine| engine.link == LinkState::Up && is_in(engine, Phase::Standby),
+    },
+    Step {
+        name: "every engine runs",
+        command: Command::Run(Demand::Throttle(Throttle::IDLE)),
+        hold: Duration::MIN,
+        limit: Duration::from_secs(60),
+        done: |engine| is_in(engine, Phase::Running),
+    },
+    Step {
+        name: "every engine obeys the throttle",
+        command: Command::Run(Demand::Throttle(THROTTLE)),
+        hold: AT_THROTTLE,
+        limit: Duration::from_secs(20),
+        done: |engine| {
+            is_in(engine, Phase::Running)
+                && engine.report.throttle.is_some_and(|reported| reported.value == THROTTLE)
+        },
+    },
+    Step {
+        name: "every engine is shut down, cool and in standby",
+        command: Command::Standby,
+        hold: Duration::from_secs(1),
+        limit: Duration::from_secs(120),
+        done: |engine| {
+            is_in(engine, Phase::Standby) && engine.report.egt.is_some_and(|egt| egt.value.tenths() < COOL)
+        },
+    },
+];
+
+fn is_in(engine: &Telemetry, phase: Phase) -> bool {
+    engine.report.phase.is_some_and(|reported| reported.value == phase)
+}
+
+/// Goes through the steps and ends the program.
+#[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
+pub async fn run<const N: usize>(node: &Node<N>) -> ! {
+    let mut tick = Ticker::every(PERIOD);
+    for step in STEPS {
+        let began = Instant::now();
+        loop {
+            // What is refused is told by the engine's events.
+            let _ = node.command_all(step.command, Origin::Bench);
+            tick.next().await;
+            let engines = node.handles().map(|handle| handle.telemetry());
+            let lost = |engine: &Telemetry| engine.link == LinkState::Lost || engine.loss != LossStage::None;
+            if engines.iter().any(lost) {
+                fail(node, "an ECU or the source of commands was lost");
+            }
+            if began.elapsed() >= step.hold && engines.iter().all(step.done) {
+                break;
+            }
+            if began.elapsed() >= step.limit {
+                fail(node, step.name);
+            }
+        }
+        defmt::info!("trial: {=str}", step.name);
+    }
+    defmt::info!("trial: passed");
+    board::exit(0)
+}
+
+fn fail<const N: usize>(node: &Node<N>, what: &str) -> ! {
+    for handle in node.handles() {
+        let engine = handle.telemetry();
+        defmt::error!("{=str}: {}, {}, {}", handle.name(), engine.link, engine.report.phase, engine.counters);
+    }
+    defmt::error!("trial: failed: {=str}", what);
+    board::exit(1)
+}
