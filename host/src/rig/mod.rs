@@ -172,13 +172,15 @@ fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
     let captions = setup.engines.iter().map(Engine::caption).collect();
     let plot = args.plot.as_deref().map(|path| Plot::create(path, captions, title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.
-    let screen = match (io::stdout().is_terminal(), setup.fast) {
-        (true, false) => Screen::Table(Box::new(
-            Table::new(names.clone(), setup.plan.length)
-                .map_err(|error| format!("cannot draw on the terminal: {error}"))?,
-        )),
-        (true, true) => Screen::Lines(Lines::new(names.clone(), LINES_EVERY_FAST)),
-        (false, _) => Screen::Lines(Lines::new(names.clone(), LINES_EVERY)),
+    let on_terminal = io::stdout().is_terminal();
+    let table = (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length));
+    let screen = match table {
+        Some(Ok(table)) => Screen::Table(Box::new(table)),
+        // A terminal that cannot be drawn on can still be written to.
+        Some(Err(_)) | None => {
+            let every = if on_terminal && setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
+            Screen::Lines(Lines::new(names.clone(), every))
+        }
     };
     let show = Show { names, screen, csv, plot };
 

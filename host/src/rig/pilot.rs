@@ -76,7 +76,8 @@ impl<'a> Pilot<'a> {
             plan,
             standby_only,
             rng: fastrand::Rng::with_seed(seed),
-            clean_from: faults.line_clean_from(desk.index),
+            // Faults that never end are not waited for.
+            clean_from: desk.clean_from.min(plan.shutdown_at),
             flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
     }
@@ -273,21 +274,17 @@ impl<'a> Pilot<'a> {
 
     /// The link has to be up soon after the last fault on the line.
     async fn recovered(&mut self) -> Result<(), String> {
-        if self.clean_from == Instant::MIN || self.desk.recovered_after.get().is_some() {
+        if self.clean_from == Instant::MIN {
             return Ok(());
         }
         let limit = self.clean_from.max(Instant::now()) + RECOVER_WITHIN;
-        let heard = self
+        let up = self
             .keep(limit, |telemetry| {
-                let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from)?;
-                (telemetry.link == LinkState::Up).then_some(heard)
+                (telemetry.link == LinkState::Up && self.desk.recovered_after.get().is_some()).then_some(())
             })
             .await;
-        match heard {
-            Ok(heard) => {
-                self.desk.recovered_after.set(Some(heard - self.clean_from));
-                Ok(())
-            }
+        match up {
+            Ok(()) => Ok(()),
             Err(Cut::TimeUp) => Err("the link did not come back after the faults had ended".to_owned()),
             Err(cut) => Err(self.stopped(cut)),
         }
@@ -368,10 +365,11 @@ impl<'a> Pilot<'a> {
     fn describe(&self) -> String {
         let telemetry = self.handle.telemetry();
         let report = &telemetry.report;
-        match telemetry.link {
-            LinkState::Silent => return "the ECU was never heard".to_owned(),
-            LinkState::Lost => return "the ECU is no longer heard".to_owned(),
-            LinkState::Up => {}
+        if telemetry.heard.is_none() {
+            return "the ECU was never heard".to_owned();
+        }
+        if telemetry.link != LinkState::Up {
+            return "the ECU is not heard".to_owned();
         }
         let mut text = match report.state {
             Some(state) => format!("the ECU reports state {} ({})", state.value.code, state.value.name),

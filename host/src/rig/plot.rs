@@ -208,6 +208,7 @@ type Chart<'a, 'b> = plotters::chart::DualCoordChartContext<
 fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64) -> Result<(), String> {
     let end = points.last().map_or(1.0, |point| point.t).max(1.0);
     let bands: Vec<&[Point]> = points.chunk_by(|a, b| a.stage == b.stage).collect();
+    let mut names = Vec::new();
     for (i, band) in bands.iter().enumerate() {
         let Some(first) = band.first() else { continue };
         let until = bands.get(i + 1).and_then(|next| next.first()).map_or(end, |next| next.t);
@@ -227,8 +228,10 @@ fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64) -> Result<(), St
         let style = ("sans-serif", 15).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Top));
         let name = Text::new(format!(" {}", first.stage.name()), (first.t, height), style);
         chart.draw_series([area]).map_err(text)?;
-        chart.draw_series([name]).map_err(text)?;
+        names.push(name);
     }
+    // Over all bands, because a name may be longer than its own.
+    chart.draw_series(names).map_err(text)?;
     Ok(())
 }
 

@@ -102,7 +102,7 @@ impl Table {
             self.before = Some((at, frames));
         }
         self.draw(at, samples)?;
-        go_on()
+        Ok(go_on())
     }
 
     fn draw(&self, at: Instant, samples: &[Sample]) -> io::Result<()> {
@@ -140,17 +140,15 @@ impl Table {
     }
 }
 
-/// Looks at the keys that were pressed.
-fn go_on() -> io::Result<bool> {
-    while poll(core::time::Duration::ZERO)? {
-        if let Event::Key(key) = read()?
-            && key.kind == KeyEventKind::Press
-        {
-            let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-            if control_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc) {
-                return Ok(false);
-            }
+/// Looks at the keys that were pressed. Where none can be read, nobody ends the run by one.
+fn go_on() -> bool {
+    while poll(core::time::Duration::ZERO).unwrap_or(false) {
+        let Ok(Event::Key(key)) = read() else { continue };
+        let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+        let end = control_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc);
+        if end && key.kind == KeyEventKind::Press {
+            return false;
         }
     }
-    Ok(true)
+    true
 }
