@@ -728,7 +728,6 @@ fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
 /// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
 /// the first frame behind it.
 #[test]
-#[ignore = "bug: a line error outside any frame costs the next frame its values"]
 fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
     let mut bench = default();
     bench.machine.line_error(LineError::Framing);

@@ -652,7 +652,6 @@ fn a_refused_command_does_not_keep_a_demand_fresh() {
 
 /// The same for commands that are taken, and are no demand.
 #[test]
-#[ignore = "bug: a service command or a release without a stop renews the age of a throttle"]
 fn only_a_demand_keeps_a_demand_fresh() {
     let rate = Command::Service(Service::Zk(zk::link::Service::Action(Action::Rate20Hz)));
     for (ecu, command) in [(Ecu::Zk, rate), (Ecu::Zk, Command::ReleaseStop), (Ecu::Amt, Command::ReleaseStop)]
