@@ -71,7 +71,7 @@ Faults, a list with commas:
   its engine then, because it was not heard: that is told, and the engine started again. A link that does not
   come back fails the run, and so does a command on the wire that nobody gave.
 
-CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told:
+CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told for 2 s:
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
   demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
   (replies and turns, by the node's count), decode_errors, rejected (commands)
@@ -95,7 +95,7 @@ pub struct Args {
     #[arg(long)]
     fast: bool,
 
-    /// Length of the run in engine time, for example 300s or 10m; it is the running phase that changes
+    /// Length of the run in engine time, for example 300s, 10m or 6h; it is the running phase that changes
     #[arg(long, value_name = "TIME")]
     duration: Option<String>,
 

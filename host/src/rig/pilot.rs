@@ -9,6 +9,7 @@ use super::desk::{Desk, Lever, Stage};
 use super::faults::{Failure, Faults};
 use super::plan::{EnginePlan, LEAST_RUNNING};
 use super::quantity::seconds;
+use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::channels::Handle;
 use jetlink::command::{Demand, Order, Origin, Rejected};
@@ -38,7 +39,7 @@ const STANDING_RPM: u32 = 1000;
 enum Cut {
     /// The time is over.
     TimeUp,
-    /// The node withdrew the run: the engine stopped.
+    /// The engine stopped: the node withdrew the run, or the ECU reports faults and no state any more.
     Stopped,
     /// The node refused the command.
     Refused(Rejected),
@@ -309,7 +310,8 @@ impl<'a> Pilot<'a> {
         self.command(lever)?;
         loop {
             let telemetry = self.handle.telemetry();
-            if matches!(lever, Lever::Run(_)) && !matches!(telemetry.ordered.order, Order::Run(_)) {
+            let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_));
+            if matches!(lever, Lever::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
             }
             if let Some(what) = come(&telemetry) {
@@ -371,11 +373,12 @@ impl<'a> Pilot<'a> {
         if telemetry.link != LinkState::Up {
             return "the ECU is not heard".to_owned();
         }
-        let mut text = match report.state {
+        let now = telemetry.at;
+        let mut text = match report.state.filter(|state| is_fresh(state, now)) {
             Some(state) => format!("the ECU reports state {} ({})", state.value.code, state.value.name),
-            None => "the ECU has reported no state".to_owned(),
+            None => "the ECU reports no state".to_owned(),
         };
-        if let Some(speed) = report.rpm {
+        if let Some(speed) = report.rpm.filter(|speed| is_fresh(speed, now)) {
             text += &format!(", {} rpm", speed.value.get());
         }
         if let Some(egt) = report.egt {
@@ -392,6 +395,15 @@ impl<'a> Pilot<'a> {
 
 fn phase(telemetry: &Telemetry) -> Option<Phase> {
     telemetry.report.phase.map(|phase| phase.value)
+}
+
+/// An AMT ECU sends error sets, which carry no state, in place of normal sets (AMT-8).
+fn reports_only_faults(telemetry: &Telemetry) -> bool {
+    let report = &telemetry.report;
+    let stale = report.phase.is_some_and(|phase| !is_fresh(&phase, telemetry.at));
+    let faulty =
+        report.faults.is_some_and(|faults| is_fresh(&faults, telemetry.at) && !faults.value.is_empty());
+    stale && faulty
 }
 
 /// In standby, below 100 °C, and the shaft stands.
