@@ -828,6 +828,8 @@ fn zk_13_a_stop_between_unlock_and_command() {
     let frames = bench.frames();
     assert_eq!(frames[0], (54_167, zk::throttle(STOP, 0).to_vec()));
     assert!(frames.iter().all(|(_, frame)| frame[..] == zk::throttle(STOP, 0)), "nothing but the stop");
+    let at: Vec<u64> = frames.iter().skip(1).map(|(at, _)| *at).collect();
+    assert_eq!(at, (2..=20).map(|turn| turn * TURN).collect::<Vec<_>>(), "at every turn, in no burst");
 }
 
 /// A service command that a stop pre-empted is over: nobody wants a drain or a new curve minutes later, when the
