@@ -11,8 +11,7 @@
 //! (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
-use crate::board::{self, EcuPort, Led, PORTS, Watchdog};
-use embassy_executor::Executor;
+use crate::board::{self, EcuPort, Executor, Led, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;

@@ -262,10 +262,12 @@ impl Wire {
 
     /// The ECU hears what has ended.
     fn hear(&mut self, now: Nanos) {
-        while let Some((_, byte)) = self.from_firmware.pop_front_if(|(end, _)| *end <= now).map(|(end, byte)| {
-            self.told = self.told.max(end);
-            (end, byte)
-        }) {
+        while let Some((_, byte)) =
+            self.from_firmware.pop_front_if(|(end, _)| *end <= now).map(|(end, byte)| {
+                self.told = self.told.max(end);
+                (end, byte)
+            })
+        {
             let told = self.told;
             self.attached.ecu.ecu().heard(told, Ok::<u8, LineFault>(byte));
             self.attached.note_phase(told);

@@ -57,6 +57,11 @@ impl Image {
         let text = file.section_by_name(".text").ok_or("the image has no code")?;
         let bytes = text.data().map_err(|why| why.to_string())?;
         let base = u32::try_from(text.address()).map_err(|why| why.to_string())?;
-        Ok((base..).step_by(2).zip(bytes.as_chunks().0).filter(|(_, code)| **code == WFE).map(|(at, _)| at).collect())
+        Ok((base..)
+            .step_by(2)
+            .zip(bytes.as_chunks().0)
+            .filter(|(_, code)| **code == WFE)
+            .map(|(at, _)| at)
+            .collect())
     }
 }

@@ -71,7 +71,8 @@ fn main() -> ExitCode {
 /// Runs until somebody ends it.
 fn run(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = Image::build(if arguments.demo { &["board-qemu-mps2", "demo"] } else { &["board-qemu-mps2"] })?;
+    let image =
+        Image::build(if arguments.demo { &["board-qemu-mps2", "demo"] } else { &["board-qemu-mps2"] })?;
     println!("QEMU {version}; Ctrl-C ends it");
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Real));
     let mut machine = Machine::start(arguments, version, &image, ecus.collect(), Pace::Host)?;

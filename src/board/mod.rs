@@ -7,8 +7,8 @@
 //! file, its lines below, `memory/<board>.x` and the feature in `Cargo.toml`.
 //!
 //! Every board gives `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`, `reset_cause`,
-//! `start_engine_executor` and the types [`EcuPort`], [`Led`] and [`Watchdog`]; a board with
-//! another chip than an STM32 brings all of them (`qemu_mps2.rs`).
+//! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
+//! with another chip than an STM32 brings all of them (`qemu_mps2.rs`).
 
 mod crash;
 
@@ -29,17 +29,18 @@ mod stm32h7;
 
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;
-#[cfg(feature = "board-matek-h743")]
-use {matek_h743 as chosen, stm32h7 as chip};
-#[cfg(feature = "board-pixracer")]
-use {pixracer as chosen, stm32f4 as chip};
 #[cfg(feature = "stm32")]
 pub use {
     chip::reset_cause,
     chosen::{NAME, PORTS, TELEMETRY_PORT, init},
+    embassy_executor::Executor,
     port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
 };
+#[cfg(feature = "board-matek-h743")]
+use {matek_h743 as chosen, stm32h7 as chip};
+#[cfg(feature = "board-pixracer")]
+use {pixracer as chosen, stm32f4 as chip};
 
 use embassy_executor::InterruptExecutor;
 

@@ -7,6 +7,7 @@
 //! said where it matters, and in `docs/qemu.md`.
 
 mod clock;
+mod executor;
 mod semihosting;
 mod uart;
 
@@ -19,7 +20,7 @@ use jetlink::line::Line;
 
 #[cfg(feature = "trial")]
 pub use self::semihosting::exit;
-pub use self::uart::EcuPort;
+pub use self::{executor::Executor, uart::EcuPort};
 
 /// The board's name.
 pub const NAME: &str = "QEMU mps2-an500";
@@ -75,7 +76,7 @@ unsafe extern "C" {
     fn DefaultHandler();
 }
 
-extern "C" fn executor() {
+extern "C" fn engines() {
     // SAFETY: this is the executor's interrupt handler, and the interrupt is off until the executor
     // has started.
     unsafe { ENGINE_EXECUTOR.on_interrupt() }
@@ -87,7 +88,8 @@ extern "C" fn executor() {
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [Handler; 32] = {
     let mut table: [Handler; 32] = [DefaultHandler; 32];
-    table[EXECUTOR_INTERRUPT.0 as usize] = executor;
+    table[EXECUTOR_INTERRUPT.0 as usize] = engines;
+    executor::bind(&mut table);
     uart::bind(&mut table);
     table
 };
