@@ -30,6 +30,11 @@ fn main() {
     if let Err(error) = fs::copy(&map, Path::new(&out).join("board.x")) {
         panic!("{map}: {error}");
     }
+    // The chip crate of an STM32 brings the names of its interrupts for cortex-m-rt's script. A board
+    // without one fills its vector table by itself and needs no names.
+    if env::var_os("CARGO_FEATURE_STM32").is_none() {
+        fs::write(Path::new(&out).join("device.x"), "").unwrap();
+    }
     println!("cargo:rustc-link-search={out}");
     println!("cargo:rustc-link-arg-bins=--nmagic"); // no padding of the image to the host's page size
     println!("cargo:rustc-link-arg-bins=-Tlink.x");

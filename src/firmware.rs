@@ -8,12 +8,10 @@
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
 //! Every engine starts in standby. Nothing here commands an engine, except the demonstration
-//! (feature `demo`).
+//! (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
-use crate::board::{self, EcuPort, Led, PORTS, Watchdog};
-use defmt_rtt as _; // the logger
-use embassy_executor::Executor;
+use crate::board::{self, EcuPort, Executor, Led, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
@@ -68,6 +66,8 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(status(node, board.led)));
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
+        #[cfg(feature = "trial")]
+        spawner.spawn(defmt::unwrap!(trial(node)));
 
         let engines = board::start_engine_executor();
         for (config, runner) in ENGINES.iter().zip(node.runners()) {
@@ -94,7 +94,23 @@ fn log_ports() {
 
 #[embassy_executor::task(pool_size = N)]
 async fn engine(runner: Runner<'static>, port: EcuPort) {
-    runner.run(port.rx, port.tx, port.errors).await
+    let run = runner.run(port.rx, port.tx, port.errors);
+    #[cfg(feature = "wedge")]
+    let run = wedged(run);
+    run.await
+}
+
+/// Test image only (feature `wedge`): the first engine's task stands still after 5 s, with its UART open.
+#[cfg(feature = "wedge")]
+async fn wedged<R: Future>(run: R) -> R::Output {
+    use core::sync::atomic::{AtomicBool, Ordering};
+    static TAKEN: AtomicBool = AtomicBool::new(false);
+    let mut run = core::pin::pin!(run);
+    if !TAKEN.swap(true, Ordering::Relaxed) {
+        embassy_futures::select::select(run.as_mut(), Timer::after_secs(5)).await;
+        core::future::pending::<()>().await;
+    }
+    run.await
 }
 
 #[embassy_executor::task(pool_size = N)]
@@ -186,6 +202,12 @@ impl defmt::Format for StatusLine<'_> {
 #[embassy_executor::task]
 async fn demonstration(node: &'static Node<N>) {
     crate::demo::demonstrate(node).await
+}
+
+#[cfg(feature = "trial")]
+#[embassy_executor::task]
+async fn trial(node: &'static Node<N>) {
+    crate::trial::run(node).await
 }
 
 #[embassy_executor::task]

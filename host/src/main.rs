@@ -1,4 +1,5 @@
 //! The program `jetlink`: what the library does, on a computer.
+#![forbid(unsafe_code)]
 
 mod decode;
 mod rig;
@@ -22,8 +23,23 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match Cli::parse().command {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return usage(&error),
+        // --help and --version.
+        Err(error) => error.exit(),
+    };
+    match cli.command {
         Command::Decode(args) => decode::run(args),
         Command::Rig(args) => rig::run(args),
     }
+}
+
+/// A bad argument: one sentence, and status 2.
+fn usage(error: &clap::Error) -> ExitCode {
+    let text = error.to_string();
+    // What the parser says of options that are missing comes in lines of its own, up to an empty one.
+    let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
+    eprintln!("{}; --help explains all.", lines.collect::<Vec<_>>().join(" "));
+    ExitCode::from(2)
 }

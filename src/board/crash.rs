@@ -35,7 +35,7 @@ unsafe fn DefaultHandler(interrupt: i16) {
 }
 
 /// Logs and resets.
-fn crash(log: impl FnOnce()) -> ! {
+pub fn crash(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     // A crash inside the logger would come back here through the logger's own panic: log only once.
     static LOGGED: AtomicBool = AtomicBool::new(false);

@@ -1,7 +1,7 @@
 //! What boards with an STM32F427 share: the names and registers that differ from one family of
 //! chips to another.
 
-use super::{ENGINE_EXECUTOR, ResetCause};
+use super::{ENGINE_EXECUTOR, stm32::ResetCause};
 use embassy_stm32::{
     interrupt, // the module and the attribute
     interrupt::Interrupt,

@@ -212,6 +212,11 @@ impl<M: Machine> Bench<M> {
         self.transmissions().into_iter().map(|(at, frame)| (at, frame.as_bytes().to_vec())).collect()
     }
 
+    /// How many frames there are since they were last taken.
+    pub fn waiting_frames(&self) -> usize {
+        self.frames.len()
+    }
+
     /// The same without the times.
     pub fn bytes(&mut self) -> Vec<Vec<u8>> {
         self.frames().into_iter().map(|(_, bytes)| bytes).collect()

@@ -115,6 +115,12 @@ impl Audit {
         self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
     }
 
+    /// The node has withdrawn the run of an engine that was running. On the wire that is a standby that nobody
+    /// gave, but the pilot may be there with one of its own first.
+    pub fn withdrawn_in_error(&mut self, at: Nanos) {
+        self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
+    }
+
     /// Takes what the line has recorded.
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
@@ -136,7 +142,7 @@ impl Audit {
     fn byte(&mut self, entry: &Entry) {
         if !self.frame.is_empty() && entry.start > self.frame_end + LONGEST_GAP {
             let fragment = core::mem::take(&mut self.frame);
-            self.find(fragment, "a part of a frame");
+            self.find(self.frame_start, fragment, "a part of a frame");
         }
         if self.frame.is_empty() {
             self.frame_start = entry.start;
@@ -177,7 +183,7 @@ impl Audit {
         };
         match meant {
             Ok((true, _)) => {}
-            Ok((false, what)) | Err(what) => self.find(frame, &what),
+            Ok((false, what)) | Err(what) => self.find(start, frame, &what),
         }
     }
 
@@ -220,13 +226,13 @@ impl Audit {
         }
     }
 
-    fn find(&mut self, bytes: Vec<u8>, what: &str) {
+    fn find(&mut self, at: Nanos, bytes: Vec<u8>, what: &str) {
         self.not_given += 1;
         if self.findings.len() < KEPT {
-            let order = self.orders.iter().rev().find(|&&(from, _)| from <= self.frame_start);
+            let order = self.orders.iter().rev().find(|&&(from, _)| from <= at);
             let order = order.map_or(Order::Standby, |&(_, order)| order);
             let what = format!("{what}, while the order was {order:?}");
-            self.findings.push(Finding { at: self.frame_start, bytes, what });
+            self.findings.push(Finding { at, bytes, what });
         }
     }
 }

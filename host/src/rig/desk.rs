@@ -2,9 +2,9 @@
 
 use super::audit::Audit;
 use super::engines::Engine;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use jetlink::command::{Command, Demand, Order};
-use jetlink::units::Throttle;
+use jetlink::telemetry::{LinkState, Telemetry};
 use std::cell::{Cell, RefCell};
 
 /// How far an engine's pilot has come.
@@ -51,9 +51,6 @@ pub enum Lever {
 }
 
 impl Lever {
-    /// Run at idle by throttle.
-    pub const IDLE: Self = Self::Run(Demand::Throttle(Throttle::IDLE));
-
     /// As a command to the node.
     pub const fn command(self) -> Command {
         match self {
@@ -137,27 +134,40 @@ pub struct Desk<'a> {
     pub stage: Cell<Stage>,
     /// What its pilot commands.
     pub lever: Cell<Lever>,
+    /// When the last fault on its line ends.
+    pub clean_from: Instant,
     /// Holds the line against the commands.
     pub audit: RefCell<Audit>,
     /// How often the engine stopped although it was to run.
     pub stops: Cell<u32>,
     /// From the end of the last fault on its line until its link was up.
-    pub recovered_after: Cell<Option<embassy_time::Duration>>,
+    pub recovered_after: Cell<Option<Duration>>,
     notes: &'a Notes,
 }
 
 impl<'a> Desk<'a> {
     /// For one engine.
-    pub fn new(index: usize, engine: &'a Engine, notes: &'a Notes) -> Self {
+    pub fn new(index: usize, engine: &'a Engine, clean_from: Instant, notes: &'a Notes) -> Self {
         Self {
             index,
             engine,
             stage: Cell::new(Stage::Standby),
             lever: Cell::new(Lever::Standby),
+            clean_from,
             audit: RefCell::new(Audit::new(engine)),
             stops: Cell::new(0),
             recovered_after: Cell::new(None),
             notes,
+        }
+    }
+
+    /// Sees whether the link is up again after the last fault.
+    pub fn watch_recovery(&self, telemetry: &Telemetry) {
+        let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from);
+        if let (Some(heard), LinkState::Up, None) = (heard, telemetry.link, self.recovered_after.get())
+            && self.clean_from > Instant::MIN
+        {
+            self.recovered_after.set(Some(heard - self.clean_from));
         }
     }
 

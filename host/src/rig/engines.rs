@@ -34,6 +34,15 @@ impl Engine {
         self.config.name
     }
 
+    /// Its name and what it is.
+    pub fn caption(&self) -> String {
+        let ecu = match self.ecu {
+            Ecu::Amt(engine) => format!("AMT {engine:?}"),
+            Ecu::Zk { version, .. } => format!("ZK version {version}"),
+        };
+        format!("{}: {ecu}, {} baud", self.name(), self.config.line.baud)
+    }
+
     /// Whether the pilot commands a speed instead of a throttle.
     pub fn by_rpm(&self) -> bool {
         matches!(self.ecu, Ecu::Zk { mode: Mode::Rpm, .. })

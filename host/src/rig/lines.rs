@@ -40,7 +40,7 @@ impl Lines {
         }
         self.next = at + self.every;
         let mut out = io::stdout().lock();
-        if self.lines % HEAD_EVERY == 0 {
+        if self.lines.is_multiple_of(HEAD_EVERY) {
             writeln!(out, "{:>7}  {}", "s", heads())?;
         }
         let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();

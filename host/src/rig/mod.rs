@@ -1,12 +1,14 @@
 //! `jetlink rig`: the node, the very code of the firmware, against simulated engines.
 
 mod audit;
+mod csv;
 mod desk;
 mod engines;
 mod faults;
 mod lines;
 mod pilot;
 mod plan;
+mod plot;
 mod quantity;
 mod row;
 mod sample;
@@ -14,23 +16,78 @@ mod session;
 mod show;
 mod simulated;
 mod summary;
+mod table;
 
+use self::csv::Csv;
+use self::engines::Engine;
 use self::faults::Faults;
 use self::lines::Lines;
 use self::plan::Plan;
+use self::plot::Plot;
 use self::session::Setup;
-use self::show::{Screen, Show, lines_every};
+use self::show::{Screen, Show};
+use self::table::Table;
+use embassy_time::Duration;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::mpsc;
 
 /// Messages that may wait for the screen before the session waits for it.
 const MESSAGES: usize = 1000;
+/// Between two lines of one engine, in engine time.
+const LINES_EVERY: Duration = Duration::from_secs(5);
+/// The same with `--fast` on a terminal.
+const LINES_EVERY_FAST: Duration = Duration::from_secs(30);
+
+const HELP: &str = "\
+What it does:
+  Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
+  idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
+  table shows it live (q or Ctrl-C ends it); otherwise, and with --fast, plain lines do. The summary at the end
+  counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
+
+Engines:
+  --engine name=left,ecu=amt,engine=olympus,baud=2400
+      engine: mercury, pegasus, olympus (default), titan, nike, lynx
+      baud: default 2400
+  --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
+      version: 1 to 5 (default 5); baud: default 9600; stop: 1 (default) or 2; rate: 20 (default), 50, 100 Hz
+      mode: throttle (default), split (switch in a command of its own), rpm; the last two from version 4
+  Baud rates are 2400, 4800, 9600, 19200, 38400, 57600, 115200. Up to 8 engines. Without --engine there are
+  two AMT engines at 2400 baud and two ZK engines, one at 9600 baud with version 4, one at 115200 baud with
+  version 5 that is commanded by rpm.
+
+Faults, a list with commas:
+  light, heavy          sets of the following
+  noise=SHARE           of the bytes arrive with inverted bits (0.02 is 2 %)
+  lose=, add=, framing= share of the bytes that are lost, that another one follows, that break their frame
+  jitter=TIME, delay=TIME   bytes arrive later, at random by up to, or always by this (3ms)
+  from=TIME, until=TIME     when the above begin and end (default: from the start until 15 s before the first
+                            shutdown, so that recovery is seen and judged)
+  cut=ENGINE@TIME+LENGTH    cuts a line (left@40s+5s)
+  hot-start=ENGINE, no-light=ENGINE    the starts of an engine fail
+  flame-out=ENGINE@TIME     its flame goes out once
+  On disturbed lines missed windows and decode errors are counted and do not fail the run. An AMT ECU may stop
+  its engine then, because it was not heard: that is told, and the engine started again. A link that does not
+  come back fails the run, and so does a command on the wire that nobody gave.
+
+CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told for 2 s:
+  t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
+  demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
+  (replies and turns, by the node's count), decode_errors, rejected (commands)
+
+Exit status:
+  0  no reply window was missed on a clean line, and every engine reached what was asked
+  1  otherwise, or a file could not be written
+  2  a wrong option
+  Without --fast the run is in real time, and this computer has to keep the windows of 30 ms: if it stalls, one
+  may be missed, and the exit status says so.";
 
 /// Arguments of `jetlink rig`.
 #[derive(clap::Args, Debug)]
+#[command(after_long_help = HELP, after_help = "--help tells more, --engine and --faults in full.")]
 pub struct Args {
-    /// An engine and its ECU (repeatable); see below
+    /// An engine and its ECU; repeatable
     #[arg(long = "engine", value_name = "DESCRIPTION")]
     engines: Vec<String>,
 
@@ -38,11 +95,11 @@ pub struct Args {
     #[arg(long)]
     fast: bool,
 
-    /// Length of the run in engine time, for example 300s or 10m; stretches or shortens the running phase
+    /// Length of the run in engine time, for example 300s, 10m or 6h; it is the running phase that changes
     #[arg(long, value_name = "TIME")]
     duration: Option<String>,
 
-    /// Start no engine: stay in standby for --duration (default 10s) and judge the links only
+    /// Start no engine: stay in standby for --duration (default 10s) and judge the links
     #[arg(long)]
     standby: bool,
 
@@ -50,9 +107,17 @@ pub struct Args {
     #[arg(long, value_name = "NUMBER", default_value = "1")]
     seed: String,
 
-    /// What goes wrong; see below
+    /// What goes wrong, for example heavy or noise=0.02,lose=0.01
     #[arg(long, value_name = "LIST")]
     faults: Option<String>,
+
+    /// Write all samples to this file
+    #[arg(long, value_name = "FILE")]
+    csv: Option<String>,
+
+    /// Draw rpm, EGT and demand over time into this file
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<String>,
 }
 
 /// Runs the rig. Status 0: all is well; 1: something was not reached, missed or could not be written; 2: a
@@ -65,7 +130,7 @@ pub fn run(args: Args) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match perform(&setup) {
+    match perform(&args, &setup) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -100,23 +165,34 @@ fn setup(args: &Args) -> Result<Setup, String> {
 }
 
 /// Whether all went well.
-fn perform(setup: &Setup) -> Result<bool, String> {
-    let names: Vec<&'static str> = setup.engines.iter().map(engines::Engine::name).collect();
+fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
+    let names: Vec<&'static str> = setup.engines.iter().map(Engine::name).collect();
+    let csv = args.csv.as_deref().map(Csv::create).transpose()?;
+    let title = format!("jetlink rig, seed {}", setup.seed);
+    let captions = setup.engines.iter().map(Engine::caption).collect();
+    let plot = args.plot.as_deref().map(|path| Plot::create(path, captions, title)).transpose()?;
+    // The last of all: from here on the terminal may not be as it was.
     let on_terminal = io::stdout().is_terminal();
-    let screen = Screen::Lines(Lines::new(names, lines_every(setup.fast && on_terminal)));
-    let show = Show { screen };
+    let table = (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length));
+    let screen = match table {
+        Some(Ok(table)) => Screen::Table(Box::new(table)),
+        // A terminal that cannot be drawn on can still be written to.
+        Some(Err(_)) | None => {
+            let every = if on_terminal && setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
+            Screen::Lines(Lines::new(names.clone(), every))
+        }
+    };
+    let show = Show { names, screen, csv, plot };
 
     let (sender, receiver) = mpsc::sync_channel(MESSAGES);
     let shower = std::thread::spawn(move || show.run(&receiver));
     let outcomes = session::run(setup, |message| sender.send(message).is_ok());
     drop(sender);
-    let shown = shower.join().map_err(|_| "the screen's thread has panicked".to_owned())?;
-    let _show = shown?;
+    shower.join().map_err(|_| "the screen's thread has panicked".to_owned())??;
 
     let problems = summary::problems(&outcomes);
-    let text = summary::text(&outcomes, &problems);
     io::stdout()
-        .write_all(text.as_bytes())
+        .write_all(summary::text(&outcomes, &problems).as_bytes())
         .map_err(|error| format!("cannot write to the standard output: {error}"))?;
     Ok(problems.is_empty())
 }

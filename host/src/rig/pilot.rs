@@ -3,12 +3,13 @@
 //!
 //! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
 //! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
-//! is the end of the run for this engine.
+//! is the end of the run for this engine, unless its flame was put out.
 
 use super::desk::{Desk, Lever, Stage};
 use super::faults::{Failure, Faults};
 use super::plan::{EnginePlan, LEAST_RUNNING};
 use super::quantity::seconds;
+use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::channels::Handle;
 use jetlink::command::{Demand, Order, Origin, Rejected};
@@ -32,15 +33,13 @@ const STEADY_TICKS: usize = 10;
 const COOL: i16 = 1000;
 /// Slower than this the shaft counts as standing.
 const STANDING_RPM: u32 = 1000;
-/// Starts of one engine in one run.
-const MOST_STARTS: u32 = 3;
 
 /// Why something was not waited for to the end.
 #[derive(Clone, Copy, Debug)]
 enum Cut {
     /// The time is over.
     TimeUp,
-    /// The node withdrew the run: the engine stopped.
+    /// The engine stopped: the node withdrew the run, or the ECU reports faults and no state any more.
     Stopped,
     /// The node refused the command.
     Refused(Rejected),
@@ -56,8 +55,8 @@ pub struct Pilot<'a> {
     rng: fastrand::Rng,
     /// When the last fault on the line ends.
     clean_from: Instant,
-    /// Something is wrong with the engine or its line in this run, so it may be started again.
-    may_start_again: bool,
+    /// How often its flame is put out in this run.
+    flame_outs: usize,
 }
 
 impl<'a> Pilot<'a> {
@@ -78,8 +77,9 @@ impl<'a> Pilot<'a> {
             plan,
             standby_only,
             rng: fastrand::Rng::with_seed(seed),
-            clean_from: faults.line_clean_from(desk.index),
-            may_start_again: !faults.line_is_clean(desk.index) || faults.failures.iter().any(flame_out),
+            // Faults that never end are not waited for.
+            clean_from: desk.clean_from.min(plan.shutdown_at),
+            flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
     }
 
@@ -105,17 +105,18 @@ impl<'a> Pilot<'a> {
     }
 
     async fn whole_run(&mut self) -> Result<(), String> {
-        let mut starts = 0;
+        let mut flame_outs_left = self.flame_outs;
         loop {
-            starts += 1;
+            let began = Instant::now();
             self.ready().await?;
             let flown = match self.start().await {
                 Ok(()) => self.run().await,
                 Err(why) => Err(why),
             };
             let Err(why) = flown else { break };
-            if !self.may_start_again || starts == MOST_STARTS {
-                return Err(why);
+            if began >= self.clean_from {
+                // Nothing disturbs the line: only a flame that was put out is a reason to start again.
+                flame_outs_left = flame_outs_left.checked_sub(1).ok_or_else(|| why.clone())?;
             }
             self.desk.note(format!("{why}; it will be started again"));
         }
@@ -274,21 +275,17 @@ impl<'a> Pilot<'a> {
 
     /// The link has to be up soon after the last fault on the line.
     async fn recovered(&mut self) -> Result<(), String> {
-        if self.clean_from == Instant::MIN || self.desk.recovered_after.get().is_some() {
+        if self.clean_from == Instant::MIN {
             return Ok(());
         }
         let limit = self.clean_from.max(Instant::now()) + RECOVER_WITHIN;
-        let heard = self
+        let up = self
             .keep(limit, |telemetry| {
-                let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from)?;
-                (telemetry.link == LinkState::Up).then_some(heard)
+                (telemetry.link == LinkState::Up && self.desk.recovered_after.get().is_some()).then_some(())
             })
             .await;
-        match heard {
-            Ok(heard) => {
-                self.desk.recovered_after.set(Some(heard - self.clean_from));
-                Ok(())
-            }
+        match up {
+            Ok(()) => Ok(()),
             Err(Cut::TimeUp) => Err("the link did not come back after the faults had ended".to_owned()),
             Err(cut) => Err(self.stopped(cut)),
         }
@@ -313,7 +310,8 @@ impl<'a> Pilot<'a> {
         self.command(lever)?;
         loop {
             let telemetry = self.handle.telemetry();
-            if matches!(lever, Lever::Run(_)) && !matches!(telemetry.ordered.order, Order::Run(_)) {
+            let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_));
+            if matches!(lever, Lever::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
             }
             if let Some(what) = come(&telemetry) {
@@ -369,16 +367,18 @@ impl<'a> Pilot<'a> {
     fn describe(&self) -> String {
         let telemetry = self.handle.telemetry();
         let report = &telemetry.report;
-        match telemetry.link {
-            LinkState::Silent => return "the ECU was never heard".to_owned(),
-            LinkState::Lost => return "the ECU is no longer heard".to_owned(),
-            LinkState::Up => {}
+        if telemetry.heard.is_none() {
+            return "the ECU was never heard".to_owned();
         }
-        let mut text = match report.state {
+        if telemetry.link != LinkState::Up {
+            return "the ECU is not heard".to_owned();
+        }
+        let now = telemetry.at;
+        let mut text = match report.state.filter(|state| is_fresh(state, now)) {
             Some(state) => format!("the ECU reports state {} ({})", state.value.code, state.value.name),
-            None => "the ECU has reported no state".to_owned(),
+            None => "the ECU reports no state".to_owned(),
         };
-        if let Some(speed) = report.rpm {
+        if let Some(speed) = report.rpm.filter(|speed| is_fresh(speed, now)) {
             text += &format!(", {} rpm", speed.value.get());
         }
         if let Some(egt) = report.egt {
@@ -395,6 +395,15 @@ impl<'a> Pilot<'a> {
 
 fn phase(telemetry: &Telemetry) -> Option<Phase> {
     telemetry.report.phase.map(|phase| phase.value)
+}
+
+/// An AMT ECU sends error sets, which carry no state, in place of normal sets (AMT-8).
+fn reports_only_faults(telemetry: &Telemetry) -> bool {
+    let report = &telemetry.report;
+    let stale = report.phase.is_some_and(|phase| !is_fresh(&phase, telemetry.at));
+    let faulty =
+        report.faults.is_some_and(|faults| is_fresh(&faults, telemetry.at) && !faults.value.is_empty());
+    stale && faulty
 }
 
 /// In standby, below 100 °C, and the shaft stands.

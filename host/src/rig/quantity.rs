@@ -2,15 +2,17 @@
 
 use embassy_time::Duration;
 
-/// A length of time: a number with the unit `ms`, `s` or `m`; a number alone means seconds.
+/// A length of time: a number with the unit `ms`, `s`, `m` or `h`; a number alone means seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("`{text}` is no time: write for example 90s, 1.5s, 3ms or 2m");
+    let wrong = || format!("`{text}` is no time: write for example 90s, 1.5s, 3ms, 2m or 6h");
     let (number, micros_per_unit) = if let Some(number) = text.strip_suffix("ms") {
         (number, 1e3)
     } else if let Some(number) = text.strip_suffix('s') {
         (number, 1e6)
     } else if let Some(number) = text.strip_suffix('m') {
         (number, 60e6)
+    } else if let Some(number) = text.strip_suffix('h') {
+        (number, 3600e6)
     } else {
         (text, 1e6)
     };
@@ -42,12 +44,17 @@ mod tests {
 
     #[test]
     fn times_have_units() {
-        for (text, micros) in
-            [("90s", 90_000_000), ("1.5s", 1_500_000), ("3ms", 3000), ("2m", 120_000_000), ("7", 7_000_000)]
-        {
+        for (text, micros) in [
+            ("90s", 90_000_000),
+            ("1.5s", 1_500_000),
+            ("3ms", 3000),
+            ("2m", 120_000_000),
+            ("7", 7_000_000),
+            ("1h", 3_600_000_000),
+        ] {
             assert_eq!(duration(text), Ok(Duration::from_micros(micros)), "{text}");
         }
-        for text in ["", "s", "-1s", "1h", "nan", "inf", "1e99s"] {
+        for text in ["", "s", "-1s", "1d", "nan", "inf", "1e99s"] {
             assert!(duration(text).is_err(), "{text}");
         }
     }

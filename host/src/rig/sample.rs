@@ -3,12 +3,20 @@
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
 use jetlink::channels::Handle;
-use jetlink::telemetry::{Counters, LinkState};
+use jetlink::telemetry::{Counters, LinkState, Timed};
 
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 
-/// One engine at one moment.
+/// An older value is not what the engine does now.
+const FRESH: Duration = Duration::from_secs(2);
+
+/// Whether a value is young enough to be shown and judged by.
+pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
+    value.age(now) <= FRESH
+}
+
+/// One engine at one moment. Values that the ECU has not told in the last seconds are `None`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sample {
     /// How far its pilot has come.
@@ -34,14 +42,18 @@ impl Sample {
     pub fn take(desk: &Desk<'_>, handle: Handle<'_>) -> Self {
         let telemetry = handle.telemetry();
         let report = &telemetry.report;
+        let at = telemetry.at;
         Self {
             stage: desk.stage.get(),
             lever: desk.lever.get(),
             link: telemetry.link,
-            state: report.state.map(|state| state.value.name),
-            rpm: report.rpm.map(|rpm| rpm.value.get()),
-            egt: report.egt.map(|egt| f64::from(egt.value.tenths()) / 10.0),
-            throttle: report.throttle.map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
+            state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
+            rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
+            egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
+            throttle: report
+                .throttle
+                .filter(|throttle| is_fresh(throttle, at))
+                .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
             counters: telemetry.counters,
         }
     }
@@ -67,7 +79,7 @@ impl Sample {
     }
 }
 
-/// What came from the ECU and was no frame, and frames of unknown kinds.
+/// Bytes from the ECU that were no frame, frames that were broken, and frames of unknown kinds.
 pub const fn decode_errors(counters: &Counters) -> u32 {
     counters
         .crc_failures

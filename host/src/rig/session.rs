@@ -91,8 +91,8 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
     let channels: Vec<Channel> = setup.engines.iter().map(|engine| Channel::new(&engine.config)).collect();
     let errors: Vec<LineErrors> = (0..count).map(|_| LineErrors::new()).collect();
-    let desks: Vec<Desk<'_>> =
-        setup.engines.iter().enumerate().map(|(i, engine)| Desk::new(i, engine, &notes)).collect();
+    let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
+    let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
     let flown: Vec<RefCell<Option<Result<(), String>>>> = (0..count).map(|_| RefCell::new(None)).collect();
 
     let mut plugs = Vec::new();
@@ -134,6 +134,9 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         let mut all_done_at = None;
         loop {
             look(&desks, &plugs);
+            for (desk, handle) in desks.iter().zip(&handles) {
+                desk.watch_recovery(&handle.telemetry());
+            }
             let samples = desks.iter().zip(&handles).map(|(desk, &handle)| Sample::take(desk, handle));
             let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
             let go_on = notes.take().into_iter().map(Message::Note).chain([samples]).all(&mut show);
@@ -218,8 +221,11 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, handle: Handle<'_>, plu
         };
         if event == Event::RunWithdrawn {
             let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
+            let mut audit = desk.audit.borrow_mut();
             if !live || handle.telemetry().link == LinkState::Lost {
-                desk.audit.borrow_mut().withdrawn(clock::now_ns());
+                audit.withdrawn(clock::now_ns());
+            } else {
+                audit.withdrawn_in_error(clock::now_ns());
             }
         }
         let Some(text) = text(event) else { continue };

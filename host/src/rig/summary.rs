@@ -20,11 +20,10 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
             problem(why.clone());
         }
         for finding in &audit.findings {
-            let bytes: Vec<String> = finding.bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            let bytes: String = finding.bytes.iter().map(|byte| format!("{byte:02X} ")).collect();
             problem(format!(
-                "a command that nobody gave went out at {:.6} s: {} ({})",
+                "a command that nobody gave at {:.6} s: {bytes}({})",
                 finding.at as f64 / 1e9,
-                bytes.join(" "),
                 finding.what
             ));
         }
@@ -57,7 +56,8 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
                 problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
             }
             // A starting ECU may or may not have heard what was sent before it spoke.
-            if ecu.accepted + audit.frames_unheard + 1 < audit.frames {
+            let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_unheard + 1);
+            if lost > missed(outcome) {
                 problem(format!("{} commands went to the ECU, it accepted {}", audit.frames, ecu.accepted));
             }
         }

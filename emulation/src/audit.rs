@@ -1,0 +1,108 @@
+//! What is checked at every run, whatever its test is about.
+//!
+//! - Nothing was touched that the emulator does not model: it would read 0 where the part does not.
+//! - No fault, no panic, no error in the log, and no reset but the expected ones.
+//! - Every byte took exactly its time at the line's baud rate and stop bits. The emulated UART carries bytes
+//!   at any rate, so nothing else would show a wrong one.
+//! - The pins of every port in use are given to their UART. The emulated UART does not look at them.
+
+use crate::board::{Board, Pin};
+use crate::run::Report;
+use crate::wire::{Fate, Wire};
+
+/// Everything that is not in order.
+pub(crate) fn of(report: &mut Report, resets_expected: usize, errors_expected: bool) -> Vec<String> {
+    let mut complaints = unmodelled(report);
+    complaints.extend(crashes(report, resets_expected, errors_expected));
+    for (port, wire) in report.wires() {
+        complaints.extend(byte_times(report.board, port, wire));
+    }
+    complaints.extend(pins(report));
+    complaints
+}
+
+fn unmodelled(report: &Report) -> Vec<String> {
+    let session = &report.session;
+    let mut complaints: Vec<String> =
+        session.unmapped().iter().map(|access| format!("nothing is there: {access}")).collect();
+    complaints
+        .extend(session.refused().iter().map(|(at, fault)| format!("refused at {at:#010x}: {fault:?}")));
+    complaints.extend(session.unimplemented().values().map(|access| format!("not modelled: {access:?}")));
+    complaints.extend(session.undefined().values().map(|access| format!("not defined: {access:?}")));
+    complaints.extend(session.unrouted().iter().map(|interrupt| format!("not routed: {interrupt:?}")));
+    complaints
+}
+
+fn crashes(report: &Report, resets_expected: usize, errors_expected: bool) -> Vec<String> {
+    let mut complaints = Vec::new();
+    if report.resets.len() != resets_expected {
+        complaints.push(format!("{resets_expected} resets are right here, not {:?}", report.resets));
+    }
+    complaints.extend(report.faults.iter().map(|at| format!("a hard fault at {at} ns")));
+    let hello = format!("on {}, last reset", report.board.title);
+    let boots = report.lines(&hello).count();
+    if boots != resets_expected + 1 {
+        complaints.push(format!("the firmware said \"{hello}\" {boots} times"));
+    }
+    if !errors_expected {
+        let bad = report.logs.iter().filter(|log| log.level == "error" || log.level == "warn");
+        complaints.extend(bad.map(|log| format!("logged at {} ns: {} {}", log.at, log.level, log.text)));
+    }
+    complaints
+}
+
+/// Wire times are whole nanoseconds, and so is every instant in between.
+const ROUNDING: f64 = 2.0;
+
+fn byte_times(board: &Board, port: &str, wire: &Wire) -> Vec<String> {
+    let line = wire.line();
+    let byte = board.port(port).byte_ns(line);
+    let mut complaints = Vec::new();
+
+    let nominal = line.byte_ns(1) as f64;
+    if (byte / nominal - 1.0).abs() > 0.002 {
+        complaints.push(format!("{port}: its clock cannot make {} baud", line.baud));
+    }
+    let wrong = |took: f64| (took - byte).abs() > ROUNDING;
+    let received = wire.rx.iter().filter(|rx| rx.fate == Fate::Heard);
+    if let Some(rx) = received.clone().find(|rx| wrong((rx.end - rx.start) as f64)) {
+        let took = rx.end - rx.start;
+        complaints
+            .push(format!("{port}: the byte received at {} ns took {took} ns, not {byte:.0}", rx.start));
+    }
+    // Bytes of one frame follow each other without a gap.
+    let together = |gap: f64| gap < 1.5 * byte;
+    let gaps = wire.tx.windows(2).map(|pair| (pair[0].end, (pair[1].end - pair[0].end) as f64));
+    if let Some((at, gap)) = gaps.clone().find(|&(_, gap)| together(gap) && wrong(gap)) {
+        complaints.push(format!("{port}: the byte sent after {at} ns took {gap} ns, not {byte:.0}"));
+    }
+    if wire.tx.len() > 1 && !gaps.clone().any(|(_, gap)| together(gap)) {
+        complaints.push(format!("{port}: no two bytes were sent back to back, so their time is not known"));
+    }
+    complaints
+}
+
+fn pins(report: &mut Report) -> Vec<String> {
+    let (board, at) = (report.board, report.at);
+    let used: Vec<_> = report.wires().map(|(port, _)| port).collect();
+    let mut complaints = Vec::new();
+    let mut read = |pin: Pin, offset: u64, bits: u64, of: u64| {
+        let gpio = board.gpio + 0x400 * u64::from(pin.port as u8 - b'A');
+        let word = report.session.board_mut().peek(at, gpio + offset);
+        word.map(|word| word >> (bits * of) & ((1 << bits) - 1))
+    };
+    for port in board.ports.iter().filter(|port| used.contains(&port.name)) {
+        for pin in [port.rx, port.tx] {
+            let number = u64::from(pin.number);
+            let mode = read(pin, 0x00, 2, number); // MODER: 2 is "alternate function"
+            let function = read(pin, 0x20 + 4 * (number / 8), 4, number % 8); // AFRL, AFRH
+            if mode != Some(2) || function != Some(pin.function.into()) {
+                complaints.push(format!(
+                    "{}: P{}{} is in mode {mode:?} with function {function:?}, not 2 with {}",
+                    port.name, pin.port, pin.number, pin.function
+                ));
+            }
+        }
+    }
+    complaints
+}

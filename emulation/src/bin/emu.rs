@@ -1,0 +1,3 @@
+fn main() {
+    println!("{:?}", rigless::time::VirtualNanos(0));
+}

@@ -1,0 +1,171 @@
+//! The boards as their drawings have them: ports, pins and clocks. Written from the boards' documents and not
+//! from `src/board/`, so that one mistake cannot stand on both sides.
+
+use core::ops::Range;
+use sim::line::Line;
+
+/// A pin and the alternate function that connects it to its UART (datasheet, "alternate functions").
+#[derive(Clone, Copy, Debug)]
+pub struct Pin {
+    /// GPIO port.
+    pub port: char,
+    /// Pin of that port.
+    pub number: u8,
+    /// Number of the alternate function.
+    pub function: u8,
+}
+
+/// A serial port of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    /// The board's name for it, as ArduPilot counts.
+    pub name: &'static str,
+    /// The UART behind it.
+    pub uart: Uart,
+    /// Its clock in Hz.
+    pub clock: u64,
+    /// Receiving pin.
+    pub rx: Pin,
+    /// Sending pin.
+    pub tx: Pin,
+}
+
+/// A UART, and where its registers begin; the same on both parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "ST's names")]
+pub enum Uart {
+    Usart1 = 0x4001_1000,
+    Usart2 = 0x4000_4400,
+    Usart3 = 0x4000_4800,
+    Uart4 = 0x4000_4C00,
+    Uart5 = 0x4000_5000,
+    Usart6 = 0x4001_1400,
+    Uart7 = 0x4000_7800,
+    Uart8 = 0x4000_7C00,
+}
+
+impl Port {
+    /// Where the UART's registers begin.
+    pub fn registers(&self) -> u64 {
+        self.uart as u64
+    }
+
+    /// The time of one byte in ns, if the UART's divider is the best one for this line.
+    pub fn byte_ns(&self, line: Line) -> f64 {
+        let baud = u64::from(line.baud);
+        let divider = (self.clock + baud / 2) / baud;
+        (line.bits_per_byte() * divider) as f64 * 1e9 / self.clock as f64
+    }
+}
+
+/// Which part is soldered on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// STM32H743.
+    H743,
+    /// STM32F427.
+    F427,
+}
+
+/// A board.
+#[derive(Debug)]
+pub struct Board {
+    /// Its name, as in `cargo fw board-<name>`.
+    pub name: &'static str,
+    /// Its name in the firmware's log.
+    pub title: &'static str,
+    /// The part.
+    pub part: Part,
+    /// Its crystal in Hz.
+    pub crystal: u64,
+    /// Core clock in Hz. One instruction a cycle is as fast as the part can be.
+    pub core_hz: u64,
+    /// The ECU ports, in the order of the firmware's table of engines.
+    pub ports: &'static [Port],
+    /// The port kept for MAVLink.
+    pub telemetry: Port,
+    /// Flash.
+    pub flash: Range<u64>,
+    /// The RAM that the firmware uses.
+    pub ram: Range<u64>,
+    /// Registers of GPIO port A; 0x400 for each further one.
+    pub gpio: u64,
+    /// Offset of the register that received bytes are read from.
+    pub receive_register: u64,
+    /// Offset of the register that bytes to be sent are written to.
+    pub transmit_register: u64,
+}
+
+impl Board {
+    /// The port of this name.
+    ///
+    /// # Panics
+    /// If the board has none.
+    pub fn port(&self, name: &str) -> &Port {
+        let mut all = self.ports.iter().chain([&self.telemetry]);
+        all.find(|port| port.name == name).unwrap_or_else(|| panic!("{} has no port {name}", self.name))
+    }
+
+    /// The board of this name.
+    pub fn by_name(name: &str) -> Option<&'static Board> {
+        BOARDS.into_iter().find(|board| board.name == name)
+    }
+}
+
+const fn pin(port: char, number: u8, function: u8) -> Pin {
+    Pin { port, number, function }
+}
+
+const fn port(name: &'static str, uart: Uart, clock: u64, rx: Pin, tx: Pin) -> Port {
+    Port { name, uart, clock, rx, tx }
+}
+
+const MHZ: u64 = 1_000_000;
+
+/// Matek H743-WING.
+pub static MATEK_H743: Board = Board {
+    name: "matek-h743",
+    title: "Matek H743-WING",
+    part: Part::H743,
+    crystal: 8 * MHZ,
+    core_hz: 400 * MHZ,
+    ports: &[
+        port("SERIAL2", Uart::Usart1, 100 * MHZ, pin('A', 10, 7), pin('A', 9, 7)),
+        port("SERIAL3", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
+        port("SERIAL4", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+        port("SERIAL5", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
+        port("SERIAL6", Uart::Uart4, 100 * MHZ, pin('B', 8, 8), pin('B', 9, 8)),
+        port("SERIAL7", Uart::Usart6, 100 * MHZ, pin('C', 7, 7), pin('C', 6, 7)),
+    ],
+    telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+    flash: 0x0800_0000..0x0820_0000,
+    ram: 0x2400_0000..0x2408_0000,
+    gpio: 0x5802_0000,
+    receive_register: 0x24,
+    transmit_register: 0x28,
+};
+
+/// mRo Pixracer.
+pub static PIXRACER: Board = Board {
+    name: "pixracer",
+    title: "mRo Pixracer",
+    part: Part::F427,
+    crystal: 24 * MHZ,
+    core_hz: 168 * MHZ,
+    ports: &[
+        port("SERIAL2", Uart::Usart3, 42 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+        port("SERIAL3", Uart::Uart4, 42 * MHZ, pin('A', 1, 8), pin('A', 0, 8)),
+        port("SERIAL4", Uart::Uart8, 42 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
+        port("SERIAL5", Uart::Usart1, 84 * MHZ, pin('B', 7, 7), pin('B', 6, 7)),
+        port("SERIAL6", Uart::Uart7, 42 * MHZ, pin('E', 7, 8), pin('E', 8, 8)),
+    ],
+    telemetry: port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
+    flash: 0x0800_0000..0x0820_0000,
+    ram: 0x2000_0000..0x2003_0000,
+    gpio: 0x4002_0000,
+    receive_register: 0x04,
+    transmit_register: 0x04,
+};
+
+/// All boards.
+pub static BOARDS: [&Board; 2] = [&MATEK_H743, &PIXRACER];

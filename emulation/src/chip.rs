@@ -1,0 +1,198 @@
+//! The emulated part with what hangs on its UARTs: rigless's bench of the part, our ECUs in place of its own
+//! far ends, and the watchdog that one part lacks.
+
+use rigless::chip::Placed;
+use rigless::chip::uart::{Errors, TcpPeer};
+use rigless::device::{Device, ErasedDevice, ResetCause};
+use rigless::machine::stm32f427_bench::Stm32f427Bench;
+use rigless::machine::stm32h743_bench::Stm32h743Bench;
+use rigless::machine::{self, Crystal, Target};
+use rigless::mcu::{Mcu, Operate};
+use rigless::snapshot::Store;
+use rigless::soc::{Bus, Width};
+use rigless::time::VirtualNanos;
+
+use crate::board::{Board, Part, Uart};
+use crate::quirks::Iwdg;
+use crate::wire::Wire;
+
+#[derive(Debug)]
+enum Bench {
+    H743(Box<Stm32h743Bench>),
+    F427(Box<Stm32f427Bench>),
+}
+
+macro_rules! each {
+    ($part:expr, $bench:ident => $e:expr) => {
+        match $part {
+            Bench::H743($bench) => $e,
+            Bench::F427($bench) => $e,
+        }
+    };
+}
+
+/// Where rigless has a part's UARTs.
+fn place_of(part: Part, uart: Uart) -> usize {
+    use Uart::*;
+    let order = match part {
+        Part::H743 => [Usart1, Usart2, Usart3, Uart4, Uart5, Usart6, Uart7, Uart8],
+        Part::F427 => [Usart1, Usart2, Usart3, Usart6, Uart7, Uart8, Uart4, Uart5],
+    };
+    order.iter().position(|&each| each == uart).expect("all are there")
+}
+
+/// The part.
+#[derive(Debug)]
+pub struct Chip {
+    part: Bench,
+    iwdg: Iwdg,
+    /// Where the part's description has a watchdog without a model.
+    iwdg_slot: Option<usize>,
+}
+
+impl Mcu for Chip {
+    fn bus(&self) -> &Bus {
+        each!(&self.part, b => b.mcu.bus())
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        each!(&mut self.part, b => b.mcu.bus_mut())
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        each!(&mut self.part, b => b.mcu.reset(at, cause));
+        Device::reset(&mut self.iwdg);
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        each!(&mut self.part, b => b.mcu.poll(now));
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        if Some(slot) == self.iwdg_slot {
+            return (each!(&mut self.part, b => b.mcu.bus_mut()), Some(&mut self.iwdg));
+        }
+        each!(&mut self.part, b => b.mcu.split(slot))
+    }
+}
+
+/// The board as the emulator runs it.
+#[derive(Debug)]
+pub struct Rig {
+    /// The part.
+    pub chip: Chip,
+    kind: Part,
+    instructions_per_second: u64,
+    /// UARTs with an ECU.
+    wired: Vec<Uart>,
+}
+
+impl Store for Rig {} // no snapshots
+
+impl Rig {
+    /// The board with nothing on its ports.
+    pub fn new(board: &Board, instructions_per_second: u64) -> Self {
+        let mut part = match board.part {
+            Part::H743 => Bench::H743(Box::new(Stm32h743Bench::new().expect("the bench of the H743"))),
+            Part::F427 => Bench::F427(Box::new(Stm32f427Bench::new().expect("the bench of the F427"))),
+        };
+        each!(&mut part, b => {
+            b.hse = Crystal(board.crystal);
+            b.mcu.rcc.attach_crystals(board.crystal, 0);
+        });
+        let mut chip = Chip { part, iwdg: Iwdg::default(), iwdg_slot: None };
+        if board.part == Part::H743 {
+            chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
+        }
+        Self { chip, kind: board.part, instructions_per_second, wired: Vec::new() }
+    }
+
+    /// Hangs a wire on a UART.
+    pub fn attach(&mut self, uart: Uart, mut wire: Wire) {
+        if self.kind == Part::H743 {
+            wire.asked_early();
+        }
+        let at = place_of(self.kind, uart);
+        each!(&mut self.chip.part, b => b.mcu.usart[at].attach(wire));
+        self.wired.push(uart);
+    }
+
+    /// Hangs a TCP port on a UART.
+    pub fn attach_tcp(&mut self, uart: Uart, peer: TcpPeer) {
+        let at = place_of(self.kind, uart);
+        each!(&mut self.chip.part, b => b.mcu.usart[at].attach(peer));
+    }
+
+    /// The wire on a UART, if there is one.
+    pub fn wire(&mut self, uart: Uart) -> Option<&mut Wire> {
+        let at = place_of(self.kind, uart);
+        each!(&mut self.chip.part, b => b.mcu.usart[at].chip_mut::<Wire>())
+    }
+
+    /// All wires.
+    fn wires(&mut self, mut act: impl FnMut(&mut Wire)) {
+        for i in 0..self.wired.len() {
+            if let Some(wire) = self.wire(self.wired[i]) {
+                act(wire);
+            }
+        }
+    }
+
+    /// The run stands at `now`: what is due on the far ends happens.
+    pub fn reached(&mut self, now: u64) {
+        self.wires(|wire| wire.reached(now));
+    }
+
+    /// When a far end next has something to do, after `now`.
+    pub fn next(&mut self, now: u64) -> Option<u64> {
+        let mut next = None;
+        self.wires(|wire| next = next.into_iter().chain(wire.next(now)).min());
+        next
+    }
+
+    /// Cuts a wire, or joins it.
+    pub fn cut(&mut self, uart: Uart, cut: bool) {
+        let at = place_of(self.kind, uart);
+        let _ = each!(&mut self.chip.part, b => b.mcu.usart[at].silence(cut));
+        if let Some(wire) = self.wire(uart) {
+            wire.cut = cut;
+        }
+    }
+
+    /// What garbles the bytes on their way to the board.
+    pub fn errors(&mut self, uart: Uart) -> &mut Errors {
+        let at = place_of(self.kind, uart);
+        each!(&mut self.chip.part, b => b.mcu.usart[at].errors_mut())
+    }
+
+    /// Where single bytes can be lost or changed on their way to the board.
+    pub fn place(&mut self, uart: Uart) -> Option<&mut dyn Placed> {
+        let at = place_of(self.kind, uart);
+        each!(&mut self.chip.part, b => b.mcu.usart[at].place_mut())
+    }
+
+    /// A register, without the effects of reading it.
+    pub fn peek(&mut self, at: u64, address: u64) -> Option<u64> {
+        self.chip.peek(VirtualNanos(at), address, Width::W32).ok()
+    }
+}
+
+impl machine::Board for Rig {
+    fn name(&self) -> &'static str {
+        "rig"
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["mcu"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.chip)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let mut core = each!(&mut self.chip.part, b => machine::Board::targets(&mut **b).remove(0).core);
+        core.instructions_per_second = self.instructions_per_second.try_into().expect("not zero");
+        vec![Target::new("mcu", &mut self.chip, core)]
+    }
+}

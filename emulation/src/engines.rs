@@ -1,0 +1,61 @@
+//! The ECUs that belong to the firmware's tables of engines (`src/config.rs`), with their lines. Said once
+//! more and not read from there: what the firmware does not agree with shows.
+
+use crate::board::Board;
+use crate::image::Image;
+use crate::wire::Far;
+use sim::amt::{self, AmtConfig, AmtEcu};
+use sim::line::Line;
+use sim::zk::{Rate, ZkConfig, ZkEcu};
+
+/// Which protocol an ECU speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// AMT.
+    Amt(amt::Engine),
+    /// ZK, with the rate that the firmware asks for and the version of the protocol.
+    Zk(Rate, u8),
+}
+
+/// One engine.
+#[derive(Clone, Copy, Debug)]
+pub struct Engine {
+    /// Its name in the firmware's log.
+    pub name: &'static str,
+    /// The board's port it is on.
+    pub port: &'static str,
+    /// Its line.
+    pub line: Line,
+    /// Its protocol.
+    pub protocol: Protocol,
+}
+
+impl Engine {
+    /// Its ECU. A ZK ECU comes up at 20 Hz, whatever the firmware wants.
+    pub fn ecu(&self) -> Box<dyn Far> {
+        match self.protocol {
+            Protocol::Amt(engine) => Box::new(AmtEcu::new(AmtConfig::new(engine).on(self.line))),
+            Protocol::Zk(_, version) => Box::new(ZkEcu::new(ZkConfig::new(version).on(self.line))),
+        }
+    }
+}
+
+const ENGINES: [(&str, Line, Protocol); 6] = [
+    ("left", Line::n1(2400), Protocol::Amt(amt::Engine::Olympus)),
+    ("right", Line::n1(2400), Protocol::Amt(amt::Engine::Titan)),
+    ("centre", Line::n1(9600), Protocol::Zk(Rate::Hz20, 4)),
+    ("booster", Line::n1(115_200), Protocol::Zk(Rate::Hz50, 5)),
+    ("upper", Line::n2(57_600), Protocol::Zk(Rate::Hz100, 5)),
+    ("tail", Line::n1(9600), Protocol::Amt(amt::Engine::Mercury)),
+];
+
+/// The engines of an image, in the order of the board's ports.
+pub fn of(board: &'static Board, image: Image) -> Vec<Engine> {
+    let count = if image == Image::AllPorts { board.ports.len() } else { 4 };
+    let ports = board.ports.iter().take(count);
+    ENGINES
+        .iter()
+        .zip(ports)
+        .map(|(&(name, line, protocol), port)| Engine { name, port: port.name, line, protocol })
+        .collect()
+}

@@ -1,0 +1,519 @@
+//! One run of an image: what it is made of, and what it leaves behind.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
+
+use defmt_decoder::Table;
+use rigless::chip::uart::TcpPeer;
+use rigless::device::ResetCause;
+use rigless::emulator::{self, AccessKind, Driver, HitKind, Host, Settled, Start, Stop, Watch};
+use rigless::session::Session;
+use rigless::soc::Width;
+use rigless::symbols::Symbols;
+use rigless::time::VirtualNanos;
+use sim::ecu::{Nanos, SECOND};
+use sim::line::Line;
+
+use crate::board::{Board, Uart};
+use crate::chip::Rig;
+use crate::image::Image;
+use crate::log::{self, Log};
+use crate::quirks::TimerFlags;
+use crate::wire::{Far, Wire};
+use crate::{audit, engines};
+
+type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
+
+/// A run, before it runs.
+pub struct Run {
+    pub(crate) board: &'static Board,
+    pub(crate) image: Image,
+    instructions_per_second: u64,
+    wires: BTreeMap<&'static str, Wire>,
+    tcp: Option<(&'static str, TcpPeer)>,
+    acts: Vec<(Nanos, Act)>,
+    taps: Vec<&'static str>,
+    until: Nanos,
+    live: bool,
+    pub(crate) resets_expected: usize,
+    pub(crate) errors_expected: bool,
+}
+
+impl Run {
+    /// The image on the board, with nothing on its ports.
+    pub fn new(board: &'static Board, image: Image) -> Self {
+        Self {
+            board,
+            image,
+            instructions_per_second: board.core_hz,
+            wires: BTreeMap::new(),
+            tcp: None,
+            acts: Vec::new(),
+            taps: Vec::new(),
+            until: SECOND,
+            live: false,
+            resets_expected: 0,
+            errors_expected: false,
+        }
+    }
+
+    /// The ECU of every engine in the image's table, on its port.
+    pub fn engines(mut self) -> Self {
+        for engine in engines::of(self.board, self.image) {
+            self.wires.insert(engine.port, Wire::new(engine.ecu(), engine.line, 0));
+        }
+        self
+    }
+
+    /// This ECU on this port, in place of any other.
+    pub fn ecu(self, port: &'static str, line: Line, ecu: impl Far) -> Self {
+        self.ecu_since(port, line, ecu, 0)
+    }
+
+    /// This ECU on this port, switched on so long before the board.
+    pub fn ecu_since(mut self, port: &'static str, line: Line, ecu: impl Far, before: Nanos) -> Self {
+        self.wires.insert(port, Wire::new(Box::new(ecu), line, before));
+        self
+    }
+
+    /// A TCP port in place of an ECU.
+    pub fn tcp(mut self, port: &'static str, peer: TcpPeer) -> Self {
+        self.wires.remove(port);
+        self.tcp = Some((port, peer));
+        self
+    }
+
+    /// At `at`, does something with the bench.
+    pub fn at(mut self, at: Nanos, act: impl FnOnce(&mut Bench<'_>) + Send + 'static) -> Self {
+        self.acts.push((at, Box::new(act)));
+        self
+    }
+
+    /// Records every access to the data registers of this port's UART.
+    pub fn tap(mut self, port: &'static str) -> Self {
+        self.taps.push(port);
+        self
+    }
+
+    /// How many instructions the core does in a second; unless told, one in each cycle of its clock.
+    pub fn instructions_per_second(mut self, rate: u64) -> Self {
+        self.instructions_per_second = rate;
+        self
+    }
+
+    /// Ends then.
+    pub fn until(mut self, until: Nanos) -> Self {
+        self.until = until;
+        self
+    }
+
+    /// So many resets belong to this run. Any other number fails it.
+    pub fn resets(mut self, count: usize) -> Self {
+        self.resets_expected = count;
+        self
+    }
+
+    /// Errors in the firmware's log belong to this run.
+    pub fn with_errors(mut self) -> Self {
+        self.errors_expected = true;
+        self
+    }
+
+    /// Runs, and panics unless everything that [`audit`] checks is in order.
+    ///
+    /// # Panics
+    /// With everything that is not.
+    pub fn go(self) -> Report {
+        let (report, complaints) = self.go_unchecked();
+        if !complaints.is_empty() {
+            for log in report.logs.iter().rev().take(30).rev() {
+                println!("{:>14} ns {} {}", log.at, log.level, log.text);
+            }
+            panic!("{}: {}", report.board.name, complaints.join("\n"));
+        }
+        report
+    }
+
+    /// Runs; gives what is not in order.
+    pub fn go_unchecked(self) -> (Report, Vec<String>) {
+        let expectations = (self.resets_expected, self.errors_expected);
+        let mut report = self.emulate();
+        let complaints = audit::of(&mut report, expectations.0, expectations.1);
+        (report, complaints)
+    }
+
+    /// Runs for ever in real time with the log on the terminal.
+    pub fn live(mut self) {
+        self.live = true;
+        self.until = Nanos::MAX / 4;
+        self.wires.values_mut().for_each(Wire::forget);
+        self.emulate();
+    }
+
+    fn emulate(mut self) -> Report {
+        let board = self.board;
+        let path = self.image.path(board);
+        let bytes = self.image.read_or_exit(board);
+        let table = Table::parse(&bytes).expect("the image's table of log lines");
+        let table = Arc::new(table.expect("the image has a table of log lines"));
+        let symbols = Symbols::read(&bytes, |value| value & !1).expect("the image's symbols");
+        let image = rigless::image::Image::new(&path, bytes, None).expect("an ELF file");
+
+        let mut rig = Rig::new(board, self.instructions_per_second);
+        for (port, wire) in core::mem::take(&mut self.wires) {
+            rig.attach(board.port(port).uart, wire);
+        }
+        if let Some((port, peer)) = self.tcp.take() {
+            rig.attach_tcp(board.port(port).uart, peer);
+        }
+        let timers = TimerFlags::new(&rig.chip);
+        let mut taps = HashMap::new();
+        for name in &self.taps {
+            let port = board.port(name);
+            taps.insert(port.registers() + board.receive_register, port.name);
+            taps.insert(port.registers() + board.transmit_register, port.name);
+        }
+
+        let mut session = Session::new(Box::new(rig), 0, VirtualNanos(0)).expect("the board is whole");
+        let rtt = symbols.get("_SEGGER_RTT").expect("the image logs over RTT");
+        session.watch(Watch::Writes { address: log::write_offset(rtt), length: 4 });
+        session.watch(Watch::Instruction(symbols.get("HardFault").expect("a handler of faults")));
+
+        self.acts.sort_by_key(|act| act.0);
+        let hand = Hand {
+            board,
+            until: self.until,
+            acts: self.acts.into(),
+            timers,
+            taps,
+            tapped: Vec::new(),
+            rtt,
+            chunks: Vec::new(),
+            faults: Vec::new(),
+            live: self.live.then(|| Live {
+                began: std::time::Instant::now(),
+                table: table.clone(),
+                bytes: Vec::new(),
+            }),
+        };
+        let images = [image];
+        let finished = emulator::run(session, &Start::new(&images), hand).expect("the run");
+
+        let hand = finished.driver;
+        let logs = log::decode(&table, &hand.chunks);
+        let mut session = finished.session;
+        let resets = session.resets().iter().map(|reset| (reset.at.0, reset.cause)).collect();
+        let mut wires = BTreeMap::new();
+        for port in board.ports.iter().chain([&board.telemetry]) {
+            if let Some(wire) = session.board_mut().wire(port.uart) {
+                wires.insert(port.name, core::mem::replace(wire, Wire::empty()));
+            }
+        }
+        let (at, instructions) = finished.stop.map_or((0, 0), |stop| (stop.at.0, stop.instruction_count));
+        Report {
+            board,
+            image: self.image,
+            instructions_per_second: self.instructions_per_second,
+            session,
+            wires,
+            logs,
+            taps: hand.tapped,
+            resets,
+            faults: hand.faults,
+            at,
+            instructions,
+        }
+    }
+}
+
+/// The bench while a run stands still.
+pub struct Bench<'a> {
+    now: Nanos,
+    instructions: u64,
+    board: &'static Board,
+    session: &'a mut Session<Rig>,
+    host: &'a mut dyn Host,
+}
+
+impl Bench<'_> {
+    fn uart(&self, port: &str) -> Uart {
+        self.board.port(port).uart
+    }
+
+    fn wire(&mut self, port: &str) -> &mut Wire {
+        let uart = self.uart(port);
+        self.session.board_mut().wire(uart).expect("an ECU on this port")
+    }
+
+    /// The ECU on a port.
+    pub fn ecu<E: Far>(&mut self, port: &str) -> &mut E {
+        self.wire(port).ecu_mut()
+    }
+
+    /// Cuts the wire of a port, both ways, or joins it.
+    pub fn cut(&mut self, port: &str, cut: bool) {
+        let uart = self.uart(port);
+        self.session.board_mut().cut(uart, cut);
+    }
+
+    /// Switches an ECU's supply.
+    pub fn power(&mut self, port: &str, on: bool) {
+        let now = self.now;
+        self.wire(port).power(now, on);
+    }
+
+    /// An ECU sends these bytes over and over without any pause; with `None` its own again.
+    pub fn babble(&mut self, port: &str, bytes: Option<&[u8]>) {
+        let now = self.now;
+        self.wire(port).babble(now, bytes);
+    }
+
+    /// So many bytes in a million reach the board with noise on them, with other bits than they had.
+    pub fn noise(&mut self, port: &str, per_million: u32) {
+        let uart = self.uart(port);
+        let errors = self.session.board_mut().errors(uart);
+        (errors.seed, errors.noise.name, errors.noise.per_million) = (uart as u64 + 1, "noise", per_million);
+    }
+
+    /// So many bytes in a million reach the board without their stop bit, with other bits than they had.
+    pub fn framing(&mut self, port: &str, per_million: u32) {
+        let uart = self.uart(port);
+        let errors = self.session.board_mut().errors(uart);
+        (errors.seed, errors.framing.name, errors.framing.per_million) =
+            (uart as u64 + 1, "framing", per_million);
+    }
+
+    /// So many bytes in a million reach the ECU broken.
+    pub fn garble(&mut self, port: &str, per_million: u32) {
+        self.wire(port).garble(per_million, 1);
+    }
+
+    /// The next byte never reaches the board.
+    pub fn drop_next(&mut self, port: &str) {
+        let uart = self.uart(port);
+        let place = self.session.board_mut().place(uart).expect("an ECU on this port");
+        place.drop_next();
+    }
+
+    /// Somebody presses the reset button.
+    pub fn press_reset(&mut self) {
+        self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
+    }
+
+    /// A word of memory.
+    pub fn word(&mut self, address: u64) -> Option<u32> {
+        self.host.read(address, Width::W32).ok().map(|word| word as u32)
+    }
+
+    /// Breaks the firmware on purpose: other instructions at this address.
+    pub fn patch(&mut self, address: u64, halfwords: &[u16]) {
+        for (i, &halfword) in halfwords.iter().enumerate() {
+            self.host.program(address + 2 * i as u64, Width::W16, halfword.into()).expect("flash");
+        }
+    }
+}
+
+/// One access of the core to a data register of a tapped UART.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Tap {
+    /// When.
+    pub at: Nanos,
+    /// After how many instructions.
+    pub instructions: u64,
+    /// The port.
+    pub port: &'static str,
+    /// Whether a byte was written, to be sent; else it was read.
+    pub write: bool,
+}
+
+/// What a run leaves behind.
+pub struct Report {
+    /// The board.
+    pub board: &'static Board,
+    /// The image.
+    pub image: Image,
+    /// How many instructions a second the core did.
+    pub instructions_per_second: u64,
+    pub(crate) session: Session<Rig>,
+    wires: BTreeMap<&'static str, Wire>,
+    /// The firmware's log, over all resets.
+    pub logs: Vec<Log>,
+    /// What the core did with the tapped UARTs.
+    pub taps: Vec<Tap>,
+    /// When and why the part was reset.
+    pub resets: Vec<(Nanos, ResetCause)>,
+    /// When the core took a fault.
+    pub faults: Vec<Nanos>,
+    /// The end.
+    pub at: Nanos,
+    /// Instructions in all; a core that sleeps does none.
+    pub instructions: u64,
+}
+
+impl Report {
+    /// The wire of a port: its bytes and its ECU.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn wire(&self, port: &str) -> &Wire {
+        self.wires.get(port).unwrap_or_else(|| panic!("nothing is on {port}"))
+    }
+
+    /// All wires by port.
+    pub fn wires(&self) -> impl Iterator<Item = (&'static str, &Wire)> {
+        self.wires.iter().map(|(&port, wire)| (port, wire))
+    }
+
+    /// The ECU on a port.
+    pub fn ecu<E: Far>(&self, port: &str) -> &E {
+        self.wire(port).ecu()
+    }
+
+    /// The log lines that contain this text.
+    pub fn lines<'a>(&'a self, text: &'a str) -> impl DoubleEndedIterator<Item = &'a Log> {
+        self.logs.iter().filter(move |log| log.text.contains(text))
+    }
+
+    /// Whether a log line contains this text.
+    pub fn logged(&self, text: &str) -> bool {
+        self.lines(text).next().is_some()
+    }
+
+    /// When a log line first contained this text.
+    ///
+    /// # Panics
+    /// If none did.
+    pub fn when(&self, text: &str) -> Nanos {
+        let line = self.lines(text).next();
+        line.unwrap_or_else(|| panic!("the firmware never logged \"{text}\":\n{}", self.log_text())).at
+    }
+
+    /// The whole log as text.
+    pub fn log_text(&self) -> String {
+        let line = |log: &Log| format!("{:>12.6} {} {}\n", log.at as f64 / 1e9, log.level, log.text);
+        self.logs.iter().map(line).collect()
+    }
+
+    /// How busy the core was, in percent.
+    pub fn load(&self) -> f64 {
+        self.instructions as f64 * 1e11 / (self.instructions_per_second as f64 * self.at as f64)
+    }
+
+    /// A number that is the same for two runs only if they were the same: every byte, log line, tap, reset and
+    /// instruction.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        for (port, wire) in &self.wires {
+            (port, &wire.rx, &wire.tx).hash(&mut hasher);
+        }
+        (&self.logs, &self.taps, &self.faults, self.at, self.instructions).hash(&mut hasher);
+        format!("{:?}", self.resets).hash(&mut hasher);
+        hasher.finish()
+    }
+}
+
+/// In real time, with the log on the terminal.
+struct Live {
+    began: std::time::Instant,
+    table: Arc<Table>,
+    bytes: Vec<u8>,
+}
+
+impl Live {
+    /// Prints what is complete.
+    fn print(&mut self, at: Nanos, bytes: &[u8]) {
+        self.bytes.extend(bytes);
+        // Frames are closed with a zero byte each; what is behind the last one waits.
+        let Some(end) = self.bytes.iter().rposition(|&byte| byte == 0) else { return };
+        let complete: Vec<u8> = self.bytes.drain(..=end).collect();
+        for log in log::decode(&self.table, &[(at, complete)]) {
+            println!("{:>10.3} s {:5} {}", at as f64 / 1e9, log.level, log.text);
+        }
+    }
+
+    /// Waits until the wall clock is there.
+    fn pace(&self, at: Nanos) {
+        let ahead = std::time::Duration::from_nanos(at).saturating_sub(self.began.elapsed());
+        std::thread::sleep(ahead);
+    }
+}
+
+/// Leads the run: stops it when a far end or the test has something to do, and takes down what happens.
+struct Hand {
+    board: &'static Board,
+    until: Nanos,
+    acts: VecDeque<(Nanos, Act)>,
+    timers: TimerFlags,
+    taps: HashMap<u64, &'static str>,
+    tapped: Vec<Tap>,
+    rtt: u64,
+    chunks: Vec<(Nanos, Vec<u8>)>,
+    faults: Vec<Nanos>,
+    live: Option<Live>,
+}
+
+impl Hand {
+    fn next(&self, now: Nanos, session: &mut Session<Rig>) -> VirtualNanos {
+        let wires = session.board_mut().next(now);
+        let act = self.acts.front().map(|act| act.0);
+        let pace = self.live.as_ref().map(|_| now + SECOND / 500);
+        VirtualNanos([wires, act, pace].into_iter().flatten().fold(self.until, Nanos::min))
+    }
+}
+
+impl Driver<Rig> for Hand {
+    fn on_settled(&mut self, session: &mut Session<Rig>, host: &mut dyn Host, settled: Settled) {
+        match settled {
+            Settled::Access { access, .. } => {
+                let write = access.kind == AccessKind::Write;
+                if let Some(&port) = self.taps.get(&access.address) {
+                    self.tapped.push(Tap {
+                        at: access.virtual_time.0,
+                        instructions: access.instruction_count,
+                        port,
+                        write,
+                    });
+                }
+                if write {
+                    let part = &mut session.board_mut().chip;
+                    self.timers.after_write(part, access.virtual_time, access.address);
+                }
+            }
+            Settled::Hit(hit) if hit.kind == HitKind::Write => {
+                let bytes = log::drain(self.rtt, host);
+                match &mut self.live {
+                    Some(live) => live.print(hit.at.0, &bytes),
+                    None => self.chunks.push((hit.at.0, bytes)),
+                }
+            }
+            Settled::Hit(hit) => self.faults.push(hit.at.0),
+            // What a far end heard at this stop may have it act sooner than it said before.
+            Settled::Stop(stop) => {
+                let next = self.next(stop.at.0.saturating_sub(1), session);
+                session.run_until(next);
+            }
+            _ => {}
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<Rig>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        let now = stop.at.0;
+        session.board_mut().reached(now);
+        while self.acts.front().is_some_and(|act| act.0 <= now)
+            && let Some((_, act)) = self.acts.pop_front()
+        {
+            let instructions = stop.instruction_count;
+            act(&mut Bench { now, instructions, board: self.board, session, host });
+        }
+        if let Some(live) = &self.live {
+            live.pace(now);
+        }
+        (now < self.until).then(|| self.next(now, session))
+    }
+}

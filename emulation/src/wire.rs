@@ -1,0 +1,275 @@
+//! The far end of one UART: an ECU of `sim`, virtual time in, timed bytes out, and a record of every byte.
+//!
+//! The emulated UART times every byte itself, at the rate that the firmware has set it to, and asks for the
+//! next one when a byte is over. So a wrong rate garbles nothing here; it shows in the record, where
+//! [`audit`](crate::audit) finds it.
+
+use std::any::Any;
+use std::collections::VecDeque;
+use std::fmt::Debug;
+
+use rigless::chip::{Timeline, uart};
+use rigless::snapshot::Store;
+use rigless::time::VirtualNanos;
+use sim::ecu::{Ecu, LineFault, Nanos};
+use sim::line::{Line, StopBits};
+
+/// What can hang on a wire: any ECU of `sim`.
+pub trait Far: Ecu + Any + Debug + Send {}
+
+impl<E: Ecu + Any + Debug + Send> Far for E {}
+
+/// What became of a byte on its way to the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Fate {
+    /// The UART took it in, garbled or not.
+    Heard,
+    /// The UART was off, or a reset came in between.
+    Lost,
+    /// The wire was cut.
+    Cut,
+}
+
+/// A byte from the ECU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Rx {
+    /// Start of the start bit.
+    pub start: Nanos,
+    /// End of the last stop bit.
+    pub end: Nanos,
+    /// As the ECU sent it.
+    pub byte: u8,
+    /// The last one of what the ECU sent at once.
+    pub last: bool,
+    /// What became of it.
+    pub fate: Fate,
+}
+
+/// A byte from the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Tx {
+    /// End of the last stop bit.
+    pub end: Nanos,
+    /// The byte.
+    pub byte: u8,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Queued {
+    due: Nanos,
+    byte: u8,
+    last: bool,
+}
+
+/// An ECU on a UART.
+#[derive(Debug)]
+pub struct Wire {
+    ecu: Box<dyn Far>,
+    line: Line,
+    head_start: Nanos,
+    queue: VecDeque<Queued>,
+    /// When everything queued is out.
+    free_at: Nanos,
+    on_the_line: Option<Rx>,
+    pub(crate) cut: bool,
+    /// The part asks for the next byte after the first stop bit (and starts it after the second).
+    second_stop_bit: Nanos,
+    babble: Option<VecDeque<u8>>,
+    /// Bytes in a million that reach the ECU broken, and the state of the draw.
+    garble: (u32, u64),
+    recording: bool,
+    /// From the ECU, in the order of time.
+    pub rx: Vec<Rx>,
+    /// From the board, in the order of time.
+    pub tx: Vec<Tx>,
+}
+
+impl Wire {
+    /// An ECU that is switched on `head_start` before the board is.
+    pub fn new(ecu: Box<dyn Far>, line: Line, head_start: Nanos) -> Self {
+        let mut wire = Self {
+            ecu,
+            line,
+            head_start,
+            queue: VecDeque::new(),
+            free_at: 0,
+            on_the_line: None,
+            cut: false,
+            second_stop_bit: 0,
+            babble: None,
+            garble: (0, 0),
+            recording: true,
+            rx: Vec::new(),
+            tx: Vec::new(),
+        };
+        // What it said before the board had power, nobody heard.
+        let mut unheard = Vec::new();
+        wire.ecu.advance(0, &mut unheard);
+        while wire.ecu.next_wake() < head_start {
+            wire.ecu.advance(wire.ecu.next_wake(), &mut unheard);
+        }
+        wire
+    }
+
+    /// A wire with nothing on it.
+    pub(crate) fn empty() -> Self {
+        Self::new(Box::new(Nobody), Line::n1(2400), 0)
+    }
+
+    /// This wire hangs on a part that has a byte after its first stop bit.
+    pub(crate) fn asked_early(&mut self) {
+        if self.line.stop_bits == StopBits::Two {
+            self.second_stop_bit = 1_000_000_000 / u64::from(self.line.baud);
+        }
+    }
+
+    /// How the ECU's UART is set.
+    pub fn line(&self) -> Line {
+        self.line
+    }
+
+    /// The ECU.
+    ///
+    /// # Panics
+    /// If it is of another kind.
+    pub fn ecu<E: Far>(&self) -> &E {
+        let ecu: &dyn Any = &*self.ecu;
+        ecu.downcast_ref().expect("the ECU on this port is of another kind")
+    }
+
+    /// The ECU, to change something about it.
+    ///
+    /// # Panics
+    /// If it is of another kind.
+    pub fn ecu_mut<E: Far>(&mut self) -> &mut E {
+        let ecu: &mut dyn Any = &mut *self.ecu;
+        ecu.downcast_mut().expect("the ECU on this port is of another kind")
+    }
+
+    /// Switches the ECU's supply.
+    pub(crate) fn power(&mut self, now: Nanos, on: bool) {
+        self.ecu.power(now + self.head_start, on);
+        self.queue.clear();
+        self.free_at = now;
+    }
+
+    /// From now on the ECU sends these bytes over and over without any pause, instead of its own; with `None`
+    /// its own again.
+    pub(crate) fn babble(&mut self, now: Nanos, bytes: Option<&[u8]>) {
+        self.babble = bytes.map(|bytes| bytes.iter().copied().collect());
+        self.queue.clear();
+        self.free_at = now;
+    }
+
+    /// So many bytes in a million reach the ECU broken.
+    pub(crate) fn garble(&mut self, per_million: u32, seed: u64) {
+        self.garble = (per_million, seed);
+    }
+
+    /// Keeps no record, for a run without an end.
+    pub(crate) fn forget(&mut self) {
+        self.recording = false;
+    }
+
+    /// When the run has to stop for this wire, after `now`. Nothing that is due needs a stop: the UART asks
+    /// for it when its receiver is free.
+    pub(crate) fn next(&self, now: Nanos) -> Option<Nanos> {
+        let byte = self.queue.front().filter(|_| self.on_the_line.is_none()).map(|queued| queued.due);
+        let ecu = self.ecu.next_wake();
+        let ecu = (ecu != Nanos::MAX).then(|| ecu.saturating_sub(self.head_start));
+        let babble = self.babble.as_ref().map(|_| self.free_at.saturating_sub(self.line.byte_ns(8)));
+        [byte, babble].into_iter().flatten().filter(|&at| at > now).chain(ecu.map(|at| at.max(now + 1))).min()
+    }
+
+    /// The time is `now`.
+    pub(crate) fn reached(&mut self, now: Nanos) {
+        let mut bytes = Vec::new();
+        if self.ecu.next_wake() <= now + self.head_start {
+            self.ecu.advance(now + self.head_start, &mut bytes);
+        }
+        match &mut self.babble {
+            None => self.push(now, &bytes),
+            Some(babble) if self.queue.len() < 16 => {
+                let endless: Vec<u8> = babble.iter().copied().cycle().take(32).collect();
+                let said = endless.len() % babble.len();
+                babble.rotate_left(said);
+                self.push(now, &endless);
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// Puts bytes on the line, back to back.
+    fn push(&mut self, now: Nanos, bytes: &[u8]) {
+        let start = self.free_at.max(now);
+        for (i, &byte) in bytes.iter().enumerate() {
+            // The UART asks at the end of each byte by its own rate, which may be a trifle faster than the
+            // ECU's: 2 % of a byte earlier is due what follows without a gap.
+            let early = if i == 0 { 0 } else { self.line.byte_ns(1) / 50 };
+            let due = start + self.line.byte_ns(i as u64) - early;
+            self.queue.push_back(Queued { due, byte, last: i + 1 == bytes.len() });
+        }
+        self.free_at = start + self.line.byte_ns(bytes.len() as u64);
+    }
+
+    fn over(&mut self, end: Nanos, fate: Fate) {
+        if let Some(rx) = self.on_the_line.take()
+            && self.recording
+        {
+            self.rx.push(Rx { end, fate, ..rx });
+        }
+    }
+}
+
+impl Store for Wire {} // no snapshots
+
+impl uart::Peer for Wire {
+    fn receive(&mut self, word: u16, timeline: &mut Timeline<'_, '_>) {
+        let (end, byte) = (timeline.now().0, word as u8);
+        if self.recording {
+            self.tx.push(Tx { end, byte });
+        }
+        let (per_million, state) = &mut self.garble;
+        // Knuth's generator: enough to draw which bytes are hit.
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let broken = (*state >> 33) % 1_000_000 < u64::from(*per_million);
+        self.ecu.heard(end + self.head_start, if broken { Err(LineFault::Framing) } else { Ok(byte) });
+    }
+
+    fn restarted(&mut self, timeline: &mut Timeline<'_, '_>) {
+        self.over(timeline.now().0, Fate::Lost);
+    }
+
+    /// Asked for the next byte: when the receiver is free, and at every stop of the run.
+    fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
+        let now = now.0;
+        if let Some(rx) = self.on_the_line {
+            let fate = match rx.start >= now {
+                _ if self.cut => Fate::Cut,
+                true => Fate::Lost, // taken without any time
+                false => Fate::Heard,
+            };
+            let rest = if fate == Fate::Heard { self.second_stop_bit } else { 0 };
+            self.over(now + rest, fate);
+        }
+        let queued = *self.queue.front().filter(|queued| queued.due <= now)?;
+        self.queue.pop_front();
+        let start = self.rx.last().map_or(now, |before| before.end.max(now));
+        self.on_the_line =
+            Some(Rx { start, end: start, byte: queued.byte, last: queued.last, fate: Fate::Lost });
+        Some(u16::from(queued.byte))
+    }
+}
+
+/// Nothing on the wire.
+#[derive(Debug)]
+struct Nobody;
+
+impl Ecu for Nobody {
+    fn next_wake(&self) -> Nanos {
+        Nanos::MAX
+    }
+    fn advance(&mut self, _: Nanos, _: &mut Vec<u8>) {}
+    fn heard(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
+    fn power(&mut self, _: Nanos, _: bool) {}
+}

@@ -1,0 +1,32 @@
+//! Every port at once, for minutes.
+
+use crate::support::{engines, errors_told, on_each_board, well};
+use emulation::{Image, Run};
+use sim::ecu::SECOND;
+
+#[test]
+fn the_engines_of_the_release_image_for_two_minutes() {
+    on_each_board(|board| {
+        let report = Run::new(board, Image::Release).engines().until(120 * SECOND).go();
+        for engine in engines(&report) {
+            well(&report, &engine);
+            assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
+        }
+        assert!(!report.logged("LinkLost") && !report.logged("NotSent"), "{}", report.log_text());
+    });
+}
+
+#[test]
+fn an_engine_on_every_port_for_three_minutes() {
+    on_each_board(|board| {
+        let report = Run::new(board, Image::AllPorts).engines().until(180 * SECOND).go();
+        let engines = engines(&report);
+        assert_eq!(engines.len(), board.ports.len());
+        for engine in &engines {
+            well(&report, engine);
+            assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
+        }
+        assert!(!report.logged("LinkLost") && !report.logged("NotSent"), "{}", report.log_text());
+        println!("{}: {} engines load the core with {:.2} %", board.name, engines.len(), report.load());
+    });
+}

@@ -1,0 +1,93 @@
+//! The checks that every run makes do find what they look for.
+
+use crate::support::on_each_board;
+use emulation::{Board, Image, Run};
+use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::ecu::{MILLIS, SECOND};
+use sim::line::Line;
+
+fn complaints(run: Run) -> String {
+    run.go_unchecked().1.join("\n")
+}
+
+fn symbol(board: &Board, name: &str) -> u64 {
+    emulation::image::symbol(&Image::Release.read(board).expect("an image"), name).expect("a symbol")
+}
+
+/// A run in which the handler of the first port's interrupt is replaced by other instructions.
+fn with_broken_handler(board: &'static Board, halfwords: &'static [u16]) -> Run {
+    let handler = symbol(board, &format!("{:?}", board.ports[0].uart).to_uppercase());
+    let run = Run::new(board, Image::Release).engines();
+    run.at(200 * MILLIS, move |bench| bench.patch(handler, halfwords)).until(SECOND)
+}
+
+#[test]
+fn a_good_run_has_no_complaints() {
+    on_each_board(|board| {
+        assert_eq!(complaints(Run::new(board, Image::Release).engines().until(SECOND)), "");
+    });
+}
+
+#[test]
+fn a_wrong_baud_rate_is_found() {
+    on_each_board(|board| {
+        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus).on(Line::n1(4800)));
+        let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n1(4800), ecu);
+        let found = complaints(run.until(SECOND));
+        assert!(found.contains("SERIAL2: the byte received at"), "{found}");
+        assert!(found.contains("SERIAL2: no two bytes were sent back to back"), "{found}");
+    });
+}
+
+#[test]
+fn a_wrong_number_of_stop_bits_is_found() {
+    on_each_board(|board| {
+        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus).on(Line::n2(2400)));
+        let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n2(2400), ecu);
+        let found = complaints(run.until(SECOND));
+        assert!(found.contains("SERIAL2: the byte sent after"), "{found}");
+    });
+}
+
+#[test]
+fn a_port_that_the_firmware_did_not_open_is_found() {
+    on_each_board(|board| {
+        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus));
+        let run = Run::new(board, Image::Release).engines().ecu("SERIAL6", Line::n1(2400), ecu);
+        let found = complaints(run.until(SECOND));
+        assert!(found.contains("SERIAL6: P"), "{found}");
+    });
+}
+
+#[test]
+fn an_access_to_nothing_is_found() {
+    on_each_board(|board| {
+        // movw r0, #0; movt r0, #0xDEAD; ldr r0, [r0]; b .
+        let found = complaints(with_broken_handler(board, &[0xF240, 0x0000, 0xF6CD, 0x60AD, 0x6800, 0xE7FE]));
+        assert!(found.contains("nothing is there"), "{found}");
+    });
+}
+
+#[test]
+fn a_fault_is_found_and_the_firmware_says_where_and_resets() {
+    on_each_board(|board| {
+        // udf: an undefined instruction.
+        let (report, complaints) = with_broken_handler(board, &[0xDE00]).go_unchecked();
+        let complaints = complaints.join("\n");
+        assert!(complaints.contains("a hard fault at"), "{complaints}");
+        assert!(complaints.contains("resets are right here"), "{complaints}");
+        let handler = symbol(board, &format!("{:?}", board.ports[0].uart).to_uppercase());
+        assert!(report.logged(&format!("hard fault at {handler:#010x}")), "{}", report.log_text());
+        assert!(report.logged("last reset: Software"), "{}", report.log_text());
+    });
+}
+
+#[test]
+fn an_unexpected_reset_is_found_and_an_expected_one_that_does_not_come() {
+    on_each_board(|board| {
+        let reset = || Run::new(board, Image::Release).engines().at(SECOND, |bench| bench.press_reset());
+        assert!(complaints(reset().until(2 * SECOND)).contains("0 resets are right here"));
+        assert_eq!(complaints(reset().resets(1).until(2 * SECOND)), "");
+        assert!(complaints(reset().resets(2).until(2 * SECOND)).contains("2 resets are right here"));
+    });
+}

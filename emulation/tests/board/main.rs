@@ -1,0 +1,18 @@
+//! The firmware image on emulated boards. One program, so that the emulator is linked once.
+
+mod support;
+
+mod all_ports;
+mod amt_frames;
+mod babble;
+mod boot;
+mod cut;
+mod engine;
+mod harness;
+mod line_errors;
+mod memory_map;
+mod power;
+mod repeat;
+mod reply_time;
+mod tcp;
+mod watchdog;

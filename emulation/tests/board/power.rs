@@ -1,0 +1,97 @@
+//! Who has power first: the ECU, the board, and an ECU that restarts.
+
+use crate::support::{on_each_board, others_are_well};
+use emulation::{Image, Run, turnaround};
+use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::ecu::{MILLIS, SECOND};
+use sim::line::Line;
+use sim::zk::{ZkConfig, ZkEcu};
+
+const AMT: &str = "SERIAL2";
+const ZK: &str = "SERIAL5";
+
+fn amt() -> AmtEcu {
+    AmtEcu::new(AmtConfig::new(Engine::Olympus))
+}
+
+fn zk() -> ZkEcu {
+    ZkEcu::new(ZkConfig::new(5).on(Line::n1(115_200)))
+}
+
+#[test]
+fn the_ecu_first() {
+    on_each_board(|board| {
+        // The board gets power in the middle of a frame: 10.5 s is the start of one, in step with 125 ms.
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .ecu_since(AMT, Line::n1(2400), amt(), 10_500 * MILLIS - 10 * MILLIS)
+            .ecu_since(ZK, Line::n1(115_200), zk(), 10 * SECOND)
+            .until(3 * SECOND)
+            .go();
+        let stats = report.ecu::<AmtEcu>(AMT).stats;
+        // From the first whole frame after power on, each is answered: at 10 ms, and every 125 ms.
+        let frames = report.wire(AMT).rx.iter().filter(|rx| rx.last).count();
+        let replies = turnaround::of(&report, AMT).len();
+        assert!(frames == 24 && replies == frames, "{replies} replies to {frames} frames, {stats:?}");
+        assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{stats:?}");
+        assert!(report.when("left: LinkUp") < 250 * MILLIS, "{}", report.log_text());
+        assert!(report.when("booster: LinkUp") < 60 * MILLIS, "{}", report.log_text());
+        others_are_well(&report, &[AMT, ZK]);
+    });
+}
+
+#[test]
+fn the_board_first() {
+    on_each_board(|board| {
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .at(1, |bench| {
+                bench.power(AMT, false);
+                bench.power(ZK, false);
+            })
+            .at(3 * SECOND, |bench| {
+                bench.power(AMT, true);
+                bench.power(ZK, true);
+            })
+            .until(6 * SECOND)
+            .go();
+        assert!(report.wire(AMT).tx[0].end > 3 * SECOND, "an AMT ECU is not spoken to before it speaks");
+        assert!(report.when("left: LinkLost") < 2 * SECOND);
+        assert!(report.when("left: LinkUp") > 3 * SECOND);
+        assert!(report.when("booster: LinkUp") > 3 * SECOND);
+        let stats = report.ecu::<AmtEcu>(AMT).stats;
+        assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0), "{stats:?}");
+        assert!(stats.frames.total() - stats.in_window <= 1, "{stats:?}");
+        assert_eq!(report.ecu::<ZkEcu>(ZK).stats.bad.total(), 0);
+        others_are_well(&report, &[AMT, ZK]);
+    });
+}
+
+#[test]
+fn an_ecu_restarts() {
+    on_each_board(|board| {
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .at(3 * SECOND, |bench| {
+                bench.power(AMT, false);
+                bench.power(ZK, false);
+            })
+            .at(5 * SECOND, |bench| {
+                bench.power(AMT, true);
+                bench.power(ZK, true);
+            })
+            .until(9 * SECOND)
+            .go();
+        for engine in ["left", "booster"] {
+            let lost = report.when(&format!("{engine}: LinkLost"));
+            assert!((3 * SECOND..4200 * MILLIS).contains(&lost), "{engine} lost at {lost}");
+            let again = report.lines(&format!("{engine}: LinkUp")).next_back().expect("up again").at;
+            assert!((5 * SECOND..6 * SECOND).contains(&again), "{engine} up again at {again}");
+        }
+        assert_eq!(report.lines("left: EcuStarted").count(), 2);
+        let stats = report.ecu::<AmtEcu>(AMT).stats;
+        assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{stats:?}");
+        assert!(stats.none <= 1 && stats.frames.total() - stats.in_window <= 2, "{stats:?}");
+        others_are_well(&report, &[AMT, ZK]);
+    });
+}

@@ -1,0 +1,123 @@
+//! From the last stop bit of an AMT frame to the first start bit of the reply, in the worst case found.
+
+use crate::support::{amt_engines, on_each_board};
+use emulation::{Board, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
+use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::line::Line;
+
+/// Neither protocol's frames.
+const GARBAGE: [u8; 13] = [0xFF, 0x80, 0xF1, 0x00, 0xFF, 0xFF, 0x13, 0xF0, 0x55, 0x33, 0xFE, 0x81, 0x01];
+
+/// Core rates at which a reply is timed: one instruction a cycle, and for the F427, whose flash has wait states
+/// and no cache, a pessimistic one too.
+const RATES: [(&Board, u64); 3] =
+    [(&MATEK_H743, 400_000_000), (&PIXRACER, 168_000_000), (&PIXRACER, 100_000_000)];
+
+struct Row {
+    board: &'static Board,
+    rate: u64,
+    load: &'static str,
+    core: f64,
+    frames: usize,
+    ns: Nanos,
+    slots: u64,
+    instructions: u64,
+}
+
+/// An AMT ECU at an odd period, so that its frames come to lie against everything else in every way.
+fn amt(engine: Engine, line: Line, period: Nanos) -> AmtEcu {
+    AmtEcu::new(AmtConfig { period, ..AmtConfig::new(engine) }.on(line))
+}
+
+fn worst(report: &Report, load: &'static str, from: Nanos) -> Row {
+    let ports: Vec<_> = amt_engines(report).into_iter().map(|engine| engine.port).collect();
+    let wired = ports.into_iter().filter(|port| report.wires().any(|(each, _)| each == *port));
+    let all: Vec<_> = wired.flat_map(|port| turnaround::of(report, port)).collect();
+    let all: Vec<_> = all.into_iter().filter(|each| each.frame_end > from).collect();
+    let worst = all.iter().max_by_key(|each| each.ns).expect("a reply");
+    Row {
+        board: report.board,
+        rate: report.instructions_per_second,
+        load,
+        core: report.load(),
+        frames: all.len(),
+        ns: worst.ns,
+        slots: worst.slots,
+        instructions: worst.instructions,
+    }
+}
+
+/// One engine, nothing else on any port.
+fn idle(board: &'static Board, rate: u64) -> Row {
+    let report = Run::new(board, Image::AllPorts)
+        .instructions_per_second(rate)
+        .ecu("SERIAL2", Line::n1(2400), amt(Engine::Olympus, Line::n1(2400), 61_003_000))
+        .tap("SERIAL2")
+        .until(20 * SECOND)
+        .go();
+    worst(&report, "idle", 0)
+}
+
+/// Every port busy: AMT ECUs send as fast as their replies allow, ZK ECUs babble at their full line rate.
+fn saturated(board: &'static Board, rate: u64) -> Row {
+    let mut run = Run::new(board, Image::AllPorts)
+        .instructions_per_second(rate)
+        .engines()
+        .ecu("SERIAL2", Line::n1(2400), amt(Engine::Olympus, Line::n1(2400), 47_003_000))
+        .ecu("SERIAL3", Line::n1(2400), amt(Engine::Titan, Line::n1(2400), 48_017_000))
+        .tap("SERIAL2")
+        .tap("SERIAL3");
+    if board.ports.len() > 5 {
+        run = run
+            .ecu("SERIAL7", Line::n1(9600), amt(Engine::Mercury, Line::n1(9600), 12_007_000))
+            .tap("SERIAL7");
+    }
+    for port in ["SERIAL4", "SERIAL5", "SERIAL6"] {
+        run = run.at(1_000 * MILLIS, move |bench| bench.babble(port, Some(&GARBAGE)));
+    }
+    let report = run.until(16 * SECOND).go();
+    for engine in amt_engines(&report) {
+        let stats = report.ecu::<AmtEcu>(engine.port).stats;
+        assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0), "{}: {stats:?}", engine.name);
+    }
+    worst(&report, "all ports saturated", SECOND)
+}
+
+#[test]
+fn the_worst_reply_of_each_board_is_far_inside_the_window() {
+    let rows = std::sync::Mutex::new(Vec::new());
+    on_each_board(|board| {
+        for (_, rate) in RATES.into_iter().filter(|(each, _)| each.name == board.name) {
+            for row in [idle(board, rate), saturated(board, rate)] {
+                rows.lock().expect("no test has failed").push(row);
+            }
+        }
+    });
+    let mut rows = rows.into_inner().expect("no test has failed");
+    rows.sort_by_key(|row| (row.board.name, u64::MAX - row.rate, row.load != "idle"));
+    let mut table = String::from(
+        "| board | million instructions a second | load | core busy | replies | worst, ns | in instructions \
+         | of these, from reading the last byte to writing the first |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in &rows {
+        table += &format!(
+            "| {} | {} | {} | {:.1} % | {} | {} | {} | {} |\n",
+            row.board.name,
+            row.rate / 1_000_000,
+            row.load,
+            row.core,
+            row.frames,
+            row.ns,
+            row.slots,
+            row.instructions
+        );
+    }
+    println!("{table}");
+    let file = emulation::image::folder().join("turnaround.md");
+    std::fs::write(&file, table).expect("the table is kept beside the images");
+    for row in &rows {
+        // Of the window's 30 ms the reply itself takes 20.8 ms at 2400 baud: 9.2 ms are left.
+        assert!(row.ns < MILLIS, "{} at {}: {} ns", row.board.name, row.rate, row.ns);
+    }
+}

@@ -1,0 +1,98 @@
+//! What several tests ask of a run.
+
+use emulation::engines::{self, Engine, Protocol};
+use emulation::{BOARDS, Board, Report};
+use sim::amt::AmtEcu;
+use sim::ecu::{MILLIS, Nanos};
+use sim::zk::ZkEcu;
+
+/// Runs a test on every board at once.
+pub fn on_each_board(test: impl Fn(&'static Board) + Sync) {
+    std::thread::scope(|scope| {
+        let runs = BOARDS.map(|board| {
+            let test = &test;
+            std::thread::Builder::new()
+                .name(board.name.to_string())
+                .spawn_scoped(scope, move || test(board))
+                .expect("a thread")
+        });
+        for (run, board) in runs.into_iter().zip(BOARDS) {
+            if run.join().is_err() {
+                panic!("failed on {}", board.name);
+            }
+        }
+    });
+}
+
+/// The engines of an image, each with the port it is on.
+pub fn engines(report: &Report) -> Vec<Engine> {
+    engines::of(report.board, report.image)
+}
+
+/// The AMT ECU of an engine got one reply to each of its frames, in time, and nothing else.
+pub fn no_window_missed(report: &Report, engine: &Engine) {
+    let stats = report.ecu::<AmtEcu>(engine.port).stats;
+    let told = format!("{} {}: {stats:?}", report.board.name, engine.name);
+    assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0), "{told}");
+    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{told}");
+    // The last frame may still wait for its reply.
+    let unanswered = stats.frames.total() - stats.in_window;
+    assert!(stats.in_window > 0 && unanswered <= 1, "{told}");
+}
+
+/// The ZK ECU of an engine got a good command at every period of the rate that the firmware asked for.
+pub fn cadence_kept(report: &Report, engine: &Engine) {
+    let Protocol::Zk(rate, _) = engine.protocol else { panic!("{} is no ZK engine", engine.name) };
+    let ecu = report.ecu::<ZkEcu>(engine.port);
+    let stats = ecu.stats;
+    let told = format!("{} {}: {stats:?}", report.board.name, engine.name);
+    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{told}");
+    // Until its first status each ECU is sent to at the same rate, and while it boots it does not listen.
+    let expected = (report.at - ecu.config().boot) / rate.period();
+    assert!(stats.accepted.abs_diff(expected) <= 2, "{told}: {expected} expected");
+    let (shortest, longest) = (stats.intervals.min.unwrap_or(0), stats.intervals.max.unwrap_or(0));
+    let slip = MILLIS / 2;
+    assert!(shortest + slip >= rate.period() && longest <= rate.period() + slip, "{told}");
+}
+
+/// The AMT engines of an image.
+pub fn amt_engines(report: &Report) -> Vec<Engine> {
+    let all = engines(report);
+    all.into_iter().filter(|engine| matches!(engine.protocol, Protocol::Amt(_))).collect()
+}
+
+/// Every engine but those on these ports did not notice a thing.
+pub fn others_are_well(report: &Report, but: &[&str]) {
+    for engine in engines(report) {
+        if !but.contains(&engine.port) {
+            well(report, &engine);
+        }
+    }
+}
+
+/// An engine's line was served without a fault.
+pub fn well(report: &Report, engine: &Engine) {
+    match engine.protocol {
+        Protocol::Amt(_) => no_window_missed(report, engine),
+        Protocol::Zk(..) => cadence_kept(report, engine),
+    }
+}
+
+/// When the board sent the first byte on a port, from `after` on.
+pub fn first_byte(report: &Report, port: &str, after: Nanos) -> Nanos {
+    let mut bytes = report.wire(port).tx.iter();
+    bytes.find(|tx| tx.end >= after).unwrap_or_else(|| panic!("nothing was sent on {port}")).end
+}
+
+/// The line errors that the firmware's last status line of an engine tells, as (framing, noise, overrun).
+pub fn errors_told(report: &Report, engine: &str) -> (u32, u32, u32) {
+    let name = format!("{engine}: link");
+    let line = report.lines(&name).next_back().expect("a status line");
+    let Some((_, counts)) = line.text.split_once("; ordered").and_then(|(_, rest)| rest.split_once("; "))
+    else {
+        return (0, 0, 0);
+    };
+    let mut numbers = counts.split(|c: char| !c.is_ascii_digit()).filter_map(|word| word.parse().ok());
+    let mut next = || numbers.next().expect("three counts");
+    (next(), next(), next())
+}

@@ -1,0 +1,154 @@
+//! The live table on a terminal, drawn with plain control sequences on the alternate screen.
+//!
+//! The terminal is put back as it was when the table is dropped, also by a panic. In raw mode Ctrl-C is a
+//! key: it ends the run, and the summary is still printed.
+
+use super::desk::Note;
+use super::lines::frame_rates;
+use super::quantity::seconds;
+use super::row::{heads, row};
+use super::sample::Sample;
+use crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
+use crossterm::style::{Attribute, Print, SetAttribute};
+use crossterm::terminal::{
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
+    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
+};
+use crossterm::{cursor, execute, queue};
+use embassy_time::{Duration, Instant};
+use std::collections::VecDeque;
+use std::io::{self, Write};
+
+/// Between two pictures.
+const DRAW_EVERY: Duration = Duration::from_millis(200);
+/// Over which frames a second are counted.
+const RATE_SPAN: Duration = Duration::from_secs(2);
+/// Notes that are kept for the lower part of the screen.
+const NOTES_KEPT: usize = 100;
+
+/// The live table.
+#[derive(Debug)]
+pub struct Table {
+    names: Vec<&'static str>,
+    length: Duration,
+    next: Instant,
+    before: Option<(Instant, Vec<u32>)>,
+    rates: Vec<f64>,
+    notes: VecDeque<String>,
+    _screen: AlternateScreen,
+}
+
+/// The alternate screen in raw mode, as long as it lives.
+#[derive(Debug)]
+struct AlternateScreen;
+
+impl AlternateScreen {
+    fn enter() -> io::Result<Self> {
+        enable_raw_mode()?;
+        let screen = Self;
+        execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)?;
+        // A panic, in whatever thread, is to be read on the normal screen.
+        let print = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            restore();
+            print(panic);
+        }));
+        Ok(screen)
+    }
+}
+
+impl Drop for AlternateScreen {
+    fn drop(&mut self) {
+        restore();
+    }
+}
+
+fn restore() {
+    // Nothing can be done if the terminal does not listen any more.
+    let _ = execute!(io::stdout(), EndSynchronizedUpdate, LeaveAlternateScreen, cursor::Show);
+    let _ = disable_raw_mode();
+}
+
+impl Table {
+    /// Takes the terminal over.
+    pub fn new(names: Vec<&'static str>, length: Duration) -> io::Result<Self> {
+        Ok(Self {
+            rates: vec![0.0; names.len()],
+            names,
+            length,
+            next: Instant::MIN,
+            before: None,
+            notes: VecDeque::new(),
+            _screen: AlternateScreen::enter()?,
+        })
+    }
+
+    /// Something happened.
+    pub fn note(&mut self, note: &Note) {
+        let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or("all");
+        self.notes.push_front(format!("{:>7.1}  {name:<12}  {}", seconds(note.at - Instant::MIN), note.text));
+        self.notes.truncate(NOTES_KEPT);
+    }
+
+    /// A sample of all engines; drawn if it is time. False: somebody wants to end the run.
+    pub fn samples(&mut self, at: Instant, samples: &[Sample]) -> io::Result<bool> {
+        if at < self.next {
+            return Ok(true);
+        }
+        self.next = at + DRAW_EVERY;
+        let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
+        if self.before.as_ref().is_none_or(|(since, _)| at >= *since + RATE_SPAN) {
+            self.rates = frame_rates(&self.before, at, &frames);
+            self.before = Some((at, frames));
+        }
+        self.draw(at, samples)?;
+        Ok(go_on())
+    }
+
+    fn draw(&self, at: Instant, samples: &[Sample]) -> io::Result<()> {
+        let (width, height) = size()?;
+        let passed = seconds(at - Instant::MIN);
+        let length = seconds(self.length).max(0.1);
+        let done = ((passed / length * 40.0) as usize).min(40);
+        let mut lines = vec![
+            (
+                true,
+                format!("jetlink rig   {passed:.1} s of {length:.0} s   [{:<40}]   q: end", "#".repeat(done)),
+            ),
+            (false, String::new()),
+            (true, heads()),
+        ];
+        for ((name, sample), rate) in self.names.iter().zip(samples).zip(&self.rates) {
+            lines.push((false, row(name, sample, *rate)));
+        }
+        lines.push((false, String::new()));
+        lines.push((true, "what happened, the latest first".to_owned()));
+        lines.extend(self.notes.iter().map(|note| (false, note.clone())));
+
+        let mut out = io::stdout().lock();
+        queue!(out, BeginSynchronizedUpdate, cursor::MoveTo(0, 0))?;
+        for (y, (bold, line)) in (0..height).zip(lines) {
+            let line: String = line.chars().take(width.into()).collect();
+            queue!(out, cursor::MoveTo(0, y))?;
+            if bold {
+                queue!(out, SetAttribute(Attribute::Bold))?;
+            }
+            queue!(out, Print(line), SetAttribute(Attribute::Reset), Clear(ClearType::UntilNewLine))?;
+        }
+        queue!(out, EndSynchronizedUpdate)?;
+        out.flush()
+    }
+}
+
+/// Looks at the keys that were pressed. Where none can be read, nobody ends the run by one.
+fn go_on() -> bool {
+    while poll(core::time::Duration::ZERO).unwrap_or(false) {
+        let Ok(Event::Key(key)) = read() else { continue };
+        let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+        let end = control_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc);
+        if end && key.kind == KeyEventKind::Press {
+            return false;
+        }
+    }
+    true
+}

@@ -1,0 +1,244 @@
+//! `jetlink rig` as its users see it: status, output and files.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+fn rig(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_jetlink")).arg("rig").args(args).output().expect("it runs")
+}
+
+fn fast(args: &[&str]) -> Output {
+    rig(&[&["--fast"], args].concat())
+}
+
+fn out(output: &Output) -> String {
+    let text = String::from_utf8(output.stdout.clone()).expect("UTF-8");
+    assert!(!text.contains('\u{1b}'), "control sequences without a terminal");
+    text
+}
+
+#[track_caller]
+fn status(output: &Output, expected: i32) -> String {
+    let text = out(output);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(expected), "{text}{errors}");
+    text
+}
+
+fn file(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+#[test]
+fn the_default_engines_do_all_that_is_asked() {
+    let text = status(&fast(&[]), 0);
+    assert!(text.contains(" 0 missed, worst margin 9."), "{text}");
+    assert!(text.contains("All engines reached what was asked and are shut down."), "{text}");
+    for name in ["left", "right", "centre", "booster"] {
+        for stage in ["start", "idle", "steps", "cooling", "done"] {
+            let line = format!("{name:<12}  -> {stage}");
+            assert!(text.contains(&line), "{line}\n{text}");
+        }
+    }
+}
+
+#[test]
+fn one_seed_gives_one_output() {
+    for faults in ["from=0s", "heavy"] {
+        let args = ["--faults", faults, "--seed", "7"];
+        assert_eq!(out(&fast(&args)), out(&fast(&args)));
+    }
+    assert_ne!(out(&fast(&["--seed", "1"])), out(&fast(&["--seed", "2"])));
+}
+
+#[test]
+fn many_kinds_of_engines() {
+    for engines in [
+        ["ecu=amt,engine=mercury,baud=115200", "ecu=amt,engine=nike", "ecu=amt,engine=lynx,baud=9600"],
+        ["ecu=amt,engine=pegasus,baud=4800", "ecu=zk,version=1,baud=2400,stop=1", "ecu=zk,version=2,stop=2"],
+        ["ecu=zk,version=3,baud=115200", "ecu=zk,version=4,mode=split", "ecu=zk,version=4,mode=rpm"],
+        [
+            "ecu=zk,mode=split,rate=100",
+            "ecu=zk,mode=rpm,rate=100,baud=38400",
+            "ecu=zk,rate=50,baud=19200,stop=2",
+        ],
+    ] {
+        let args: Vec<&str> = engines.iter().flat_map(|engine| ["--engine", engine]).collect();
+        let text = status(&fast(&args), 0);
+        assert!(text.contains(" 0 missed"), "{engines:?}\n{text}");
+    }
+}
+
+#[test]
+fn noise_gives_no_command_and_links_recover() {
+    for seed in ["1", "2", "3", "4", "5", "6"] {
+        let text = status(&fast(&["--faults", "heavy", "--seed", seed]), 0);
+        let row = |head: &str| -> Vec<String> {
+            let line = text.lines().find(|line| line.trim_start().starts_with(head)).expect(head);
+            line.trim_start().trim_start_matches(head).split_whitespace().map(str::to_owned).collect()
+        };
+        assert_eq!(row("commands that nobody gave"), ["0"; 4], "{text}");
+        assert!(row("decode errors of the node").iter().all(|count| count != "0"), "{text}");
+        let recovered = row("link up after the faults");
+        assert_eq!(recovered.iter().filter(|cell| *cell == "s").count(), 4, "{text}");
+        assert!(text.contains("faults on all lines end"), "{text}");
+    }
+}
+
+#[test]
+fn a_cut_line_is_told_and_the_engine_comes_back() {
+    // An AMT ECU stops its engine when it is not heard; a ZK ECU from version 5 does not.
+    let text = status(&fast(&["--faults", "cut=left@60s+5s,cut=booster@60s+5s"]), 0);
+    for name in ["left", "booster"] {
+        for what in ["the line is cut", "LINK LOST", "the line is joined again", "link up"] {
+            assert!(text.contains(&format!("{name:<12}  {what}")), "{name}: {what}\n{text}");
+        }
+    }
+    let stops = text.lines().find(|line| line.contains("stops by themselves")).expect("a row");
+    assert_eq!(stops.split_whitespace().skip(3).collect::<Vec<_>>(), ["1", "0", "0", "0"], "{text}");
+    assert!(text.contains("it will be started again"), "{text}");
+}
+
+#[test]
+fn an_engine_that_does_not_start_fails_the_run_with_the_reason() {
+    for (faults, reason) in [
+        ("cut=left@0s+1000s", "FAILED  left: not ready for a start in time: the ECU was never heard"),
+        ("hot-start=left", "FAILED  left: the start failed: "),
+        ("no-light=centre", "FAILED  centre: the start failed: "),
+    ] {
+        let text = status(&fast(&["--faults", faults]), 1);
+        assert!(text.contains(reason), "{faults}\n{text}");
+    }
+    let text = status(&fast(&["--faults", "flame-out=right@70s"]), 0);
+    assert!(text.contains("it will be started again"), "{text}");
+}
+
+#[test]
+fn the_csv_file_has_its_columns_and_the_start_in_it() {
+    let path = file("rig.csv");
+    status(&fast(&["--csv", path.to_str().unwrap()]), 0);
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let heads: Vec<&str> = lines.next().unwrap().split(',').collect();
+    assert_eq!(
+        heads.join(","),
+        "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,sent,\
+         missed,decode_errors,rejected"
+    );
+    let help = String::from_utf8(rig(&["--help"]).stdout).unwrap();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let column = |name| heads.iter().position(|head| *head == name).unwrap();
+    for head in &heads {
+        assert!(help.contains(head), "{head} is not in the help");
+    }
+    for name in ["left", "right", "centre", "booster"] {
+        let of_engine = |phase: &str| -> Vec<f64> {
+            let rows =
+                rows.iter().filter(|row| row[column("engine")] == name && row[column("phase")] == phase);
+            rows.map(|row| row[column("rpm")].parse().unwrap()).collect()
+        };
+        let start = of_engine("start");
+        let thirds: Vec<f64> = start.chunks(start.len() / 3).map(|part| part[0]).collect();
+        assert!(thirds.is_sorted() && thirds[0] < 1000.0 && *start.last().unwrap() > 25_000.0, "{thirds:?}");
+        assert!(*of_engine("done").last().unwrap() < 1000.0);
+    }
+    let times: Vec<f64> = rows.iter().map(|row| row[column("t_s")].parse().unwrap()).collect();
+    assert!(times.is_sorted() && rows.iter().all(|row| row.len() == heads.len()));
+    // Four engines, every 0.1 s.
+    assert!((times.last().unwrap() * 40.0 - rows.len() as f64).abs() < 50.0);
+}
+
+#[test]
+fn the_plot_is_well_formed_and_names_all() {
+    let path = file("rig.svg");
+    status(&fast(&["--plot", path.to_str().unwrap()]), 0);
+    let text = std::fs::read_to_string(path).unwrap();
+    let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
+    let texts: Vec<&str> = xml
+        .descendants()
+        .filter(|node| node.is_text())
+        .filter_map(|node| node.text())
+        .map(str::trim)
+        .collect();
+    for label in [
+        "left: AMT Olympus, 2400 baud",
+        "booster: ZK version 5, 115200 baud",
+        "EGT in °C",
+        "time in s",
+        "cooling",
+    ] {
+        assert!(texts.contains(&label), "{label} not in {texts:?}");
+    }
+    // A long run is thinned out, not left off.
+    let long = file("long.svg");
+    status(&fast(&["--duration", "30m", "--engine", "ecu=zk", "--plot", long.to_str().unwrap()]), 0);
+    assert!(std::fs::metadata(long).unwrap().len() < 500_000);
+}
+
+#[test]
+fn a_file_that_cannot_be_written_is_told() {
+    for option in ["--csv", "--plot"] {
+        for path in ["/nowhere/at/all", "/dev/full"] {
+            if path == "/dev/full" && !PathBuf::from(path).exists() {
+                continue;
+            }
+            let output = fast(&[option, path]);
+            status(&output, 1);
+            let error = String::from_utf8(output.stderr).unwrap();
+            assert!(error.starts_with(&format!("jetlink rig: cannot write {path}: ")), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_option_is_one_sentence_and_status_2() {
+    for args in [
+        ["--engine", "name=left,colour=red"],
+        ["--engine", "name=left,ecu=amt,engine=warp"],
+        ["--engine", "name=left,baud=1234"],
+        ["--engine", "ecu=zk,baud=2400,rate=100"],
+        ["--engine", "ecu=zk,version=3,mode=rpm"],
+        ["--duration", "10s"],
+        ["--duration", "soon"],
+        ["--seed", "-1"],
+        ["--seed", "x"],
+        ["--faults", "rain=1"],
+        ["--faults", "noise=3"],
+        ["--faults", "cut=tail@1s+1s"],
+        ["--faults", "heavy,until=1000s"],
+    ] {
+        let args = [args[0].to_owned() + "=" + args[1]];
+        let output = fast(&args.each_ref().map(String::as_str));
+        assert_eq!(status(&output, 2), "", "{args:?}");
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(error.lines().count(), 1, "{args:?}: {error}");
+        assert!(error.starts_with("jetlink rig: "), "{args:?}: {error}");
+    }
+    assert_eq!(rig(&["--no-such-option"]).status.code(), Some(2));
+}
+
+#[test]
+fn the_duration_stretches_the_run() {
+    for (duration, least, most) in [("150s", 140.0, 160.0), ("400s", 390.0, 410.0)] {
+        let text = status(&fast(&["--duration", duration]), 0);
+        let line = text.lines().find(|line| line.starts_with("Summary after")).unwrap();
+        let seconds: f64 = line.split_whitespace().nth(2).unwrap().parse().unwrap();
+        assert!((least..most).contains(&seconds), "{line}");
+    }
+}
+
+#[test]
+fn real_time_is_real() {
+    let began = Instant::now();
+    let output = rig(&["--standby", "--duration", "3s"]);
+    let took = began.elapsed();
+    assert!(took >= Duration::from_secs(3) && took < Duration::from_secs(10), "{took:?}");
+    let text = out(&output);
+    assert!(text.contains("Summary after 3."), "{text}");
+    // A busy machine may miss a window; the rig has to say so then.
+    if output.status.code() != Some(0) {
+        assert!(text.contains("FAILED") && text.contains("missed"), "{text}");
+    }
+}

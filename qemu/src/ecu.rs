@@ -1,0 +1,302 @@
+//! Simulated ECUs on QEMU's sockets.
+//!
+//! QEMU's UARTs have no baud rate: bytes move as fast as the socket takes them. So the line is here. Bytes to
+//! the firmware are sent one by one when their stop bits end; bytes from it are spaced as the line would have
+//! spaced them, and the ECU hears each at the end of its stop bit.
+
+use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
+use jetlink::ecu::amt::codec::Engine as AmtEngine;
+use jetlink::line::StopBits;
+use sim::amt::{AmtConfig, AmtEcu};
+use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
+use sim::line::Line;
+use sim::turbine::{Parameters, Phase};
+use sim::zk::{ZkConfig, ZkEcu};
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// The reply window of AMT ECUs with quick turbines, instead of 30 ms. QEMU's time is the host's, and a busy
+/// host stops it for longer than the 9 ms that are to spare.
+pub const WIDE_WINDOW: Nanos = 90 * MILLIS;
+
+/// How the turbines behave.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Turbine {
+    /// A start takes half a minute, cooling a whole one.
+    Real,
+    /// Both take seconds, and AMT ECUs wait longer for their replies: for a test.
+    Quick,
+}
+
+/// A simulated ECU of either kind.
+pub enum Simulated {
+    /// AMT.
+    Amt(Box<AmtEcu>),
+    /// ZK.
+    Zk(Box<ZkEcu>),
+}
+
+impl Simulated {
+    fn phase(&self) -> Phase {
+        match self {
+            Self::Amt(ecu) => ecu.turbine().phase(),
+            Self::Zk(ecu) => ecu.turbine().phase(),
+        }
+    }
+
+    fn ecu(&mut self) -> &mut dyn Ecu {
+        match self {
+            Self::Amt(ecu) => &mut **ecu,
+            Self::Zk(ecu) => &mut **ecu,
+        }
+    }
+}
+
+/// An ECU, the port it hangs on, and what became of it.
+pub struct Attached {
+    /// The engine's row in the table of engines.
+    pub engine: EngineConfig,
+    /// The ECU.
+    pub ecu: Simulated,
+    line: Line,
+    caption: String,
+    shown: bool,
+    /// The turbine's phases, as they came.
+    pub phases: Vec<Phase>,
+    /// The frames that were sent to the firmware whole: the bytes of each.
+    pub frames: Vec<Vec<u8>>,
+}
+
+impl Attached {
+    /// The ECU that the table of engines says. ZK ECUs have protocol versions 5 and 4 in turn.
+    pub fn new(row: usize, engine: &EngineConfig, turbine: Turbine) -> Self {
+        let line = Line {
+            baud: engine.line.baud,
+            stop_bits: match engine.line.stop_bits {
+                StopBits::One => sim::line::StopBits::One,
+                StopBits::Two => sim::line::StopBits::Two,
+            },
+        };
+        let (ecu, kind) = match &engine.ecu {
+            EcuConfig::Amt(config) => {
+                let kind = amt_engine(config.engine);
+                let mut config = AmtConfig::new(kind).on(line);
+                if turbine == Turbine::Quick {
+                    config.turbine = quick(config.turbine);
+                    config.reply_window = WIDE_WINDOW;
+                }
+                (Simulated::Amt(Box::new(AmtEcu::new(config))), format!("AMT {kind:?}"))
+            }
+            EcuConfig::Zk(_) => {
+                let version = if row.is_multiple_of(2) { 5 } else { 4 };
+                let mut config = ZkConfig::new(version).on(line);
+                if turbine == Turbine::Quick {
+                    config.turbine = quick(config.turbine);
+                }
+                (Simulated::Zk(Box::new(ZkEcu::new(config))), format!("ZK version {version}"))
+            }
+        };
+        let caption = format!("{}, {kind}, {} baud", engine.name, line.baud);
+        Self { engine: *engine, ecu, line, caption, shown: true, phases: Vec::new(), frames: Vec::new() }
+    }
+
+    /// The same on a line of another speed. QEMU does not mind.
+    pub fn at(self, baud: u32) -> Self {
+        Self { line: Line { baud, ..self.line }, ..self }
+    }
+
+    /// The same, and nothing is shown of it.
+    pub fn quiet(self) -> Self {
+        Self { shown: false, ..self }
+    }
+
+    /// The UART it hangs on.
+    pub fn port(&self) -> usize {
+        self.engine.port.into()
+    }
+
+    /// Its name and what it is.
+    pub fn caption(&self) -> &str {
+        &self.caption
+    }
+
+    /// Serves a socket until QEMU closes it.
+    pub fn serve(self, socket: TcpStream, began: Instant) -> Result<Served, String> {
+        let problem = |why: std::io::Error| format!("the socket of an ECU: {why}");
+        let reader = socket.try_clone().map_err(problem)?;
+        let closer = socket.try_clone().map_err(problem)?;
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || listen(reader, &sender));
+        let thread = std::thread::spawn(move || Wire::new(self, socket, began).run(&receiver));
+        Ok(Served { thread, closer })
+    }
+
+    fn note_phase(&mut self, now: Nanos) {
+        let phase = self.ecu.phase();
+        if self.phases.last() != Some(&phase) {
+            self.phases.push(phase);
+            if self.shown {
+                println!("{:>11.6} ECU   {}: turbine {phase:?}", now as f64 / 1e9, self.engine.name);
+            }
+        }
+    }
+}
+
+/// An engine of the table in the terms of the simulation.
+fn amt_engine(engine: Option<AmtEngine>) -> sim::amt::Engine {
+    match engine {
+        Some(AmtEngine::Mercury) => sim::amt::Engine::Mercury,
+        Some(AmtEngine::Pegasus) => sim::amt::Engine::Pegasus,
+        Some(AmtEngine::Titan) => sim::amt::Engine::Titan,
+        Some(AmtEngine::Nike) => sim::amt::Engine::Nike,
+        Some(AmtEngine::Lynx) => sim::amt::Engine::Lynx,
+        Some(AmtEngine::Olympus | AmtEngine::Orion) | None => sim::amt::Engine::Olympus,
+    }
+}
+
+/// The same turbine in a hurry.
+fn quick(turbine: Parameters) -> Parameters {
+    Parameters {
+        ignition_s: 1.0,
+        preheat_s: 1.0,
+        ramp_s: 3.0,
+        learn_s: 1.0,
+        acceleration_s: 2.0,
+        coast_s: 1.0,
+        cooling_s: 2.0,
+        ..turbine
+    }
+}
+
+/// An ECU at work.
+pub struct Served {
+    thread: JoinHandle<Attached>,
+    closer: TcpStream,
+}
+
+impl Served {
+    /// Ends it.
+    ///
+    /// # Panics
+    /// If it panicked.
+    pub fn finish(self) -> Attached {
+        let _ = self.closer.shutdown(Shutdown::Both); // QEMU may have closed it already
+        self.thread.join().expect("an ECU panicked")
+    }
+}
+
+/// Notes when each byte came.
+fn listen(mut socket: TcpStream, sender: &Sender<(Instant, u8)>) {
+    let mut buffer = [0; 64];
+    while let Ok(count @ 1..) = socket.read(&mut buffer) {
+        let now = Instant::now();
+        for byte in &buffer[..count] {
+            if sender.send((now, *byte)).is_err() {
+                return;
+            }
+        }
+    }
+}
+
+/// The two directions between the firmware and an ECU.
+struct Wire {
+    attached: Attached,
+    socket: TcpStream,
+    began: Instant,
+    /// When the stop bit of each byte ends.
+    to_firmware: VecDeque<(Nanos, u8)>,
+    from_firmware: VecDeque<(Nanos, u8)>,
+    /// When the line from the firmware is free again.
+    free: Nanos,
+    /// What the ECU was told last.
+    told: Nanos,
+}
+
+impl Wire {
+    fn new(attached: Attached, socket: TcpStream, began: Instant) -> Self {
+        let (to_firmware, from_firmware) = (VecDeque::new(), VecDeque::new());
+        Self { attached, socket, began, to_firmware, from_firmware, free: 0, told: 0 }
+    }
+
+    fn nanos(&self, at: Instant) -> Nanos {
+        at.duration_since(self.began).as_nanos().try_into().unwrap_or(Nanos::MAX)
+    }
+
+    fn run(mut self, bytes: &Receiver<(Instant, u8)>) -> Attached {
+        loop {
+            let now = self.nanos(Instant::now());
+            self.hear(now);
+            self.speak(now);
+            if self.send(now).is_err() {
+                return self.attached;
+            }
+            let next = self.next();
+            let now = self.nanos(Instant::now());
+            match bytes.recv_timeout(Duration::from_nanos(next.saturating_sub(now))) {
+                Ok(byte) => self.arrived(byte),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return self.attached,
+            }
+            while let Ok(byte) = bytes.try_recv() {
+                self.arrived(byte);
+            }
+        }
+    }
+
+    fn next(&mut self) -> Nanos {
+        let queues = [self.to_firmware.front(), self.from_firmware.front()];
+        let first = queues.into_iter().flatten().map(|(at, _)| *at).min().unwrap_or(Nanos::MAX);
+        first.min(self.attached.ecu.ecu().next_wake())
+    }
+
+    /// A byte left the firmware: it starts on the line as soon as the line is free.
+    fn arrived(&mut self, (at, byte): (Instant, u8)) {
+        self.free = self.free.max(self.nanos(at)) + self.attached.line.byte_ns(1);
+        self.from_firmware.push_back((self.free, byte));
+    }
+
+    /// The ECU hears what has ended.
+    fn hear(&mut self, now: Nanos) {
+        while let Some((_, byte)) =
+            self.from_firmware.pop_front_if(|(end, _)| *end <= now).map(|(end, byte)| {
+                self.told = self.told.max(end);
+                (end, byte)
+            })
+        {
+            let told = self.told;
+            self.attached.ecu.ecu().heard(told, Ok::<u8, LineFault>(byte));
+            self.attached.note_phase(told);
+        }
+    }
+
+    /// The ECU speaks, if it wants to.
+    fn speak(&mut self, now: Nanos) {
+        if self.attached.ecu.ecu().next_wake() > now {
+            return;
+        }
+        self.told = self.told.max(now);
+        let now = self.told;
+        let mut frame = Vec::new();
+        self.attached.ecu.ecu().advance(now, &mut frame);
+        self.attached.note_phase(now);
+        for (before, byte) in (1..).zip(&frame) {
+            self.to_firmware.push_back((now + self.attached.line.byte_ns(before), *byte));
+        }
+        if !frame.is_empty() {
+            self.attached.frames.push(frame);
+        }
+    }
+
+    /// Sends what has ended.
+    fn send(&mut self, now: Nanos) -> std::io::Result<()> {
+        while let Some((_, byte)) = self.to_firmware.pop_front_if(|(end, _)| *end <= now) {
+            self.socket.write_all(&[byte])?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,78 @@
+//! The firmware's log: decoded, shown, and kept.
+
+use crate::image::Image;
+use defmt_decoder::{DecodeError, Table};
+use std::io::Read;
+use std::process::ChildStdout;
+use std::thread::JoinHandle;
+
+/// One line.
+pub struct Line {
+    /// "INFO", "WARN", ...
+    pub level: &'static str,
+    /// What the firmware said.
+    pub message: String,
+}
+
+/// What came.
+#[derive(Default)]
+pub struct Lines {
+    /// In order.
+    pub lines: Vec<Line>,
+    /// Frames that could not be decoded.
+    pub malformed: usize,
+}
+
+/// A log that is being followed.
+pub struct Log(JoinHandle<Lines>);
+
+impl Log {
+    /// Decodes and shows what comes.
+    pub fn follow(image: &Image, source: Option<ChildStdout>) -> Result<Self, String> {
+        let table = Table::parse(&image.elf)
+            .map_err(|why| format!("the image's log table: {why}"))?
+            .ok_or("the image has no log table")?;
+        let source = source.ok_or("QEMU's output is followed already")?;
+        Ok(Self(std::thread::spawn(move || follow(&table, source))))
+    }
+
+    /// Waits for the end of the log, which is the end of QEMU.
+    ///
+    /// # Panics
+    /// If the decoder panicked.
+    pub fn finish(self) -> Lines {
+        self.0.join().expect("the log's decoder panicked")
+    }
+}
+
+fn follow(table: &Table, mut source: ChildStdout) -> Lines {
+    let mut decoder = table.new_stream_decoder();
+    let mut log = Lines::default();
+    let mut buffer = [0; 4096];
+    while let Ok(count @ 1..) = source.read(&mut buffer) {
+        decoder.received(&buffer[..count]);
+        loop {
+            match decoder.decode() {
+                Ok(frame) => {
+                    let level = frame.level().map_or("", |level| match level.as_str() {
+                        "trace" => "TRACE",
+                        "debug" => "DEBUG",
+                        "info" => "INFO",
+                        "warn" => "WARN",
+                        _ => "ERROR",
+                    });
+                    let time = frame.display_timestamp().map_or_else(String::new, |time| time.to_string());
+                    let message = frame.display_message().to_string();
+                    println!("{time:>11} {level:<5} {message}");
+                    log.lines.push(Line { level, message });
+                }
+                Err(DecodeError::UnexpectedEof) => break,
+                Err(DecodeError::Malformed) => {
+                    println!("{:>11} malformed log frame", "");
+                    log.malformed += 1;
+                }
+            }
+        }
+    }
+    log
+}

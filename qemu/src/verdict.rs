@@ -1,0 +1,107 @@
+//! Whether the trial went well, by the firmware's log and by what the ECUs counted themselves.
+
+use crate::ecu::{Attached, Simulated, WIDE_WINDOW};
+use crate::log::Lines;
+use jetlink::config::ENGINES;
+use sim::ecu::MILLIS;
+use sim::turbine::Phase;
+
+/// So many sets of an AMT ECU may go without an answer in time: QEMU's time is the host's, and a busy host may
+/// stop it for a while. Three in a row are far from the 2 s after which the ECU stops its engine.
+const UNANSWERED: u64 = 3;
+
+/// What is wrong with the log.
+pub fn of_log(log: &Lines) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut check = |good: bool, what: String| {
+        if !good {
+            faults.push(format!("log: {what}"));
+        }
+    };
+    check(log.malformed == 0, format!("{} malformed frames", log.malformed));
+    let boots = log.lines.iter().filter(|line| line.message.starts_with("jetlink ")).count();
+    check(boots == 1, format!("the firmware started {boots} times"));
+    for line in log.lines.iter().filter(|line| matches!(line.level, "WARN" | "ERROR")) {
+        check(false, format!("{} {}", line.level, line.message));
+    }
+    for engine in &ENGINES {
+        let story = ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"];
+        let mut lines = log.lines.iter();
+        for chapter in story {
+            let wanted = format!("{}: {chapter}", engine.name);
+            if !lines.any(|line| line.message == wanted) {
+                check(false, format!("no `{wanted}` in its place"));
+                break;
+            }
+        }
+        for unwanted in ["LinkLost", "RunWithdrawn"] {
+            let line = format!("{}: {unwanted}", engine.name);
+            check(log.lines.iter().all(|other| other.message != line), format!("`{line}`"));
+        }
+    }
+    check(
+        log.lines.last().is_some_and(|line| line.message == "trial: passed"),
+        "it does not end with `trial: passed`".into(),
+    );
+    faults
+}
+
+/// What is wrong with an ECU's experience.
+pub fn of_ecu(attached: &Attached) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut check = |good: bool, what: &str| {
+        if !good {
+            faults.push(format!("{}: {what}", attached.engine.name));
+        }
+    };
+    check(attached.phases.contains(&Phase::Running), "its turbine never ran");
+    check(attached.phases.last() == Some(&Phase::Standby), "its turbine is not in standby at the end");
+    match &attached.ecu {
+        Simulated::Amt(ecu) => {
+            let stats = &ecu.stats;
+            check(stats.bad.total() + stats.stray_bytes == 0, "bytes that are no reply");
+            check(stats.unsolicited == 0, "replies that it did not ask for");
+            check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine by itself");
+            check(stats.late + stats.none <= UNANSWERED, "too many sets without a reply in time");
+            check(stats.frames.total() > 100, "hardly any sets");
+        }
+        Simulated::Zk(ecu) => {
+            let stats = &ecu.stats;
+            check(stats.bad.total() + stats.stray_bytes == 0, "bytes that are no command");
+            check(stats.reserved_bits == 0, "reserved bits that are not 0");
+            check(stats.ignored == Default::default(), "commands that do not fit its version or state");
+            check(stats.control_losses == 0, "it lost its control signal");
+            check(stats.frames_sent() > 100, "hardly any status");
+        }
+    }
+    faults
+}
+
+/// An ECU's experience in one line.
+pub fn summary(attached: &Attached) -> String {
+    let name = attached.engine.name;
+    match &attached.ecu {
+        Simulated::Amt(ecu) => {
+            let stats = &ecu.stats;
+            let slowest = stats.worst_margin.map_or(0, |margin| WIDE_WINDOW.saturating_sub(margin));
+            format!(
+                "{name}: {} sets, {} replies, {} late, {} missing; the slowest ended after {:.1} ms (host and all)",
+                stats.frames.total(),
+                stats.in_window,
+                stats.late,
+                stats.none,
+                slowest as f64 / MILLIS as f64
+            )
+        }
+        Simulated::Zk(ecu) => {
+            let stats = &ecu.stats;
+            format!(
+                "{name}: {} status frames, {} commands, {:.1} to {:.1} ms apart (host and all)",
+                stats.frames_sent(),
+                stats.accepted,
+                stats.intervals.min.unwrap_or(0) as f64 / MILLIS as f64,
+                stats.intervals.max.unwrap_or(0) as f64 / MILLIS as f64
+            )
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Arm MPS2 with the AN500 FPGA image: a Cortex-M7 at 25 MHz and five UARTs, as QEMU's machine
+//! `mps2-an500` has it. Nobody flies this board: it runs the firmware where there is no board at
+//! all, with `cargo qemu`.
+//!
+//! Addresses and interrupts from Arm's application note AN500, registers from the Cortex-M System
+//! Design Kit's technical reference manual (DDI 0479). What QEMU does not do as the board would is
+//! said where it matters, and in `docs/qemu.md`.
+
+mod clock;
+mod executor;
+mod semihosting;
+mod uart;
+
+use self::uart::Port;
+use super::{Board, ENGINE_EXECUTOR};
+use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
+use cortex_m_rt::exception;
+use embassy_executor::SendSpawner;
+use jetlink::line::Line;
+
+#[cfg(feature = "trial")]
+pub use self::semihosting::exit;
+pub use self::{executor::Executor, uart::EcuPort};
+
+/// The board's name.
+pub const NAME: &str = "QEMU mps2-an500";
+
+/// The ECU ports by number, from 0. QEMU's n-th `-serial` is UARTn.
+pub const PORTS: [&str; 4] = ["UART0", "UART1", "UART2", "UART3"];
+
+/// Kept free for MAVLink.
+pub const TELEMETRY_PORT: &str = "UART4";
+
+/// Of the core and of everything on its buses.
+const CLOCK_HZ: u32 = 25_000_000;
+
+/// A register of 32 bits.
+#[derive(Clone, Copy)]
+struct Register(usize);
+
+impl Register {
+    fn read(self) -> u32 {
+        // SAFETY: private to this board, whose files make registers from its memory map only; each
+        // is 32 bits wide, aligned, and never the address of anything that Rust knows of.
+        unsafe { (self.0 as *const u32).read_volatile() }
+    }
+
+    fn write(self, value: u32) {
+        // SAFETY: as in `read`; no register used here makes the hardware touch memory.
+        unsafe { (self.0 as *mut u32).write_volatile(value) }
+    }
+}
+
+/// An interrupt of this board.
+#[derive(Clone, Copy)]
+struct Irq(u16);
+
+// SAFETY: all are made in this board's files, below 32, which is what the board has.
+unsafe impl InterruptNumber for Irq {
+    fn number(self) -> u16 {
+        self.0
+    }
+}
+
+/// The audio interface's, which nothing here uses: it carries the engines' executor.
+const EXECUTOR_INTERRUPT: Irq = Irq(14);
+
+/// Below the UARTs and SysTick, which keep the 0 they have after a reset.
+const EXECUTOR_PRIORITY: u8 = 0x60;
+
+/// An interrupt's handler.
+type Handler = unsafe extern "C" fn();
+
+unsafe extern "C" {
+    /// The handler in `crash.rs`, by the name that cortex-m-rt gives it.
+    fn DefaultHandler();
+}
+
+extern "C" fn engines() {
+    // SAFETY: this is the executor's interrupt handler, and the interrupt is off until the executor
+    // has started.
+    unsafe { ENGINE_EXECUTOR.on_interrupt() }
+}
+
+/// The vector table behind the exceptions.
+// SAFETY: cortex-m-rt's linker script wants the board's interrupts in this section and by this name.
+#[unsafe(link_section = ".vector_table.interrupts")]
+#[unsafe(no_mangle)]
+static __INTERRUPTS: [Handler; 32] = {
+    let mut table: [Handler; 32] = [DefaultHandler; 32];
+    table[EXECUTOR_INTERRUPT.0 as usize] = engines;
+    executor::bind(&mut table);
+    uart::bind(&mut table);
+    table
+};
+
+/// Starts the clock and opens the ports that have a line. To be called once.
+pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
+    clock::start();
+    let mut core = defmt::unwrap!(cortex_m::Peripherals::take());
+    // SAFETY: the executor's interrupt is still off, and no critical section relies on priorities.
+    unsafe { core.NVIC.set_priority(EXECUTOR_INTERRUPT, EXECUTOR_PRIORITY) };
+    let mut port = 0;
+    Board {
+        ports: lines.map(|line| {
+            let opened = line.map(|line| Port::open(port, line));
+            port += 1;
+            opened
+        }),
+        led: Led(()),
+        watchdog: Watchdog(()),
+    }
+}
+
+/// Starts the executor for the engines' tasks. To be called once.
+pub fn start_engine_executor() -> SendSpawner {
+    ENGINE_EXECUTOR.start(EXECUTOR_INTERRUPT)
+}
+
+/// Why the chip was reset. QEMU does not have the board's register for it.
+pub fn reset_cause() -> &'static str {
+    "not known in QEMU"
+}
+
+/// USERLED0. QEMU has it, and shows it to nobody but its own trace.
+pub struct Led(());
+
+impl Led {
+    const LEDS: Register = Register(0x4002_8000);
+
+    /// Lights the LED, or puts it out.
+    pub fn set(&mut self, lit: bool) {
+        Self::LEDS.write(lit.into());
+    }
+}
+
+/// The watchdog of the design kit. When its counter runs out it asks for help by the NMI; when it
+/// runs out again it resets.
+pub struct Watchdog(());
+
+impl Watchdog {
+    const LOAD: Register = Register(0x4000_8000);
+    const CONTROL: Register = Register(0x4000_8008);
+    const CLEAR: Register = Register(0x4000_800C);
+    const LOCK: Register = Register(0x4000_8C00);
+
+    /// Lets the other registers be written.
+    const KEY: u32 = 0x1ACC_E551;
+
+    /// Starts the watchdog, with 1 s to the NMI.
+    pub fn start(&mut self) {
+        Self::LOCK.write(Self::KEY);
+        Self::LOAD.write(CLOCK_HZ);
+        Self::CONTROL.write(0b11); // count and raise the NMI, then reset
+        Self::LOCK.write(0);
+    }
+
+    /// Gives the firmware another second.
+    pub fn feed(&mut self) {
+        Self::LOCK.write(Self::KEY);
+        Self::CLEAR.write(1); // counts from LOAD again
+        Self::LOCK.write(0);
+    }
+}
+
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    super::crash::crash(|| defmt::error!("the watchdog was not fed, resetting"))
+}
+
+/// Has an interrupt taken.
+fn pend(irq: Irq) {
+    NVIC::pend(irq);
+}
+
+/// Turns an interrupt on.
+fn unmask(irq: Irq) {
+    // SAFETY: no critical section relies on masks of single interrupts.
+    unsafe { NVIC::unmask(irq) }
+}

@@ -1,0 +1,209 @@
+//! ECU ports on the design kit's UARTs: each has a buffer of one byte in either direction, an
+//! interrupt for each, and always one stop bit.
+//!
+//! QEMU moves bytes as fast as its socket takes them. So that the firmware sees a line as it is,
+//! [`EcuTx::flush`] waits until the last stop bit would be out at the port's baud rate, which is
+//! right on the board too: its UART does not tell when its shift register is empty.
+
+use super::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
+use core::cell::Cell;
+use core::convert::Infallible;
+use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
+use embassy_sync::pipe::Pipe;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{ErrorType, Read, Write};
+use jetlink::line::{Line, LineError, StopBits};
+use jetlink::link::MAX_TRANSMISSION;
+use jetlink::runner::LineErrors;
+
+/// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
+const RX_BUFFER: usize = 256;
+const TX_BUFFER: usize = 6 * MAX_TRANSMISSION;
+
+/// Of STATE.
+const TX_FULL: u32 = 1 << 0;
+const RX_FULL: u32 = 1 << 1;
+const RX_OVERRUN: u32 = 1 << 3;
+/// Of CTRL: transmitter and receiver with their interrupts.
+const ENABLE: u32 = 0b1111;
+/// Of INTSTATUS, to be written.
+const TX_DONE: u32 = 1 << 0;
+const RX_DONE: u32 = 1 << 1;
+
+/// An open ECU port.
+pub struct EcuPort {
+    /// From the ECU.
+    pub rx: EcuRx,
+    /// To the ECU.
+    pub tx: EcuTx,
+    /// What went wrong on the line, counted in the UART's interrupt.
+    pub errors: &'static LineErrors,
+}
+
+/// Reads bytes as they arrive.
+pub struct EcuRx(&'static Port);
+
+/// Writes bytes.
+pub struct EcuTx(&'static Port);
+
+/// A UART and what its interrupts and its two halves share.
+pub struct Port {
+    base: usize,
+    rx_interrupt: Irq,
+    tx_interrupt: Irq,
+    received: Pipe<CriticalSectionRawMutex, RX_BUFFER>,
+    to_send: Pipe<CriticalSectionRawMutex, TX_BUFFER>,
+    /// The UART has taken the last byte.
+    drained: Signal<CriticalSectionRawMutex, ()>,
+    /// How long a byte takes on the line, and when the last one has left it.
+    line: Mutex<CriticalSectionRawMutex, Cell<(Duration, Instant)>>,
+    errors: LineErrors,
+}
+
+static UARTS: [Port; PORTS.len()] = [
+    Port::new(0x4000_4000, 0),
+    Port::new(0x4000_5000, 2),
+    Port::new(0x4000_6000, 4),
+    Port::new(0x4000_7000, 18),
+];
+
+/// Writes the UARTs' interrupts into the vector table.
+pub const fn bind(table: &mut [Handler; 32]) {
+    const RECEIVE: [Handler; PORTS.len()] = [receive::<0>, receive::<1>, receive::<2>, receive::<3>];
+    const TRANSMIT: [Handler; PORTS.len()] = [transmit::<0>, transmit::<1>, transmit::<2>, transmit::<3>];
+    let mut i = 0;
+    while i < PORTS.len() {
+        table[UARTS[i].rx_interrupt.0 as usize] = RECEIVE[i];
+        table[UARTS[i].tx_interrupt.0 as usize] = TRANSMIT[i];
+        i += 1;
+    }
+}
+
+extern "C" fn receive<const N: usize>() {
+    UARTS[N].receive();
+}
+
+extern "C" fn transmit<const N: usize>() {
+    UARTS[N].transmit();
+}
+
+impl Port {
+    const fn new(base: usize, rx_interrupt: u16) -> Self {
+        Self {
+            base,
+            rx_interrupt: Irq(rx_interrupt),
+            tx_interrupt: Irq(rx_interrupt + 1),
+            received: Pipe::new(),
+            to_send: Pipe::new(),
+            drained: Signal::new(),
+            line: Mutex::new(Cell::new((Duration::MIN, Instant::MIN))),
+            errors: LineErrors::new(),
+        }
+    }
+
+    const fn data(&self) -> Register {
+        Register(self.base)
+    }
+
+    const fn state(&self) -> Register {
+        Register(self.base + 0x04)
+    }
+
+    const fn control(&self) -> Register {
+        Register(self.base + 0x08)
+    }
+
+    const fn interrupts(&self) -> Register {
+        Register(self.base + 0x0C)
+    }
+
+    const fn divisor(&self) -> Register {
+        Register(self.base + 0x10)
+    }
+
+    /// Opens a port: 8 data bits, no parity, one stop bit. To be called once for each.
+    ///
+    /// # Panics
+    ///
+    /// If the line has two stop bits, which this UART cannot send.
+    pub fn open(number: usize, line: Line) -> EcuPort {
+        defmt::assert!(line.stop_bits == StopBits::One, "{=str} sends one stop bit only", PORTS[number]);
+        let port = &UARTS[number];
+        port.line.lock(|state| state.set((line.time_of(1), Instant::MIN)));
+        port.divisor().write(CLOCK_HZ / line.baud);
+        port.control().write(ENABLE);
+        unmask(port.rx_interrupt);
+        unmask(port.tx_interrupt);
+        EcuPort { rx: EcuRx(port), tx: EcuTx(port), errors: &port.errors }
+    }
+
+    /// The interrupt of the receiver.
+    fn receive(&self) {
+        self.interrupts().write(RX_DONE);
+        let state = self.state().read();
+        if state & RX_OVERRUN != 0 {
+            self.state().write(RX_OVERRUN);
+            self.errors.count(LineError::Overrun);
+        }
+        if state & RX_FULL != 0 {
+            let byte = self.data().read() as u8;
+            if self.received.try_write(&[byte]).is_err() {
+                self.errors.count(LineError::Overrun); // nobody reads
+            }
+        }
+    }
+
+    /// The interrupt of the transmitter: it has taken a byte, or a writer wants it to.
+    #[expect(clippy::disallowed_methods, reason = "this UART does not tell when its line is idle")]
+    fn transmit(&self) {
+        self.interrupts().write(TX_DONE);
+        let mut byte = [0];
+        while self.state().read() & TX_FULL == 0 {
+            if self.to_send.try_read(&mut byte).is_err() {
+                return self.drained.signal(());
+            }
+            self.data().write(byte[0].into());
+            self.line.lock(|line| {
+                let (byte_time, free) = line.get();
+                line.set((byte_time, free.max(Instant::now()) + byte_time));
+            });
+        }
+    }
+
+    fn is_drained(&self) -> bool {
+        self.to_send.is_empty() && self.state().read() & TX_FULL == 0
+    }
+}
+
+impl ErrorType for EcuRx {
+    type Error = Infallible;
+}
+
+impl Read for EcuRx {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        Ok(self.0.received.read(buffer).await)
+    }
+}
+
+impl ErrorType for EcuTx {
+    type Error = Infallible;
+}
+
+impl Write for EcuTx {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let count = self.0.to_send.write(bytes).await;
+        pend(self.0.tx_interrupt);
+        Ok(count)
+    }
+
+    /// Returns when the last stop bit is out.
+    #[expect(clippy::disallowed_methods, reason = "this UART does not tell when its line is idle")]
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        while !self.0.is_drained() {
+            self.0.drained.wait().await;
+        }
+        Timer::at(self.0.line.lock(Cell::get).1).await;
+        Ok(())
+    }
+}
