@@ -106,7 +106,7 @@ pub enum Order {
     Run(Demand),
     /// The ECU's PWM input rules (ZK-8).
     Pwm,
-    /// Nothing: after a reset, until the ECU has said what its engine does. ZK sends ID 0, AMT does not answer.
+    /// Nothing: after a reset, until the ECU has said what its engine does. ZK sends ID 0; AMT says back to the ECU what it says it obeys.
     Listen,
 }
 

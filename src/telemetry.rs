@@ -200,6 +200,8 @@ pub struct Report {
     pub version: Option<Timed<zk::codec::Version>>,
     /// ZK status rate.
     pub rate: Option<Timed<zk::codec::Rate>>,
+    /// When the ECU last told that it had just been powered up (AMT set-up set).
+    pub powered_up: Option<Instant>,
     /// AMT engine.
     pub amt_engine: Option<Timed<amt::codec::Engine>>,
     /// AMT set-up set.

@@ -27,7 +27,7 @@ pub struct Supervision {
     /// The demand is reduced to so many thousandths while another engine of the group has failed. Default `None`: that is
     /// told, and this engine left alone. At most 1000.
     pub when_other_fails: Option<u16>,
-    /// The longest wait for the ECU's state after its first frame, following a reset. Default 2 s, at least 0.3 s.
+    /// The longest wait for the ECU's state after its first frame, following a reset. Default 1 s, at least 0.3 s.
     pub listen: Duration,
 }
 
@@ -245,7 +245,7 @@ impl Supervision {
         },
         governor: None,
         when_other_fails: None,
-        listen: Duration::from_secs(2),
+        listen: Duration::from_secs(1),
     };
 
     /// Checks every range.

@@ -559,6 +559,11 @@ impl Engine {
         let Some(heard) = self.link.heard() else { return };
         let until = *until.get_or_insert(heard + self.config.listen);
         let kept = *kept;
+        if self.link.report().powered_up.is_some() {
+            // An ECU that has just been powered up runs nothing.
+            self.standby(now, Origin::Node);
+            return;
+        }
         match self.link.report().phase.map(|phase| phase.value) {
             Some(phase) if phase.is_alive() => self.go_on(now, kept),
             // The document has no name for it: whatever was in force stays in force, and if nothing was, standby.

@@ -10,6 +10,8 @@ const PARTS: u64 = 1000;
 pub(super) struct Ramp {
     parts: u64,
     at: Instant,
+    target: u64,
+    rates: Rates,
 }
 
 /// How fast, in units a second. `None`: at once.
@@ -24,32 +26,42 @@ impl Rates {
 }
 
 impl Ramp {
+    /// At rest.
     pub const fn new(value: u32, at: Instant) -> Self {
-        Self { parts: value as u64 * PARTS, at }
+        let parts = value as u64 * PARTS;
+        Self { parts, at, target: parts, rates: Rates::AT_ONCE }
     }
 
-    /// Whole units, rounded down on the way up and up on the way down by at most one.
+    /// Whole units, rounded down.
     pub const fn value(&self) -> u32 {
         (self.parts / PARTS) as u32
     }
 
-    /// Moves on to `now`. Gives when to come back, if it is still on its way: after `step` or at its end.
+    /// Moves on to `now`, and from there to a target. Gives when to come back, if it is still on its way: after
+    /// `step` or at its end. The time up to now belongs to the target before.
     pub fn follow(&mut self, now: Instant, target: u32, rates: Rates, step: Duration) -> Option<Instant> {
-        let target = u64::from(target) * PARTS;
-        let passed = now.saturating_duration_since(self.at).as_micros();
-        self.at = now;
-        let (rate, up) = if target >= self.parts { (rates.up, true) } else { (rates.down, false) };
-        let way = target.abs_diff(self.parts);
+        self.advance(now);
+        self.target = u64::from(target) * PARTS;
+        self.rates = rates;
+        // A target that is to be reached at once.
+        self.advance(now);
+        let left = self.target.abs_diff(self.parts);
+        let rate = self.rate().filter(|_| left > 0)?;
         // Units a second are parts a millisecond.
-        let moved = rate.map_or(way, |rate| (u64::from(rate) * passed / 1000).min(way));
-        self.parts = if up { self.parts + moved } else { self.parts - moved };
-        let left = way - moved;
-        if left == 0 {
-            return None;
-        }
-        let rate = u64::from(rate.unwrap_or(u32::MAX)).max(1);
-        let end = Duration::from_micros((left * 1000).div_ceil(rate));
+        let end = Duration::from_micros((left * 1000).div_ceil(u64::from(rate.max(1))));
         Some(now + end.min(step))
+    }
+
+    fn advance(&mut self, now: Instant) {
+        let passed = now.saturating_duration_since(self.at).as_micros();
+        self.at = self.at.max(now);
+        let way = self.target.abs_diff(self.parts);
+        let moved = self.rate().map_or(way, |rate| (u64::from(rate) * passed / 1000).min(way));
+        self.parts = if self.target >= self.parts { self.parts + moved } else { self.parts - moved };
+    }
+
+    const fn rate(&self) -> Option<u32> {
+        if self.target >= self.parts { self.rates.up } else { self.rates.down }
     }
 }
 
@@ -80,10 +92,19 @@ mod tests {
     fn slow_rates_lose_nothing_to_many_updates() {
         let mut ramp = Ramp::new(0, ms(0));
         let rates = Rates { up: Some(10), down: None };
-        for at in 1..=10_000 {
+        for at in 0..=10_000 {
             ramp.follow(ms(at), 1000, rates, STEP);
         }
         assert_eq!(ramp.value(), 100);
+    }
+
+    #[test]
+    fn time_at_rest_does_not_count() {
+        let mut ramp = Ramp::new(800, ms(0));
+        ramp.follow(ms(5000), 0, Rates { up: None, down: Some(500) }, STEP);
+        assert_eq!(ramp.value(), 800);
+        ramp.follow(ms(5100), 0, Rates { up: None, down: Some(500) }, STEP);
+        assert_eq!(ramp.value(), 750);
     }
 
     #[test]

@@ -18,7 +18,7 @@ use std::cell::RefCell;
 use std::future::Future;
 
 /// Longer than any start, any cooling and any retry.
-pub const LONG: Duration = Duration::from_secs(240);
+pub const LONG: Duration = Duration::from_secs(900);
 /// How often a source of commands speaks.
 const PERIOD: Duration = Duration::from_millis(100);
 

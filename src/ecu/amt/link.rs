@@ -88,6 +88,8 @@ pub struct AmtLink {
     outbox: Outbox,
     counters: Counters,
     order: Order,
+    /// What the ECU says it obeys: said back to it while nothing is ordered, which changes nothing.
+    mirror: Option<Control>,
     ctf: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
@@ -115,6 +117,7 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
+            mirror: None,
             ctf: false,
             damaged: false,
             sending: None,
@@ -151,6 +154,14 @@ impl AmtLink {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
+                self.mirror = Some(Control {
+                    ops: match switch {
+                        SwitchPosition::EmergencyStop => Ops::EmergencyStop,
+                        SwitchPosition::AutoStop => Ops::AutoStop,
+                        SwitchPosition::Run => Ops::Run,
+                    },
+                    throttle: Throttle::from_tenths(throttle.tenths()).unwrap_or(Throttle::IDLE),
+                });
                 self.rpm(now, rpm);
                 self.common(now, egt, throttle, vout);
                 self.faults(now, ErrorBits(0));
@@ -178,6 +189,9 @@ impl AmtLink {
                     self.identify(now, Some(engine), true);
                 }
                 self.report.amt_setup = Some(Timed::new(setup, now));
+                // It comes after a power-up only, so its engine stands.
+                self.report.powered_up = Some(now);
+                self.mirror = Some(Control { ops: Ops::AutoStop, throttle: Throttle::IDLE });
                 self.outbox.event(Event::EcuStarted);
             }
             Message::Unknown => {
@@ -263,8 +277,9 @@ impl AmtLink {
 
     /// AMT-11: one reply to this frame, right now or not at all.
     fn answer(&mut self, now: Instant) {
-        if self.order == Order::Listen {
-            // After a reset: the wrong answer could stop a running engine, no answer does not for its serial delay.
+        if self.order == Order::Listen && self.mirror.is_none() {
+            // After a reset, and the ECU has not said yet what it obeys. A wrong answer could stop a running engine;
+            // no answer does not, for the ECU's serial delay time.
             return;
         }
         let window_end = now + REPLY_WINDOW;
@@ -299,10 +314,12 @@ impl AmtLink {
                 // AMT-14: until full operation, the start throttle.
                 (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
             }
-            // An rpm is refused by `order`, a hand-over too, and while it listens nothing is answered.
-            Order::Standby | Order::Listen | Order::Pwm | Order::Run(Demand::Rpm(_)) => {
-                (Ops::AutoStop, Throttle::IDLE)
-            }
+            Order::Listen => match self.mirror {
+                Some(Control { ops, throttle }) => (ops, throttle),
+                None => (Ops::AutoStop, Throttle::IDLE),
+            },
+            // An rpm is refused by `order`, a hand-over too.
+            Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
         };
         // AMT-13: asked for by its own name, and never instead of an emergency stop.
         let ops = if self.ctf && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
