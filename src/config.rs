@@ -9,6 +9,7 @@ use crate::ecu::zk::{self, codec::Rate};
 use crate::engine::Loss;
 use crate::line::{Line, StopBits};
 use crate::link::Timing;
+use embassy_time::Duration;
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see the board's file under
 /// `src/board/` for their names and pins.
@@ -39,6 +40,9 @@ pub const ENGINES: [EngineConfig; if cfg!(feature = "board-pixracer") { 5 } else
 };
 
 const _: () = check(&ENGINES);
+
+/// The longest time that makes sense anywhere in a table of engines.
+const LONGEST: Duration = Duration::from_secs(60);
 
 /// One engine and the port it sits on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -100,8 +104,10 @@ pub enum ConfigError {
     AmtStopBits(usize),
     /// No reply fits the window: the guard is too long (AMT-11).
     NoReplyFits(usize),
-    /// A link would never be up, or would be lost at once.
+    /// A link would never be up, or would be lost at once or never.
     Timing(usize),
+    /// A stage of loss would last longer than 60 s.
+    Loss(usize),
 }
 
 impl ConfigError {
@@ -117,7 +123,8 @@ impl ConfigError {
             }
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
-            Self::Timing(_) => "an engine's link timing is zero",
+            Self::Loss(_) => "a stage of an engine's loss lasts longer than 60 s",
+            Self::Timing(_) => "an engine's link timing is zero, or above 60 s",
         }
     }
 
@@ -129,7 +136,8 @@ impl ConfigError {
             | Self::RateTooFast(row)
             | Self::AmtStopBits(row)
             | Self::NoReplyFits(row)
-            | Self::Timing(row) => row,
+            | Self::Timing(row)
+            | Self::Loss(row) => row,
         }
     }
 }
@@ -153,8 +161,18 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if !engine.line.is_printed_rate() {
             return Err(ConfigError::BaudRate(row));
         }
-        if engine.timing.up_after == 0 || engine.timing.lost_after.as_ticks() == 0 {
+        let timing = &engine.timing;
+        if timing.up_after == 0
+            || timing.lost_after.as_ticks() == 0
+            || timing.lost_after.as_ticks() > LONGEST.as_ticks()
+        {
             return Err(ConfigError::Timing(row));
+        }
+        let loss = &engine.loss;
+        if loss.hold.as_ticks() > LONGEST.as_ticks()
+            || matches!(loss.standby_after, Some(after) if after.as_ticks() > LONGEST.as_ticks())
+        {
+            return Err(ConfigError::Loss(row));
         }
         match &engine.ecu {
             EcuConfig::Zk(config) => {

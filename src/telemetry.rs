@@ -63,7 +63,7 @@ pub enum Phase {
 impl Phase {
     /// Whether the ECU reports an engine that burns no fuel.
     pub const fn is_stopped(self) -> bool {
-        matches!(self, Self::Stopped | Self::Standby | Self::Cooling)
+        matches!(self, Self::Stopped | Self::Standby | Self::Cooling | Self::Service)
     }
 
     /// Whether the ECU reports an engine on its way up or running.

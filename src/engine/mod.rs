@@ -19,6 +19,11 @@ use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
+/// So many reports in a row of a standing engine withdraw an order to run.
+const STOPPED_REPORTS: u8 = 3;
+/// An older phase is no longer what the engine does.
+const PHASE_MAX_AGE: Duration = Duration::from_secs(3);
+
 /// What happens when the source of commands falls silent while its engine runs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -53,6 +58,9 @@ pub struct Engine {
     start_allowed: bool,
     /// The ECU reported an engine starting or running under this order to run.
     came_alive: bool,
+    /// Reports in a row, up to the one of this instant, that the engine stands.
+    stopped_reports: u8,
+    stopped_at: Option<Instant>,
     commands_rejected: u32,
     last_rejection: Option<(Rejected, Origin)>,
     events: Deque<Event, 4>,
@@ -72,6 +80,8 @@ impl Engine {
             stop_latched: false,
             start_allowed: false,
             came_alive: false,
+            stopped_reports: 0,
+            stopped_at: None,
             commands_rejected: 0,
             last_rejection: None,
             events: Deque::new(),
@@ -163,6 +173,7 @@ impl Engine {
             Command::Run(demand) => self.run(now, demand, origin),
             Command::HandOverToPwm => self.link.order(now, Order::Pwm).map(|()| {
                 self.start_allowed = false;
+                self.demand = None;
                 self.note_order(Order::Pwm, origin);
             }),
             Command::Service(service) => {
@@ -202,7 +213,12 @@ impl Engine {
 
     fn release(&mut self, now: Instant, origin: Origin) -> Result<(), Rejected> {
         if self.stop_latched {
-            self.require_stopped()?;
+            // Standby is no start, so a phase that the ECU no longer tells does not keep the stop: an AMT error
+            // set carries none.
+            let told = self.link.report().phase.is_some_and(|phase| phase.age(now) <= PHASE_MAX_AGE);
+            if told {
+                self.require_stopped()?;
+            }
             self.stop_latched = false;
             self.order(now, Order::Standby, origin);
         }
@@ -223,6 +239,7 @@ impl Engine {
         if !running {
             self.start_allowed = false;
             self.came_alive = false;
+            self.stopped_reports = 0;
         }
         self.demand = Some(demand);
         self.source_heard = now;
@@ -264,11 +281,16 @@ impl Engine {
     /// The ECU's own state wins over what was commanded.
     fn follow(&mut self, now: Instant) {
         let Order::Run(_) = self.ordered.order else { return };
-        let phase = self.phase();
-        if phase.is_some_and(Phase::is_alive) {
-            self.came_alive = true;
+        if let Some(phase) = self.link.report().phase {
+            self.came_alive |= phase.value.is_alive();
+            if !phase.value.is_stopped() {
+                self.stopped_reports = 0;
+            } else if self.stopped_at.replace(phase.at) != Some(phase.at) {
+                self.stopped_reports = self.stopped_reports.saturating_add(1);
+            }
         }
-        let stopped = self.came_alive && phase.is_some_and(Phase::is_stopped);
+        // On a noisy line one or two damaged frames can say so of an engine that runs.
+        let stopped = self.came_alive && self.stopped_reports >= STOPPED_REPORTS;
         let gone = !self.came_alive && self.link.state() == LinkState::Lost;
         if stopped || gone {
             self.order(now, Order::Standby, Origin::Node);
@@ -303,14 +325,21 @@ impl Engine {
                     },
                     None => Demand::Throttle(Throttle::IDLE),
                 };
-                // No link refuses a throttle, nor an rpm below one that it took before.
-                if self.link.order(now, Order::Run(safe)).is_ok() {
-                    self.note_order(Order::Run(safe), Origin::Node);
+                // An ECU that changed its maximum may refuse the rpm; no link refuses a throttle.
+                let idle = Demand::Throttle(Throttle::IDLE);
+                for safe in [safe, idle] {
+                    if self.link.order(now, Order::Run(safe)).is_ok() {
+                        self.note_order(Order::Run(safe), Origin::Node);
+                        break;
+                    }
                 }
             }
             LossStage::FailSafe => {
-                self.order(now, Order::Standby, Origin::Node);
                 self.stage(LossStage::Standby);
+                if self.link.order(now, Order::Standby).is_ok() {
+                    self.demand = None;
+                    self.note_order(Order::Standby, Origin::Node);
+                }
             }
             LossStage::Standby => {}
         }

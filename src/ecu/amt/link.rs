@@ -16,7 +16,7 @@ use super::codec::{Control, Decoder, Engine, ErrorBits, Frame, Message, Ops, Sta
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::line::{Line, LineError};
-use crate::link::{Link, Outbox, Output, Presence, Timing, Transmission};
+use crate::link::{Agreed, Link, Outbox, Output, Presence, Timing, Transmission};
 use crate::telemetry::{
     Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
     bump,
@@ -51,8 +51,8 @@ impl Config {
     /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
     /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
     pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
-        let needed = line.time_of(CONTROL_LEN as u32).as_ticks() + self.reply_guard.as_ticks();
-        if needed > REPLY_WINDOW.as_ticks() {
+        let needed = line.time_of(CONTROL_LEN as u32).as_ticks().saturating_add(self.reply_guard.as_ticks());
+        if needed >= REPLY_WINDOW.as_ticks() {
             return None;
         }
         Some(Duration::from_ticks(REPLY_WINDOW.as_ticks() - needed))
@@ -126,17 +126,25 @@ impl AmtLink {
     }
 
     fn frame(&mut self, now: Instant, frame: &Frame) {
-        if self.presence.frame(now) {
-            self.outbox.event(Event::LinkUp);
-        }
         // There is no checksum, so a line error is all that can tell a damaged frame from a good one. It
-        // costs the frame's values, never the reply.
+        // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
         if core::mem::take(&mut self.damaged) {
             bump(&mut self.counters.damaged_frames);
         } else {
+            self.hear(now);
             self.believe(now, frame);
         }
         self.answer(now);
+    }
+
+    fn hear(&mut self, now: Instant) {
+        // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
+        if self.presence.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+        }
+        if self.presence.frame(now) {
+            self.outbox.event(Event::LinkUp);
+        }
     }
 
     fn believe(&mut self, now: Instant, frame: &Frame) {
@@ -187,14 +195,16 @@ impl AmtLink {
             SwitchPosition::Run => ReportedSwitch::Run,
         };
         self.report.switch = Some(Timed::new(switch_reported, now));
-        if self.phase.see(phase_of(state, switch, rpm))
+        let seen = phase_of(state, switch, rpm);
+        if self.phase.see(seen)
             && let Some(phase) = self.phase.get()
         {
             self.outbox.event(Event::Phase(phase));
             self.released = phase == Phase::Running || (phase == Phase::Unknown && self.released);
         }
-        if let Some(phase) = self.phase.get() {
-            self.report.phase = Some(Timed::new(phase, now));
+        // A frame that says otherwise does not make the phase any newer.
+        if self.phase.get() == Some(seen) {
+            self.report.phase = Some(Timed::new(seen, now));
         }
     }
 
@@ -408,43 +418,6 @@ impl Link for AmtLink {
             events_lost: self.outbox.events_lost,
             ..self.counters
         }
-    }
-}
-
-/// A value that changes only when two frames in a row say so: AMT frames have no checksum, and one odd
-/// frame must not drop the throttle of a running engine.
-#[derive(Clone, Copy, Debug)]
-struct Agreed<T> {
-    value: Option<T>,
-    candidate: Option<T>,
-}
-
-impl<T: Copy + PartialEq> Agreed<T> {
-    const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None }
-    }
-
-    const fn get(&self) -> Option<T> {
-        self.value
-    }
-
-    /// One frame says this. True if the value changed.
-    fn see(&mut self, seen: T) -> bool {
-        if self.value == Some(seen) {
-            self.candidate = None;
-            return false;
-        }
-        if self.candidate == Some(seen) {
-            return self.set(seen);
-        }
-        self.candidate = Some(seen);
-        false
-    }
-
-    /// It is certain. True if the value changed.
-    fn set(&mut self, value: T) -> bool {
-        self.candidate = None;
-        self.value.replace(value) != Some(value)
     }
 }
 

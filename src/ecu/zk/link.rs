@@ -17,7 +17,7 @@ use super::codec::{
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::line::{Line, LineError};
-use crate::link::{Link, Outbox, Output, Presence, Timing, Transmission, earlier};
+use crate::link::{Agreed, Link, Outbox, Output, Presence, Timing, Transmission, earlier};
 use crate::telemetry::{
     Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
     bump,
@@ -33,6 +33,8 @@ const RATE_ATTEMPTS: u8 = 5;
 const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
 /// Attempts of a service command that the ECU confirms.
 const SERVICE_ATTEMPTS: u8 = 3;
+/// For the ECU to show the switch that was ordered: status ID 1 comes round within 0.5 s.
+const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
 /// Between two pressures (ZK-14).
 const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
@@ -101,6 +103,11 @@ enum ServiceState {
         service: Service,
         attempts_left: u8,
     },
+    /// The command is going out.
+    Sending {
+        service: Service,
+        attempts_left: u8,
+    },
     /// Until status ID 5 shows it.
     Confirming {
         service: Service,
@@ -140,10 +147,27 @@ pub struct ZkLink {
     second_next: bool,
     /// The last turn was used for something else than switch and demand.
     extra_last: bool,
-    /// The ECU reported a running engine, and nothing below it since. A state without a name does not end it.
+    /// The ECU reported a running engine, and nothing below it twice since. A state without a name does not end it.
     released: bool,
-    /// The ECU was given a switch by ID 6: it ignores the one of ID 1 from then on (ZK-9).
+    /// Its last report was of a running engine.
+    released_before: bool,
+    /// The ECU was given a switch by ID 6: it ignores the one of ID 1 from then on (ZK-9). Never forgotten, whatever
+    /// version a status frame names.
     switch_by_id6: bool,
+    /// It may have been given one before we came: it ran when the first order was given, or it does not follow ID 1.
+    wants_id6: bool,
+    /// Reports in a row that the ECU obeys another switch than the one ordered.
+    not_followed: u8,
+    /// When what is ordered last changed in kind.
+    ordered_at: Instant,
+    /// RPM_X of the rpm order in force. It stays for as long as that does: a code for one factor must not come under
+    /// another.
+    factor: Option<RpmFactor>,
+    /// RPM_X as it last went out.
+    factor_sent: RpmFactor,
+    // What decides how the ECU is spoken to changes only when two frames agree.
+    identity: Agreed<(Version, Rpm)>,
+    idle: Agreed<Rpm>,
     wanted_rate: Rate,
     rate: RateState,
     service: ServiceState,
@@ -169,6 +193,14 @@ impl ZkLink {
             extra_last: false,
             released: false,
             switch_by_id6: false,
+            wants_id6: false,
+            not_followed: 0,
+            ordered_at: Instant::MIN,
+            factor: None,
+            factor_sent: RpmFactor::OFF,
+            identity: Agreed::new(None),
+            idle: Agreed::new(None),
+            released_before: false,
             wanted_rate: config.rate,
             rate: RateState::NotKnown,
             service: ServiceState::None,
@@ -182,6 +214,8 @@ impl ZkLink {
     // -----------------------------------------------------------------------------------------
 
     fn frame(&mut self, now: Instant, frame: &StatusFrame) {
+        // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
+        self.check_presence(now);
         if self.presence.frame(now) {
             self.outbox.event(Event::LinkUp);
         }
@@ -195,6 +229,7 @@ impl ZkLink {
             Status::Engine { state, error, egt, switch } => {
                 report.egt = Some(Timed::new(egt, now));
                 report.switch = Some(Timed::new(reported(switch), now));
+                self.check_switch(now);
                 self.state(now, state);
                 self.faults(now, error);
             }
@@ -223,13 +258,14 @@ impl ZkLink {
                 self.confirm();
             }
             Status::Identity { max_rpm, max_pump, version, rate } => {
-                report.max_rpm = Some(Timed::new(max_rpm, now));
                 let max_pump = Reading { raw: max_pump.0, voltage: max_pump.millivolts(Some(version)) };
                 report.pump_max = Some(Timed::new(max_pump, now));
-                let before = report.version.replace(Timed::new(version, now));
-                if before.is_none_or(|before| before.value != version) {
-                    self.switch_by_id6 = false;
-                    self.outbox.event(Event::VersionKnown(version));
+                if self.identity.first_or_see((version, max_rpm)) {
+                    report.max_rpm = Some(Timed::new(max_rpm, now));
+                    let before = report.version.replace(Timed::new(version, now));
+                    if before.is_none_or(|before| before.value != version) {
+                        self.outbox.event(Event::VersionKnown(version));
+                    }
                 }
                 report.rate = rate.map(|rate| Timed::new(rate, now));
                 self.compare_rate(now, rate);
@@ -239,7 +275,9 @@ impl ZkLink {
                 report.fuel_total = Some(Timed::new(total, now));
             }
             Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
-                report.idle_rpm = Some(Timed::new(idle_rpm, now));
+                if self.idle.first_or_see(idle_rpm) {
+                    report.idle_rpm = Some(Timed::new(idle_rpm, now));
+                }
                 // ZK-7: the rest of this frame from version 4.
                 if knows(version, 4) {
                     report.pressure_requested = Some(Timed::new(pressure_requested, now));
@@ -255,11 +293,25 @@ impl ZkLink {
         }
     }
 
+    fn check_presence(&mut self, now: Instant) {
+        if self.presence.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+            // Whoever comes back may have restarted, with another rate.
+            self.rate = RateState::NotKnown;
+        }
+    }
+
     fn state(&mut self, now: Instant, state: State) {
         let ecu_state = EcuState { code: state.code(), name: state.name() };
         self.report.state = Some(Timed::new(ecu_state, now));
         let phase = phase_of(state);
-        self.released = phase == Phase::Running || (phase == Phase::Unknown && self.released);
+        self.released = match phase {
+            Phase::Running => true,
+            Phase::Unknown => self.released,
+            // One report alone, perhaps of a damaged frame, does not drop the throttle of a running engine.
+            _ => self.released && self.released_before,
+        };
+        self.released_before = matches!(phase, Phase::Running | Phase::Unknown);
         let before = self.report.phase.replace(Timed::new(phase, now));
         if before.is_none_or(|before| before.value != phase) {
             self.outbox.event(Event::Phase(phase));
@@ -311,7 +363,7 @@ impl ZkLink {
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
         let known = self.version().map(Version::get);
-        if needed.get() <= known.unwrap_or(1) {
+        if needed.get() <= known.unwrap_or(1).max(1) {
             return Ok(());
         }
         Err(Rejected::NeedsVersion { needed: needed.get(), known })
@@ -322,22 +374,17 @@ impl ZkLink {
     // -----------------------------------------------------------------------------------------
 
     fn turn(&mut self, now: Instant) {
-        let control = self.compose(now);
         self.out_of_turn = false;
+        let control = self.compose(now);
         self.outbox.put(Transmission::new(control.encode(), None));
     }
 
     fn compose(&mut self, now: Instant) -> Control {
         if self.order == Some(Order::EmergencyStop) {
-            // An unlock whose command was pre-empted begins anew, should the stop ever be released.
-            if let ServiceState::Unlocking { service, attempts_left } = self.service {
-                self.service = ServiceState::Waiting { service, attempts_left };
-            }
             return self.switch_and_demand();
         }
         if let ServiceState::Unlocking { service, attempts_left } = self.service {
-            self.service = ServiceState::Confirming { service, attempts_left, until: now + CONFIRM_WITHIN };
-            self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+            self.service = ServiceState::Sending { service, attempts_left };
             return service.control();
         }
         // The demand never waits for two turns.
@@ -386,9 +433,7 @@ impl ZkLink {
             self.service = ServiceState::Unlocking { service, attempts_left };
             return Some(Control::Unlock);
         }
-        // Nothing in the status confirms an action.
-        self.service = ServiceState::None;
-        self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+        self.service = ServiceState::Sending { service, attempts_left };
         Some(service.control())
     }
 
@@ -414,13 +459,10 @@ impl ZkLink {
             Order::Pwm => (Switch::Pwm, Demand::Throttle(Throttle::IDLE)),
             Order::Run(demand) => (Switch::Run, self.limited(demand)),
         };
-        let factor = match (demand, self.report.max_rpm) {
-            (Demand::Rpm(_), Some(max)) => RpmFactor::covering(max.value),
-            _ => RpmFactor::OFF,
+        let factor = match demand {
+            Demand::Rpm(_) => self.factor(),
+            Demand::Throttle(_) => RpmFactor::OFF,
         };
-        let by_id6 = self.switch_by_id6
-            || factor != RpmFactor::OFF
-            || (self.config.split_switch && knows(self.version(), 4) && order != Order::Pwm);
         // The ECU ignores the switch of ID 1 in modes 2 and 3. It is sent all the same, and never as SW 0,
         // because an ECU that restarted has forgotten ID 6 and would take SW 0 for a hand-over to PWM (ZK-8).
         let with_throttle = |throttle| Control::Throttle { switch, throttle };
@@ -428,17 +470,60 @@ impl ZkLink {
         let (first, second) = match demand {
             // Mode 3. The rpm goes first: the mode must not come into force with an old one.
             Demand::Rpm(rpm) => (Control::Rpm(RpmCode::for_target(rpm, factor)), mode),
-            // Mode 2. An ECU that was given a switch by ID 6 has to be given the next one there, too.
-            Demand::Throttle(throttle) if by_id6 => (mode, with_throttle(throttle)),
+            Demand::Throttle(throttle) if self.by_id6(order) => match order {
+                // Leaving mode 3, the throttle goes first, for the same reason. A hand-over is said in ID 1 before ID 6
+                // lets go, or the switch that ID 1 had last would rule for a turn.
+                Order::Run(_) | Order::Pwm => (with_throttle(throttle), mode),
+                // A stop by ID 1 alone is for ECUs that never heard of ID 6.
+                Order::EmergencyStop if !self.switch_by_id6 => (with_throttle(throttle), mode),
+                // Mode 2. An ECU that was given a switch by ID 6 has to be given the next one there, too.
+                _ => (mode, with_throttle(throttle)),
+            },
             // Mode 1.
             Demand::Throttle(throttle) => return with_throttle(throttle),
         };
         let control = if self.second_next { second } else { first };
         self.second_next = !self.second_next;
-        if let Control::Mode { switch, .. } = control {
+        if let Control::Mode { factor, switch } = control {
             self.switch_by_id6 = switch != Switch::Pwm;
+            // What a new factor gives a meaning to follows at once: ECUs may ignore ID 7 before it, or ID 1.
+            let changed = core::mem::replace(&mut self.factor_sent, factor) != factor;
+            self.out_of_turn |= changed && switch != Switch::Pwm;
         }
         control
+    }
+
+    /// Whether the switch goes by ID 6.
+    fn by_id6(&self, order: Order) -> bool {
+        let wanted = match order {
+            Order::EmergencyStop => true,
+            Order::Pwm => false,
+            _ => self.config.split_switch || self.wants_id6,
+        };
+        self.switch_by_id6 || (wanted && knows(self.version(), 4))
+    }
+
+    /// RPM_X for the rpm order in force (ZK-9).
+    fn factor(&mut self) -> RpmFactor {
+        let max = self.report.max_rpm.map_or(Rpm::new(0), |max| max.value);
+        *self.factor.get_or_insert(RpmFactor::covering(max))
+    }
+
+    /// An ECU that does not follow the switch of ID 1 was given another by ID 6, before we came.
+    fn check_switch(&mut self, now: Instant) {
+        let expected = match self.order {
+            Some(Order::Standby) => ReportedSwitch::Standby,
+            Some(Order::Run(_)) => ReportedSwitch::Run,
+            _ => return,
+        };
+        let follows = self.report.switch.is_none_or(|switch| switch.value == expected);
+        if follows || now < self.ordered_at + FOLLOWS_WITHIN {
+            self.not_followed = 0;
+        } else {
+            // One report alone can be a damaged frame's.
+            self.not_followed = self.not_followed.saturating_add(1);
+            self.wants_id6 |= self.not_followed >= 2;
+        }
     }
 
     /// Until the ECU reports a running engine the demand stays at its minimum: ignition demands it. The
@@ -453,6 +538,18 @@ impl ZkLink {
                 Demand::Rpm(self.report.idle_rpm.map_or(Rpm::new(0), |idle| idle.value.min(rpm)))
             }
         }
+    }
+
+    fn cancel_service(&mut self) {
+        let (ServiceState::Waiting { service, .. }
+        | ServiceState::Unlocking { service, .. }
+        | ServiceState::Sending { service, .. }
+        | ServiceState::Confirming { service, .. }) = self.service
+        else {
+            return;
+        };
+        self.service = ServiceState::None;
+        self.outbox.event(Event::ServiceFailed(AnyService::Zk(service)));
     }
 
     fn transmission_over(&mut self, now: Instant) {
@@ -494,7 +591,16 @@ impl Link for ZkLink {
         }
         let before = self.order.replace(order);
         if before.map(kind) != Some(kind(order)) {
+            self.ordered_at = now;
             self.second_next = false;
+            self.factor = None;
+            // An ECU that runs already may have been given its switch by ID 6 before we came.
+            let alive = self.report.phase.is_some_and(|phase| phase.value.is_alive());
+            self.wants_id6 |= before.is_none() && alive;
+            // It needed a stopped engine, and is not to come out later.
+            if !matches!(order, Order::Standby) {
+                self.cancel_service();
+            }
             if order == Order::EmergencyStop {
                 // ZK knows no window: a stop goes out at once.
                 if self.outbox.busy() {
@@ -535,33 +641,41 @@ impl Link for ZkLink {
 
     fn sent(&mut self, now: Instant) {
         bump(&mut self.counters.sent);
+        if let ServiceState::Sending { service, attempts_left } = self.service {
+            self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+            // Nothing in the status confirms an action.
+            self.service = if service.needs_unlock() {
+                ServiceState::Confirming { service, attempts_left, until: now + CONFIRM_WITHIN }
+            } else {
+                ServiceState::None
+            };
+        }
         self.transmission_over(now);
     }
 
     fn not_sent(&mut self, now: Instant, why: NotSent) {
         self.counters.not_sent(why);
         self.outbox.event(Event::NotSent(why));
-        // An unlock that did not go out unlocks nothing.
-        if let ServiceState::Unlocking { service, attempts_left } = self.service {
+        // What did not go out is tried again, from the unlock on.
+        if let ServiceState::Unlocking { service, attempts_left }
+        | ServiceState::Sending { service, attempts_left } = self.service
+        {
             self.service = ServiceState::Waiting { service, attempts_left };
         }
         self.transmission_over(now);
     }
 
     fn timeout(&mut self, now: Instant) {
-        if self.presence.timeout(now) {
-            self.outbox.event(Event::LinkLost);
-            // Whoever comes back may have restarted, with another rate.
-            self.rate = RateState::NotKnown;
-        }
+        self.check_presence(now);
         let Some(due) = self.next_turn.filter(|due| now >= *due) else { return };
         let delay = now - due;
         let worst = self.counters.worst_turn_delay.get_or_insert(delay);
         *worst = delay.max(*worst);
         // Turns keep their beat; those that are over are skipped, never made up for in a burst.
         let interval = self.wanted_rate.interval();
-        let next = due + interval;
-        self.next_turn = Some(if next > now { next } else { now + interval });
+        let skipped = delay.as_ticks() / interval.as_ticks();
+        self.next_turn = Some(due + Duration::from_ticks(interval.as_ticks() * (skipped + 1)));
+        self.counters.turns_missed = self.counters.turns_missed.wrapping_add(skipped as u32);
         if self.outbox.idle() {
             self.turn(now);
         } else {
