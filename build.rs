@@ -26,7 +26,9 @@ fn main() {
     // memory.x in the package root includes board.x, which the linker finds in the folder added
     // here.
     let out = env::var("OUT_DIR").unwrap();
-    let map = format!("memory/{board}.x");
+    // Behind an ArduPilot bootloader the image begins later in the flash.
+    let place = if env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some() { "-ardupilot" } else { "" };
+    let map = format!("memory/{board}{place}.x");
     if let Err(error) = fs::copy(&map, Path::new(&out).join("board.x")) {
         panic!("{map}: {error}");
     }
@@ -36,7 +38,9 @@ fn main() {
         fs::write(Path::new(&out).join("device.x"), "").unwrap();
     }
     println!("cargo:rustc-link-search={out}");
-    println!("cargo:rustc-link-arg-bins=--nmagic"); // no padding of the image to the host's page size
-    println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+    // --nmagic: no padding of the image to the host's page size.
+    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+        println!("cargo:rustc-link-arg-examples={argument}");
+    }
 }

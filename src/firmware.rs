@@ -68,6 +68,8 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(demonstration(node)));
         #[cfg(feature = "trial")]
         spawner.spawn(defmt::unwrap!(trial(node)));
+        #[cfg(feature = "count")]
+        spawner.spawn(defmt::unwrap!(count()));
 
         let engines = board::start_engine_executor();
         for (config, runner) in ENGINES.iter().zip(node.runners()) {
@@ -208,6 +210,12 @@ async fn demonstration(node: &'static Node<N>) {
 #[embassy_executor::task]
 async fn trial(node: &'static Node<N>) {
     crate::trial::run(node).await
+}
+
+#[cfg(feature = "count")]
+#[embassy_executor::task]
+async fn count() {
+    board::count::run().await
 }
 
 #[embassy_executor::task]

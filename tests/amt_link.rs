@@ -132,7 +132,8 @@ fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
     for (baud, guard, five_bytes, slack) in [
         (2400, 0, 20_834, Some(9_166)),
         (2400, 500, 20_834, Some(8_666)),
-        (2400, 9_166, 20_834, Some(0)),
+        (2400, 9_165, 20_834, Some(1)),
+        (2400, 9_166, 20_834, None), // nothing is left
         (2400, 9_167, 20_834, None),
         (2400, 40_000, 20_834, None),
         (4800, 500, 10_417, Some(19_083)),
@@ -492,6 +493,39 @@ fn two_frames_far_apart_are_not_two_in_a_row() {
     assert_eq!(bench.machine.state(), LinkState::Up);
 }
 
+/// AMT-1: a frame with a line error is answered, but is no sign of an ECU: it neither brings the link up nor keeps
+/// it up.
+#[test]
+fn amt_1_damaged_frames_are_no_sign_of_life() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    for _ in 0..6 {
+        bench.machine.line_error(LineError::Framing);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Silent, None));
+    reply_to(&mut bench, &frame);
+    let t = bench.now();
+    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Silent, Some(us(t))));
+    reply_to(&mut bench, &frame);
+    let heard = bench.now();
+    assert_eq!(bench.machine.state(), LinkState::Up);
+    bench.event_kinds();
+    for _ in 0..7 {
+        bench.machine.line_error(LineError::Noise);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Up, Some(us(heard))));
+    bench.machine.line_error(LineError::Noise);
+    reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    for _ in 0..2 {
+        assert_eq!(bench.machine.state(), LinkState::Lost);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!(bench.machine.state(), LinkState::Up);
+}
+
 /// An ECU that is never heard is lost once, too.
 #[test]
 fn an_ecu_never_heard_is_lost_once() {
@@ -652,6 +686,37 @@ fn amt_3_phases() {
         };
         assert_eq!(bench.machine.report().switch.unwrap().value, switch_reported);
     }
+}
+
+/// The phase is as old as the last frame that agreed with it: neither an odd frame nor another set renews it.
+#[test]
+fn amt_3_only_frames_that_agree_renew_the_phase() {
+    let mut bench = running();
+    let running = normal(FULL_OPERATION, RUN, 100);
+    reply_to(&mut bench, &running);
+    let agreed = bench.now();
+    for other in [
+        normal(STARTING, RUN, 1),
+        normal(NO_CLEARANCE, EMERGENCY, 0),
+        normal(0b11111, RUN, 100),
+        error(0x01),
+        alternate(0x18),
+        normal(STARTED_UP, RUN, 50),
+    ] {
+        reply_to(&mut bench, &other);
+        let phase = bench.machine.report().phase.unwrap();
+        assert_eq!((phase.value, phase.at), (Phase::Running, us(agreed)), "{other:02x?}");
+    }
+    reply_to(&mut bench, &running);
+    let t = bench.now();
+    assert_eq!(bench.machine.report().phase.unwrap().at, us(t));
+    // Two that agree with each other are the new phase, as old as the second.
+    for _ in 0..2 {
+        reply_to(&mut bench, &normal(NO_CLEARANCE, EMERGENCY, 0));
+    }
+    let t = bench.now();
+    let phase = bench.machine.report().phase.unwrap();
+    assert_eq!((phase.value, phase.at), (Phase::Stopped, us(t)));
 }
 
 /// AMT-8: the faults are told when they change, bit 7 included.

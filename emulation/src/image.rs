@@ -75,3 +75,21 @@ pub fn folder() -> PathBuf {
 pub fn symbol(image: &[u8], name: &str) -> Option<u64> {
     rigless::symbols::Symbols::read(image, |value| value & !1).ok()?.get(name).ok()
 }
+
+/// Other instructions at an address of an image's flash.
+///
+/// # Panics
+/// If nothing of the image lies there.
+pub(crate) fn patch(elf: &mut [u8], address: u64, halfwords: &[u16]) {
+    let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]) as u64;
+    let half = |at: usize| usize::from(u16::from_le_bytes([elf[at], elf[at + 1]]));
+    // ELF32: the program headers' place, size and count; in each, where its bytes are and where they go.
+    let headers = (0..half(44)).map(|i| word(28) as usize + i * half(42));
+    let mut segments = headers.map(|at| (word(at + 4), word(at + 12), word(at + 16)));
+    let (file, physical, _) =
+        segments.find(|(_, from, length)| (*from..from + length).contains(&address)).expect("in the image");
+    let at = (file + address - physical) as usize;
+    for (i, halfword) in halfwords.iter().enumerate() {
+        elf[at + 2 * i..at + 2 * i + 2].copy_from_slice(&halfword.to_le_bytes());
+    }
+}

@@ -21,14 +21,14 @@ use crate::image::Image;
 use crate::log::{self, Log};
 use crate::quirks::TimerFlags;
 use crate::wire::{Far, Wire};
-use crate::{audit, engines};
+use crate::{audit, engines, image};
 
 type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
 
 /// A run, before it runs.
 pub struct Run {
-    pub(crate) board: &'static Board,
-    pub(crate) image: Image,
+    board: &'static Board,
+    image: Image,
     instructions_per_second: u64,
     wires: BTreeMap<&'static str, Wire>,
     tcp: Option<(&'static str, TcpPeer)>,
@@ -36,8 +36,9 @@ pub struct Run {
     taps: Vec<&'static str>,
     until: Nanos,
     live: bool,
-    pub(crate) resets_expected: usize,
-    pub(crate) errors_expected: bool,
+    patch: Option<(u64, &'static [u16])>,
+    resets_expected: usize,
+    errors_expected: bool,
 }
 
 impl Run {
@@ -53,6 +54,7 @@ impl Run {
             taps: Vec::new(),
             until: SECOND,
             live: false,
+            patch: None,
             resets_expected: 0,
             errors_expected: false,
         }
@@ -120,6 +122,12 @@ impl Run {
         self
     }
 
+    /// Breaks the image on purpose: other instructions at this address of its flash.
+    pub fn patch(mut self, address: u64, halfwords: &'static [u16]) -> Self {
+        self.patch = Some((address, halfwords));
+        self
+    }
+
     /// Runs, and panics unless everything that [`audit`] checks is in order.
     ///
     /// # Panics
@@ -154,11 +162,14 @@ impl Run {
     fn emulate(mut self) -> Report {
         let board = self.board;
         let path = self.image.path(board);
-        let bytes = self.image.read_or_exit(board);
+        let mut bytes = self.image.read_or_exit(board);
+        if let Some((address, halfwords)) = self.patch {
+            image::patch(&mut bytes, address, halfwords);
+        }
         let table = Table::parse(&bytes).expect("the image's table of log lines");
         let table = Arc::new(table.expect("the image has a table of log lines"));
         let symbols = Symbols::read(&bytes, |value| value & !1).expect("the image's symbols");
-        let image = rigless::image::Image::new(&path, bytes, None).expect("an ELF file");
+        let elf = rigless::image::Image::new(&path, bytes, None).expect("an ELF file");
 
         let mut rig = Rig::new(board, self.instructions_per_second);
         for (port, wire) in core::mem::take(&mut self.wires) {
@@ -197,7 +208,7 @@ impl Run {
                 bytes: Vec::new(),
             }),
         };
-        let images = [image];
+        let images = [elf];
         let finished = emulator::run(session, &Start::new(&images), hand).expect("the run");
 
         let hand = finished.driver;
@@ -304,13 +315,6 @@ impl Bench<'_> {
     /// A word of memory.
     pub fn word(&mut self, address: u64) -> Option<u32> {
         self.host.read(address, Width::W32).ok().map(|word| word as u32)
-    }
-
-    /// Breaks the firmware on purpose: other instructions at this address.
-    pub fn patch(&mut self, address: u64, halfwords: &[u16]) {
-        for (i, &halfword) in halfwords.iter().enumerate() {
-            self.host.program(address + 2 * i as u64, Width::W16, halfword.into()).expect("flash");
-        }
     }
 }
 

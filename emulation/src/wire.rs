@@ -171,14 +171,26 @@ impl Wire {
         self.recording = false;
     }
 
-    /// When the run has to stop for this wire, after `now`. Nothing that is due needs a stop: the UART asks
-    /// for it when its receiver is free.
+    /// When the run has to stop for this wire, after `now`. A byte that is due needs no stop: the UART asks for
+    /// it when its receiver is free.
     pub(crate) fn next(&self, now: Nanos) -> Option<Nanos> {
-        let byte = self.queue.front().filter(|_| self.on_the_line.is_none()).map(|queued| queued.due);
+        let front = self.queue.front().filter(|_| self.on_the_line.is_none());
+        let byte = front.map(|queued| queued.due).filter(|&due| due > now);
+        // A stop comes a few ns late while the core is busy, so what is overdue still needs one.
+        let wake = self.wake().map(|at| at.max(now + 1));
+        byte.into_iter().chain(wake).min()
+    }
+
+    /// When this end next has something to say.
+    fn wake(&self) -> Option<Nanos> {
         let ecu = self.ecu.next_wake();
         let ecu = (ecu != Nanos::MAX).then(|| ecu.saturating_sub(self.head_start));
-        let babble = self.babble.as_ref().map(|_| self.free_at.saturating_sub(self.line.byte_ns(8)));
-        [byte, babble].into_iter().flatten().filter(|&at| at > now).chain(ecu.map(|at| at.max(now + 1))).min()
+        ecu.into_iter().chain(self.babble.as_ref().map(|_| self.babble_on_at())).min()
+    }
+
+    /// When a babbling ECU needs more to say: eight bytes before it would pause.
+    fn babble_on_at(&self) -> Nanos {
+        self.free_at.saturating_sub(self.line.byte_ns(8))
     }
 
     /// The time is `now`.
@@ -187,9 +199,10 @@ impl Wire {
         if self.ecu.next_wake() <= now + self.head_start {
             self.ecu.advance(now + self.head_start, &mut bytes);
         }
+        let more = now >= self.babble_on_at();
         match &mut self.babble {
             None => self.push(now, &bytes),
-            Some(babble) if self.queue.len() < 16 => {
+            Some(babble) if more => {
                 let endless: Vec<u8> = babble.iter().copied().cycle().take(32).collect();
                 let said = endless.len() % babble.len();
                 babble.rotate_left(said);

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod decode;
+mod image;
 mod rig;
 
 use clap::{Parser, Subcommand};
@@ -18,6 +19,7 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     Decode(decode::Args),
+    Image(image::Args),
     /// Run the firmware's own code against simulated ECUs.
     Rig(rig::Args),
 }
@@ -31,6 +33,7 @@ fn main() -> ExitCode {
     };
     match cli.command {
         Command::Decode(args) => decode::run(args),
+        Command::Image(args) => image::run(args),
         Command::Rig(args) => rig::run(args),
     }
 }

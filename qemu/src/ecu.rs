@@ -65,11 +65,8 @@ pub struct Attached {
     pub ecu: Simulated,
     line: Line,
     caption: String,
-    shown: bool,
     /// The turbine's phases, as they came.
     pub phases: Vec<Phase>,
-    /// The frames that were sent to the firmware whole: the bytes of each.
-    pub frames: Vec<Vec<u8>>,
 }
 
 impl Attached {
@@ -102,17 +99,7 @@ impl Attached {
             }
         };
         let caption = format!("{}, {kind}, {} baud", engine.name, line.baud);
-        Self { engine: *engine, ecu, line, caption, shown: true, phases: Vec::new(), frames: Vec::new() }
-    }
-
-    /// The same on a line of another speed. QEMU does not mind.
-    pub fn at(self, baud: u32) -> Self {
-        Self { line: Line { baud, ..self.line }, ..self }
-    }
-
-    /// The same, and nothing is shown of it.
-    pub fn quiet(self) -> Self {
-        Self { shown: false, ..self }
+        Self { engine: *engine, ecu, line, caption, phases: Vec::new() }
     }
 
     /// The UART it hangs on.
@@ -132,7 +119,7 @@ impl Attached {
         let closer = socket.try_clone().map_err(problem)?;
         let (sender, receiver) = channel();
         std::thread::spawn(move || listen(reader, &sender));
-        let thread = std::thread::spawn(move || Wire::new(self, socket, began).run(&receiver));
+        let thread = std::thread::spawn(move || serve(Wire::new(self), socket, began, &receiver));
         Ok(Served { thread, closer })
     }
 
@@ -140,9 +127,7 @@ impl Attached {
         let phase = self.ecu.phase();
         if self.phases.last() != Some(&phase) {
             self.phases.push(phase);
-            if self.shown {
-                println!("{:>11.6} ECU   {}: turbine {phase:?}", now as f64 / 1e9, self.engine.name);
-            }
+            println!("{:>11.6} ECU   {}: turbine {phase:?}", now as f64 / 1e9, self.engine.name);
         }
     }
 }
@@ -203,11 +188,32 @@ fn listen(mut socket: TcpStream, sender: &Sender<(Instant, u8)>) {
     }
 }
 
+/// Serves a socket in the host's time.
+fn serve(mut wire: Wire, mut socket: TcpStream, began: Instant, bytes: &Receiver<(Instant, u8)>) -> Attached {
+    let nanos = |at: Instant| at.duration_since(began).as_nanos().try_into().unwrap_or(Nanos::MAX);
+    loop {
+        let now = nanos(Instant::now());
+        wire.advance(now);
+        while let Some(byte) = wire.ended(now) {
+            if socket.write_all(&[byte]).is_err() {
+                return wire.attached;
+            }
+        }
+        let wait = wire.next().saturating_sub(nanos(Instant::now()));
+        match bytes.recv_timeout(Duration::from_nanos(wait)) {
+            Ok((at, byte)) => wire.arrived(nanos(at), byte),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return wire.attached,
+        }
+        while let Ok((at, byte)) = bytes.try_recv() {
+            wire.arrived(nanos(at), byte);
+        }
+    }
+}
+
 /// The two directions between the firmware and an ECU.
 struct Wire {
     attached: Attached,
-    socket: TcpStream,
-    began: Instant,
     /// When the stop bit of each byte ends.
     to_firmware: VecDeque<(Nanos, u8)>,
     from_firmware: VecDeque<(Nanos, u8)>,
@@ -218,36 +224,13 @@ struct Wire {
 }
 
 impl Wire {
-    fn new(attached: Attached, socket: TcpStream, began: Instant) -> Self {
+    /// An idle line.
+    fn new(attached: Attached) -> Self {
         let (to_firmware, from_firmware) = (VecDeque::new(), VecDeque::new());
-        Self { attached, socket, began, to_firmware, from_firmware, free: 0, told: 0 }
+        Self { attached, to_firmware, from_firmware, free: 0, told: 0 }
     }
 
-    fn nanos(&self, at: Instant) -> Nanos {
-        at.duration_since(self.began).as_nanos().try_into().unwrap_or(Nanos::MAX)
-    }
-
-    fn run(mut self, bytes: &Receiver<(Instant, u8)>) -> Attached {
-        loop {
-            let now = self.nanos(Instant::now());
-            self.hear(now);
-            self.speak(now);
-            if self.send(now).is_err() {
-                return self.attached;
-            }
-            let next = self.next();
-            let now = self.nanos(Instant::now());
-            match bytes.recv_timeout(Duration::from_nanos(next.saturating_sub(now))) {
-                Ok(byte) => self.arrived(byte),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return self.attached,
-            }
-            while let Ok(byte) = bytes.try_recv() {
-                self.arrived(byte);
-            }
-        }
-    }
-
+    /// When something is to happen.
     fn next(&mut self) -> Nanos {
         let queues = [self.to_firmware.front(), self.from_firmware.front()];
         let first = queues.into_iter().flatten().map(|(at, _)| *at).min().unwrap_or(Nanos::MAX);
@@ -255,48 +238,32 @@ impl Wire {
     }
 
     /// A byte left the firmware: it starts on the line as soon as the line is free.
-    fn arrived(&mut self, (at, byte): (Instant, u8)) {
-        self.free = self.free.max(self.nanos(at)) + self.attached.line.byte_ns(1);
+    fn arrived(&mut self, at: Nanos, byte: u8) {
+        self.free = self.free.max(at) + self.attached.line.byte_ns(1);
         self.from_firmware.push_back((self.free, byte));
     }
 
-    /// The ECU hears what has ended.
-    fn hear(&mut self, now: Nanos) {
-        while let Some((_, byte)) =
-            self.from_firmware.pop_front_if(|(end, _)| *end <= now).map(|(end, byte)| {
-                self.told = self.told.max(end);
-                (end, byte)
-            })
-        {
-            let told = self.told;
-            self.attached.ecu.ecu().heard(told, Ok::<u8, LineFault>(byte));
-            self.attached.note_phase(told);
+    /// The ECU hears what has ended, and speaks if it wants to.
+    fn advance(&mut self, now: Nanos) {
+        while let Some((end, byte)) = self.from_firmware.pop_front_if(|(end, _)| *end <= now) {
+            self.told = self.told.max(end);
+            self.attached.ecu.ecu().heard(self.told, Ok::<u8, LineFault>(byte));
+            self.attached.note_phase(self.told);
         }
-    }
-
-    /// The ECU speaks, if it wants to.
-    fn speak(&mut self, now: Nanos) {
         if self.attached.ecu.ecu().next_wake() > now {
             return;
         }
         self.told = self.told.max(now);
-        let now = self.told;
         let mut frame = Vec::new();
-        self.attached.ecu.ecu().advance(now, &mut frame);
-        self.attached.note_phase(now);
-        for (before, byte) in (1..).zip(&frame) {
-            self.to_firmware.push_back((now + self.attached.line.byte_ns(before), *byte));
-        }
-        if !frame.is_empty() {
-            self.attached.frames.push(frame);
+        self.attached.ecu.ecu().advance(self.told, &mut frame);
+        self.attached.note_phase(self.told);
+        for (count, byte) in (1..).zip(&frame) {
+            self.to_firmware.push_back((self.told + self.attached.line.byte_ns(count), *byte));
         }
     }
 
-    /// Sends what has ended.
-    fn send(&mut self, now: Nanos) -> std::io::Result<()> {
-        while let Some((_, byte)) = self.to_firmware.pop_front_if(|(end, _)| *end <= now) {
-            self.socket.write_all(&[byte])?;
-        }
-        Ok(())
+    /// The next byte whose stop bit has ended at the firmware.
+    fn ended(&mut self, now: Nanos) -> Option<u8> {
+        self.to_firmware.pop_front_if(|(end, _)| *end <= now).map(|(_, byte)| byte)
     }
 }

@@ -1,6 +1,5 @@
-//! The firmware's image: built with cargo, read as an ELF.
+//! The firmware's image, built with cargo.
 
-use object::{Object, ObjectSection};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
@@ -36,32 +35,5 @@ impl Image {
             .ok_or("cargo built no firmware")?;
         let elf = std::fs::read(&path).map_err(|why| format!("{}: {why}", path.display()))?;
         Ok(Self { path, elf })
-    }
-
-    fn file(&self) -> Result<object::File<'_>, String> {
-        object::File::parse(&*self.elf).map_err(|why| format!("{}: {why}", self.path.display()))
-    }
-
-    /// The vector table: the initial stack pointer, then a handler for each exception and interrupt.
-    pub fn vectors(&self) -> Result<Vec<u32>, String> {
-        let file = self.file()?;
-        let table = file.section_by_name(".vector_table").ok_or("the image has no vector table")?;
-        let bytes = table.data().map_err(|why| why.to_string())?;
-        Ok(bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
-    }
-
-    /// Where the instruction WFE is, and whatever else in the code looks like it.
-    pub fn wait_instructions(&self) -> Result<Vec<u32>, String> {
-        const WFE: [u8; 2] = 0xBF20_u16.to_le_bytes();
-        let file = self.file()?;
-        let text = file.section_by_name(".text").ok_or("the image has no code")?;
-        let bytes = text.data().map_err(|why| why.to_string())?;
-        let base = u32::try_from(text.address()).map_err(|why| why.to_string())?;
-        Ok((base..)
-            .step_by(2)
-            .zip(bytes.as_chunks().0)
-            .filter(|(_, code)| **code == WFE)
-            .map(|(at, _)| at)
-            .collect())
     }
 }

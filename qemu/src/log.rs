@@ -7,6 +7,7 @@ use std::process::ChildStdout;
 use std::thread::JoinHandle;
 
 /// One line.
+#[derive(PartialEq, Eq)]
 pub struct Line {
     /// "INFO", "WARN", ...
     pub level: &'static str,
@@ -27,13 +28,17 @@ pub struct Lines {
 pub struct Log(JoinHandle<Lines>);
 
 impl Log {
-    /// Decodes and shows what comes.
-    pub fn follow(image: &Image, source: Option<ChildStdout>) -> Result<Self, String> {
+    /// Decodes what comes, and shows what is to be shown.
+    pub fn follow(
+        image: &Image,
+        source: Option<ChildStdout>,
+        show: fn(&Line) -> bool,
+    ) -> Result<Self, String> {
         let table = Table::parse(&image.elf)
             .map_err(|why| format!("the image's log table: {why}"))?
             .ok_or("the image has no log table")?;
         let source = source.ok_or("QEMU's output is followed already")?;
-        Ok(Self(std::thread::spawn(move || follow(&table, source))))
+        Ok(Self(std::thread::spawn(move || follow(&table, source, show))))
     }
 
     /// Waits for the end of the log, which is the end of QEMU.
@@ -45,7 +50,7 @@ impl Log {
     }
 }
 
-fn follow(table: &Table, mut source: ChildStdout) -> Lines {
+fn follow(table: &Table, mut source: ChildStdout, show: fn(&Line) -> bool) -> Lines {
     let mut decoder = table.new_stream_decoder();
     let mut log = Lines::default();
     let mut buffer = [0; 4096];
@@ -62,9 +67,11 @@ fn follow(table: &Table, mut source: ChildStdout) -> Lines {
                         _ => "ERROR",
                     });
                     let time = frame.display_timestamp().map_or_else(String::new, |time| time.to_string());
-                    let message = frame.display_message().to_string();
-                    println!("{time:>11} {level:<5} {message}");
-                    log.lines.push(Line { level, message });
+                    let line = Line { level, message: frame.display_message().to_string() };
+                    if show(&line) {
+                        println!("{time:>11} {level:<5} {}", line.message);
+                    }
+                    log.lines.push(line);
                 }
                 Err(DecodeError::UnexpectedEof) => break,
                 Err(DecodeError::Malformed) => {

@@ -4,7 +4,7 @@ use crate::Arguments;
 use crate::ecu::{Attached, Served};
 use crate::image::Image;
 use std::net::{TcpListener, TcpStream};
-use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// UARTs of the machine; the last is kept for MAVLink.
@@ -12,18 +12,8 @@ const UARTS: usize = 5;
 /// QEMU connects at once or never.
 const CONNECTS_WITHIN: Duration = Duration::from_secs(20);
 
-/// QEMU's version, as far as it matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Version(u32, u32);
-
-impl std::fmt::Display for Version {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}.{}", self.0, self.1)
-    }
-}
-
-/// Asks QEMU for its version.
-pub fn version(qemu: &str) -> Result<Version, String> {
+/// Asks QEMU for its version: what it says in its first line.
+pub fn version(qemu: &str) -> Result<String, String> {
     let output = match Command::new(qemu).arg("--version").output() {
         Ok(output) => output,
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => {
@@ -36,37 +26,11 @@ pub fn version(qemu: &str) -> Result<Version, String> {
         Err(why) => return Err(format!("{qemu} cannot be started: {why}")),
     };
     let text = String::from_utf8_lossy(&output.stdout);
-    parse_version(&text).ok_or_else(|| format!("{qemu} does not say its version"))
+    Ok(text.lines().next().unwrap_or_default().into())
 }
 
-fn parse_version(text: &str) -> Option<Version> {
-    let mut numbers = text.split_once("version ")?.1.split(|c: char| !c.is_ascii_digit());
-    Some(Version(numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
-}
-
-/// How QEMU's time passes.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Pace {
-    /// With the host's.
-    Host,
-    /// With the instructions, each of which is written to QEMU's stderr.
-    Counted,
-}
-
-impl Pace {
-    fn arguments(self, version: Version) -> &'static [&'static str] {
-        match self {
-            Self::Host => &[],
-            // 64 ns for an instruction: about 16 million a second.
-            Self::Counted if version < Version(8, 1) => {
-                &["-icount", "shift=6", "-singlestep", "-d", "exec,nochain"]
-            }
-            Self::Counted => {
-                &["-icount", "shift=6", "-accel", "tcg,one-insn-per-tb=on", "-d", "exec,nochain"]
-            }
-        }
-    }
-}
+/// A time that passes with the instructions (128 ns each), and jumps to the next timer when there are none.
+pub const COUNTING: [&str; 2] = ["-icount", "shift=7,sleep=off"];
 
 /// QEMU with the firmware in it and ECUs on its UARTs.
 pub struct Machine {
@@ -76,51 +40,48 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Starts QEMU and the ECUs. Their time begins now.
+    /// Starts QEMU and the ECUs, with more arguments for QEMU. Time begins now.
     pub fn start(
         arguments: &Arguments,
-        version: Version,
         image: &Image,
         ecus: Vec<Attached>,
-        pace: Pace,
+        more: &[&str],
     ) -> Result<Self, String> {
+        if let Some(ecu) = ecus.iter().find(|ecu| ecu.port() >= UARTS - 1) {
+            return Err(format!("{} sits on a port that the board does not have", ecu.caption()));
+        }
         let mut command = Command::new(&arguments.qemu);
         command
             .args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-no-reboot"])
             // The log comes by semihosting, to stdout in every version of QEMU.
             .args(["-chardev", "stdio,id=log,signal=off"])
             .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
-            .args(pace.arguments(version))
+            .args(more)
             .arg("-kernel")
             .arg(&image.path)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(if pace == Pace::Counted { Stdio::piped() } else { Stdio::inherit() });
+            .stderr(Stdio::inherit());
 
-        let mut listening = Vec::new();
-        for uart in 0..UARTS - 1 {
-            if let Some(ecu) = ecus.iter().find(|ecu| ecu.port() == uart) {
-                let listener = TcpListener::bind("127.0.0.1:0").map_err(|why| format!("no socket: {why}"))?;
-                let port = listener.local_addr().map_err(|why| format!("no socket: {why}"))?.port();
-                listening.push(listener);
-                let socket = format!("socket,id=ecu{uart},host=127.0.0.1,port={port},nodelay=on");
-                command.args(["-chardev", &socket, "-serial", &format!("chardev:ecu{uart}")]);
-                println!("UART{uart}: {}, on a socket of QEMU's at 127.0.0.1:{port}", ecu.caption());
-            } else {
-                command.args(["-serial", "null"]);
-            }
+        let mut sockets = Vec::new();
+        let mut serials = [const { None }; UARTS - 1];
+        for (i, ecu) in ecus.iter().enumerate() {
+            let (listener, port) = socket()?;
+            sockets.push(listener);
+            let chardev = format!("socket,id=ecu{i},host=127.0.0.1,port={port},nodelay=on");
+            command.args(["-chardev", &chardev]);
+            serials[ecu.port()] = Some(format!("chardev:ecu{i}"));
+            println!("UART{}: {}, over 127.0.0.1:{port}", ecu.port(), ecu.caption());
+        }
+        for serial in &serials {
+            command.args(["-serial", serial.as_deref().unwrap_or("null")]);
         }
         command.args(["-serial", &arguments.telemetry]);
-        if let Some(ecu) = ecus.iter().find(|ecu| ecu.port() >= UARTS - 1) {
-            return Err(format!("{} sits on a port that the board does not have", ecu.caption()));
-        }
 
         let child = command.spawn().map_err(|why| format!("{} cannot be started: {why}", arguments.qemu))?;
         let mut machine = Self { child, began: Instant::now(), ecus: Vec::new() };
-        let mut ecus = ecus;
-        ecus.sort_by_key(Attached::port);
-        for (ecu, listener) in ecus.into_iter().zip(listening) {
-            let socket = machine.accept(&listener)?;
+        for (ecu, socket) in ecus.into_iter().zip(sockets) {
+            let socket = machine.accept(&socket)?;
             machine.ecus.push(ecu.serve(socket, machine.began)?);
         }
         Ok(machine)
@@ -149,19 +110,9 @@ impl Machine {
         }
     }
 
-    /// When it began.
-    pub fn began(&self) -> Instant {
-        self.began
-    }
-
     /// Its stdout, once: the firmware's log.
     pub fn log(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
-    }
-
-    /// Its stderr, once: the trace of instructions.
-    pub fn trace(&mut self) -> Option<ChildStderr> {
-        self.child.stderr.take()
     }
 
     /// Waits for its end.
@@ -195,16 +146,10 @@ impl Drop for Machine {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn versions_are_read() {
-        let debian = "QEMU emulator version 7.2.22 (Debian 1:7.2+dfsg-7+deb12u18+b3)\nCopyright";
-        assert_eq!(parse_version(debian), Some(Version(7, 2)));
-        assert_eq!(parse_version("QEMU emulator version 10.0.50"), Some(Version(10, 0)));
-        assert_eq!(parse_version("something else"), None);
-        assert!(Version(7, 2) < Version(8, 1) && Version(8, 1) < Version(10, 0));
-    }
+/// A socket to which QEMU will connect, and its port.
+fn socket() -> Result<(TcpListener, u16), String> {
+    let problem = |why: std::io::Error| format!("no socket: {why}");
+    let listener = TcpListener::bind("127.0.0.1:0").map_err(problem)?;
+    let port = listener.local_addr().map_err(problem)?.port();
+    Ok((listener, port))
 }

@@ -20,6 +20,10 @@ use jetlink::line::Line;
 /// The board's name.
 pub const NAME: &str = "Matek H743-WING";
 
+/// What ArduPilot's bootloader calls the board (hwdef-bl.dat, APJ_BOARD_ID).
+#[cfg(feature = "ardupilot-bootloader")]
+pub const APJ_BOARD_ID: u16 = 1013;
+
 /// The ECU ports by number, from 0, in the order of ArduPilot's SERIALn.
 pub const PORTS: [&str; 6] = [
     "SERIAL2, USART1, pads TX1 RX1",

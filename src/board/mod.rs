@@ -10,6 +10,8 @@
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with another chip than an STM32 brings all of them (`qemu_mps2.rs`).
 
+#[cfg(feature = "ardupilot-bootloader")]
+mod ardupilot;
 mod crash;
 
 #[cfg(feature = "board-matek-h743")]

@@ -19,6 +19,10 @@ use jetlink::line::Line;
 /// The board's name.
 pub const NAME: &str = "mRo Pixracer";
 
+/// What ArduPilot's bootloader calls the board (hwdef-bl.dat, APJ_BOARD_ID).
+#[cfg(feature = "ardupilot-bootloader")]
+pub const APJ_BOARD_ID: u16 = 11;
+
 /// The ECU ports by number, from 0, in the order of ArduPilot's SERIALn.
 pub const PORTS: [&str; 5] = [
     "SERIAL2, USART3, TELEM2",

@@ -7,6 +7,8 @@
 //! said where it matters, and in `docs/qemu.md`.
 
 mod clock;
+#[cfg(feature = "count")]
+pub mod count;
 mod executor;
 mod semihosting;
 mod uart;
@@ -36,18 +38,30 @@ const CLOCK_HZ: u32 = 25_000_000;
 
 /// A register of 32 bits.
 #[derive(Clone, Copy)]
-struct Register(usize);
+struct Register(*mut u32);
+
+// SAFETY: a register may be read and written from anywhere; it is not Rust's memory.
+unsafe impl Sync for Register {}
 
 impl Register {
+    const fn at(address: usize) -> Self {
+        Self(address as *mut u32)
+    }
+
+    /// The register so many bytes further on.
+    const fn next(self, offset: usize) -> Self {
+        Self(self.0.wrapping_byte_add(offset))
+    }
+
     fn read(self) -> u32 {
         // SAFETY: private to this board, whose files make registers from its memory map only; each
         // is 32 bits wide, aligned, and never the address of anything that Rust knows of.
-        unsafe { (self.0 as *const u32).read_volatile() }
+        unsafe { self.0.read_volatile() }
     }
 
     fn write(self, value: u32) {
         // SAFETY: as in `read`; no register used here makes the hardware touch memory.
-        unsafe { (self.0 as *mut u32).write_volatile(value) }
+        unsafe { self.0.write_volatile(value) }
     }
 }
 
@@ -126,7 +140,7 @@ pub fn reset_cause() -> &'static str {
 pub struct Led(());
 
 impl Led {
-    const LEDS: Register = Register(0x4002_8000);
+    const LEDS: Register = Register::at(0x4002_8000);
 
     /// Lights the LED, or puts it out.
     pub fn set(&mut self, lit: bool) {
@@ -139,10 +153,10 @@ impl Led {
 pub struct Watchdog(());
 
 impl Watchdog {
-    const LOAD: Register = Register(0x4000_8000);
-    const CONTROL: Register = Register(0x4000_8008);
-    const CLEAR: Register = Register(0x4000_800C);
-    const LOCK: Register = Register(0x4000_8C00);
+    const LOAD: Register = Register::at(0x4000_8000);
+    const CONTROL: Register = Register::at(0x4000_8008);
+    const CLEAR: Register = Register::at(0x4000_800C);
+    const LOCK: Register = Register::at(0x4000_8C00);
 
     /// Lets the other registers be written.
     const KEY: u32 = 0x1ACC_E551;

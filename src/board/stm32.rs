@@ -61,6 +61,8 @@ impl Watchdog {
 
     /// Starts the watchdog.
     pub fn start(&mut self) {
+        #[cfg(feature = "ardupilot-bootloader")]
+        super::ardupilot::firmware_is_well();
         self.0.unleash();
         // The counter starts from its reset value, 512 ms or less, whatever the timeout: load our
         // own.

@@ -34,6 +34,16 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
+/// Writes a word to the first backup register, which a reset leaves alone.
+#[cfg(feature = "ardupilot-bootloader")]
+pub fn write_backup_register(word: u32) {
+    use embassy_stm32::pac::{PWR, RTC};
+    RCC.apb4enr().modify(|w| w.set_rtcapben(true));
+    PWR.cr1().modify(|w| w.set_dbp(true));
+    while !PWR.cr1().read().dbp() {}
+    RTC.bkpr(0).write(|w| w.set_bkp(word));
+}
+
 /// Why the chip was reset. Clears the flags, so only the first call after a reset knows.
 pub fn reset_cause() -> ResetCause {
     let flags = RCC.rsr().read();

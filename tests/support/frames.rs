@@ -50,9 +50,14 @@ pub mod zk {
         frame
     }
 
-    /// ID 1 with a state, no error, 26 °C, switch 0.
+    /// ID 1 with a state, no error, 26 °C, and the switch that goes with the state.
     pub fn state(state: u8) -> [u8; 7] {
-        status(1, 0, [state, 0, 76])
+        let switch = match state {
+            0 => 0,
+            1 | 12 => 1,
+            _ => 2,
+        };
+        status(1, 0, [state, switch << 5, 76])
     }
 
     /// ID 5.

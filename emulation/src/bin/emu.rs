@@ -1,3 +1,118 @@
-fn main() {
-    println!("{:?}", rigless::time::VirtualNanos(0));
+//! `cargo emu` and `cargo emu-run`: builds the firmware's images, then runs the tests on them or one of them
+//! interactively.
+
+use emulation::image::folder;
+use emulation::{BOARDS, Board, Image, Run};
+use rigless::chip::uart::TcpPeer;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+const USAGE: &str = "\
+cargo emu [TEST ...]       builds all images, runs the tests on them (all, or those whose names contain a TEST)
+cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-C, with an ECU on every port
+                           that has an engine, and the log on the terminal
+    BOARD                  matek-h743 or pixracer
+    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge
+    --tcp PORT             TCP port of the telemetry UART on this machine; 5760 unless told";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let result = match arguments.as_slice() {
+        ["test", filters @ ..] => test(filters),
+        ["run", options @ ..] => run(options),
+        ["build"] => build_all(),
+        _ => Err(USAGE.to_string()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(sentence) => {
+            eprintln!("{sentence}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The project's root.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("emulation/ lies in the project")
+}
+
+fn cargo() -> Command {
+    // Cargo sets this for what it runs.
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// Runs a command that says itself what is wrong.
+fn succeed(command: &mut Command, what: &str) -> Result<(), String> {
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err(format!("{what} failed.")),
+        Err(error) => Err(format!("{what} did not start: {error}.")),
+    }
+}
+
+/// Builds one image as everybody does, with `cargo fw`, and takes a copy.
+fn build(board: &Board, image: Image) -> Result<(), String> {
+    let mut features = format!("board-{}", board.name);
+    if let Some(feature) = image.feature() {
+        features = format!("{features},{feature}");
+    }
+    println!("cargo fw {features}");
+    let mut build = cargo();
+    build.current_dir(root()).args(["fw", &features, "--quiet"]);
+    succeed(&mut build, &format!("`cargo fw {features}`"))?;
+
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let built = root().join(target).join("thumbv7em-none-eabihf/release/jetlink-fw");
+    let copy = image.path(board);
+    let copied = std::fs::create_dir_all(folder()).and_then(|()| std::fs::copy(&built, &copy));
+    copied
+        .map_err(|error| format!("{} cannot be copied to {}: {error}.", built.display(), copy.display()))?;
+    Ok(())
+}
+
+fn build_all() -> Result<(), String> {
+    BOARDS.into_iter().try_for_each(|board| Image::ALL.into_iter().try_for_each(|image| build(board, image)))
+}
+
+fn test(filters: &[&str]) -> Result<(), String> {
+    build_all()?;
+    let mut tests = cargo();
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
+    tests.arg("test").arg("--manifest-path").arg(manifest).args(["--tests", "--"]).args(filters);
+    // Each test runs both boards, in a thread each.
+    tests.env("RUST_TEST_THREADS", std::env::var("RUST_TEST_THREADS").unwrap_or_else(|_| "2".to_string()));
+    succeed(&mut tests, "A test")?;
+    if let Ok(table) = std::fs::read_to_string(folder().join("turnaround.md")) {
+        println!("From the last stop bit of an AMT frame to the first start bit of the reply:\n\n{table}");
+    }
+    Ok(())
+}
+
+fn run(options: &[&str]) -> Result<(), String> {
+    let [board, options @ ..] = options else { return Err(USAGE.to_string()) };
+    let board = Board::by_name(board).ok_or(format!("There is no board \"{board}\".\n\n{USAGE}"))?;
+    let (mut image, mut tcp) = (Image::Release, 5760);
+    for option in options.chunks(2) {
+        match *option {
+            ["--image", name] => {
+                let named = Image::ALL.into_iter().find(|image| image.feature().unwrap_or("release") == name);
+                image = named.ok_or(format!("There is no image \"{name}\".\n\n{USAGE}"))?;
+            }
+            ["--tcp", port] => {
+                tcp = port.parse().map_err(|_| format!("\"{port}\" is no TCP port."))?;
+            }
+            _ => return Err(USAGE.to_string()),
+        }
+    }
+    build(board, image)?;
+    let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
+    println!("{} with an ECU on:", board.title);
+    for engine in emulation::engines::of(board, image) {
+        println!("  {}: {}, {:?}, {} baud", engine.port, engine.name, engine.protocol, engine.line.baud);
+    }
+    println!("{}, the telemetry UART: 127.0.0.1:{tcp}. Ctrl-C ends.\n", board.telemetry.name);
+    Run::new(board, image).engines().tcp(board.telemetry.name, peer).live();
+    Ok(())
 }

@@ -5,6 +5,9 @@ use emulation::{Image, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 
+/// Standby, throttle at idle.
+const STANDBY: [u8; 5] = [0xFF, 0x12, 0x20, 0x12, 0x20];
+
 #[test]
 fn the_first_frame_of_an_amt_ecu_is_answered() {
     on_each_board(|board| {
@@ -19,7 +22,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
             "{} ns from the frame to the end of the first byte",
             reply - first
         );
-        assert_eq!(wire.tx[..5].iter().map(|tx| tx.byte).collect::<Vec<_>>(), [0xFF, 0x12, 0, 0x12, 0]);
+        assert_eq!(wire.tx[..5].iter().map(|tx| tx.byte).collect::<Vec<_>>(), STANDBY);
         no_window_missed(&report, &left);
     });
 }

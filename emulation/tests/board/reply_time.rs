@@ -14,6 +14,9 @@ const GARBAGE: [u8; 13] = [0xFF, 0x80, 0xF1, 0x00, 0xFF, 0xFF, 0x13, 0xF0, 0x55,
 const RATES: [(&Board, u64); 3] =
     [(&MATEK_H743, 400_000_000), (&PIXRACER, 168_000_000), (&PIXRACER, 100_000_000)];
 
+/// What else the firmware does, in the order of the table.
+const LOADS: [&str; 3] = ["idle", "all engines, logging", "all ports saturated"];
+
 struct Row {
     board: &'static Board,
     rate: u64,
@@ -56,7 +59,25 @@ fn idle(board: &'static Board, rate: u64) -> Row {
         .tap("SERIAL2")
         .until(20 * SECOND)
         .go();
-    worst(&report, "idle", 0)
+    worst(&report, LOADS[0], 0)
+}
+
+/// Every engine at its normal rate, and frames that end, one a second, a little later each time: from before the
+/// burst of log lines that the firmware writes once a second until after it.
+fn while_logging(board: &'static Board, rate: u64) -> Row {
+    const BOOT: Nanos = 50 * MILLIS;
+    const PERIOD: Nanos = SECOND / 16;
+    let run = |boot, period, until| {
+        let config = AmtConfig { boot, period, ..AmtConfig::new(Engine::Olympus) };
+        let run = Run::new(board, Image::AllPorts).instructions_per_second(rate).engines();
+        run.ecu("SERIAL2", Line::n1(2400), AmtEcu::new(config)).tap("SERIAL2").until(until).go()
+    };
+    let trial = run(BOOT, PERIOD, 1_200 * MILLIS);
+    let burst = trial.when("left: link") - 60_000;
+    let mut frames = trial.wire("SERIAL2").rx.iter().filter(|rx| rx.last);
+    let end = frames.find(|rx| rx.end > burst).expect("a frame after the log").end;
+    let early = (end - burst) % PERIOD;
+    worst(&run(BOOT + PERIOD - early, PERIOD + 250, 60 * SECOND), LOADS[1], SECOND)
 }
 
 /// Every port busy: AMT ECUs send as fast as their replies allow, ZK ECUs babble at their full line rate.
@@ -79,9 +100,11 @@ fn saturated(board: &'static Board, rate: u64) -> Row {
     let report = run.until(16 * SECOND).go();
     for engine in amt_engines(&report) {
         let stats = report.ecu::<AmtEcu>(engine.port).stats;
-        assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0), "{}: {stats:?}", engine.name);
+        // The set-up frame is longer than these periods, so the next frame comes into the reply to it.
+        let in_order = stats.late == 0 && stats.none <= 1 && stats.unsolicited <= 1;
+        assert!(in_order, "{}: {stats:?}", engine.name);
     }
-    worst(&report, "all ports saturated", SECOND)
+    worst(&report, LOADS[2], SECOND)
 }
 
 #[test]
@@ -89,13 +112,15 @@ fn the_worst_reply_of_each_board_is_far_inside_the_window() {
     let rows = std::sync::Mutex::new(Vec::new());
     on_each_board(|board| {
         for (_, rate) in RATES.into_iter().filter(|(each, _)| each.name == board.name) {
-            for row in [idle(board, rate), saturated(board, rate)] {
+            for row in [idle(board, rate), while_logging(board, rate), saturated(board, rate)] {
                 rows.lock().expect("no test has failed").push(row);
             }
         }
     });
     let mut rows = rows.into_inner().expect("no test has failed");
-    rows.sort_by_key(|row| (row.board.name, u64::MAX - row.rate, row.load != "idle"));
+    rows.sort_by_key(|row| {
+        (row.board.name, u64::MAX - row.rate, LOADS.iter().position(|&load| load == row.load))
+    });
     let mut table = String::from(
         "| board | million instructions a second | load | core busy | replies | worst, ns | in instructions \
          | of these, from reading the last byte to writing the first |\n|---|---|---|---|---|---|---|---|\n",

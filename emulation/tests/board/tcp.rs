@@ -17,14 +17,22 @@ fn bytes_go_both_ways_over_tcp() {
         let peer = TcpPeer::listen(0).expect("a port of this machine");
         let address = ("127.0.0.1", peer.port().expect("a port"));
         let mut stream = TcpStream::connect(address).expect("the board is there");
-        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a time limit");
-        // A normal set of an AMT ECU, waiting in the socket when the board comes up.
-        stream.write_all(&[0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00]).expect("the board takes it");
-
-        let report = Run::new(board, Image::Release).engines().tcp("SERIAL2", peer).until(SECOND).go();
+        stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a time limit");
+        let mut ecu = stream.try_clone().expect("a second handle");
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .tcp("SERIAL2", peer)
+            .at(SECOND / 2, move |_| {
+                // A normal set of an AMT ECU.
+                ecu.write_all(&[0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00]).expect("the board takes it");
+                // Sockets keep real time: let it arrive before virtual time goes on.
+                std::thread::sleep(Duration::from_millis(100));
+            })
+            .until(SECOND)
+            .go();
         let mut reply = [0; 5];
         stream.read_exact(&mut reply).expect("the board answers");
-        assert_eq!(reply, [0xFF, 0x12, 0x00, 0x12, 0x00]);
+        assert_eq!(reply, [0xFF, 0x12, 0x20, 0x12, 0x20]);
         others_are_well(&report, &["SERIAL2"]);
     });
 }

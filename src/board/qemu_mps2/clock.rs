@@ -10,12 +10,12 @@ use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_time_driver::{Driver, TICK_HZ};
 use embassy_time_queue_utils::Queue;
 
-const COUNTER: Register = Register(0x4002_8018);
-const PRESCALE: Register = Register(0x4002_801C);
+const COUNTER: Register = Register::at(0x4002_8018);
+const PRESCALE: Register = Register::at(0x4002_801C);
 
-const SYST_CSR: Register = Register(0xE000_E010);
-const SYST_RVR: Register = Register(0xE000_E014);
-const SYST_CVR: Register = Register(0xE000_E018);
+const SYST_CSR: Register = Register::at(0xE000_E010);
+const SYST_RVR: Register = Register::at(0xE000_E014);
+const SYST_CVR: Register = Register::at(0xE000_E018);
 /// Core clock, interrupt, on.
 const SYST_ON: u32 = 0b111;
 /// SysTick counts 24 bits: 0.67 s.

@@ -11,7 +11,7 @@ use heapless::Vec;
 
 const OPEN: usize = 0x01;
 const WRITE: usize = 0x05;
-#[cfg(feature = "trial")]
+#[cfg(any(feature = "trial", feature = "count"))]
 const EXIT_EXTENDED: usize = 0x20;
 
 /// Calls QEMU.
@@ -27,7 +27,7 @@ unsafe fn call(operation: usize, arguments: &[usize]) -> usize {
 }
 
 /// Ends QEMU with this exit status.
-#[cfg(feature = "trial")]
+#[cfg(any(feature = "trial", feature = "count"))]
 pub fn exit(status: u8) -> ! {
     const APPLICATION_EXIT: usize = 0x20026;
     // SAFETY: this operation takes a reason and a number.

@@ -21,6 +21,13 @@ use jetlink::runner::LineErrors;
 const RX_BUFFER: usize = 256;
 const TX_BUFFER: usize = 6 * MAX_TRANSMISSION;
 
+/// Registers, from a UART's first.
+const DATA: usize = 0x00;
+const STATE: usize = 0x04;
+const CTRL: usize = 0x08;
+const INTSTATUS: usize = 0x0C;
+const BAUDDIV: usize = 0x10;
+
 /// Of STATE.
 const TX_FULL: u32 = 1 << 0;
 const RX_FULL: u32 = 1 << 1;
@@ -49,7 +56,7 @@ pub struct EcuTx(&'static Port);
 
 /// A UART and what its interrupts and its two halves share.
 pub struct Port {
-    base: usize,
+    base: Register,
     rx_interrupt: Irq,
     tx_interrupt: Irq,
     received: Pipe<CriticalSectionRawMutex, RX_BUFFER>,
@@ -61,12 +68,18 @@ pub struct Port {
     errors: LineErrors,
 }
 
-static UARTS: [Port; PORTS.len()] = [
-    Port::new(0x4000_4000, 0),
-    Port::new(0x4000_5000, 2),
-    Port::new(0x4000_6000, 4),
-    Port::new(0x4000_7000, 18),
+#[cfg(not(feature = "count"))]
+const BASES: [Register; PORTS.len()] = [
+    Register::at(0x4000_4000),
+    Register::at(0x4000_5000),
+    Register::at(0x4000_6000),
+    Register::at(0x4000_7000),
 ];
+#[cfg(feature = "count")]
+use super::count::BASES;
+
+static UARTS: [Port; PORTS.len()] =
+    [Port::new(BASES[0], 0), Port::new(BASES[1], 2), Port::new(BASES[2], 4), Port::new(BASES[3], 18)];
 
 /// Writes the UARTs' interrupts into the vector table.
 pub const fn bind(table: &mut [Handler; 32]) {
@@ -89,7 +102,7 @@ extern "C" fn transmit<const N: usize>() {
 }
 
 impl Port {
-    const fn new(base: usize, rx_interrupt: u16) -> Self {
+    const fn new(base: Register, rx_interrupt: u16) -> Self {
         Self {
             base,
             rx_interrupt: Irq(rx_interrupt),
@@ -102,24 +115,8 @@ impl Port {
         }
     }
 
-    const fn data(&self) -> Register {
-        Register(self.base)
-    }
-
-    const fn state(&self) -> Register {
-        Register(self.base + 0x04)
-    }
-
-    const fn control(&self) -> Register {
-        Register(self.base + 0x08)
-    }
-
-    const fn interrupts(&self) -> Register {
-        Register(self.base + 0x0C)
-    }
-
-    const fn divisor(&self) -> Register {
-        Register(self.base + 0x10)
+    fn register(&self, offset: usize) -> Register {
+        self.base.next(offset)
     }
 
     /// Opens a port: 8 data bits, no parity, one stop bit. To be called once for each.
@@ -131,8 +128,8 @@ impl Port {
         defmt::assert!(line.stop_bits == StopBits::One, "{=str} sends one stop bit only", PORTS[number]);
         let port = &UARTS[number];
         port.line.lock(|state| state.set((line.time_of(1), Instant::MIN)));
-        port.divisor().write(CLOCK_HZ / line.baud);
-        port.control().write(ENABLE);
+        port.register(BAUDDIV).write(CLOCK_HZ / line.baud);
+        port.register(CTRL).write(ENABLE);
         unmask(port.rx_interrupt);
         unmask(port.tx_interrupt);
         EcuPort { rx: EcuRx(port), tx: EcuTx(port), errors: &port.errors }
@@ -140,14 +137,14 @@ impl Port {
 
     /// The interrupt of the receiver.
     fn receive(&self) {
-        self.interrupts().write(RX_DONE);
-        let state = self.state().read();
+        self.register(INTSTATUS).write(RX_DONE);
+        let state = self.register(STATE).read();
         if state & RX_OVERRUN != 0 {
-            self.state().write(RX_OVERRUN);
+            self.register(STATE).write(RX_OVERRUN);
             self.errors.count(LineError::Overrun);
         }
         if state & RX_FULL != 0 {
-            let byte = self.data().read() as u8;
+            let byte = self.register(DATA).read() as u8;
             if self.received.try_write(&[byte]).is_err() {
                 self.errors.count(LineError::Overrun); // nobody reads
             }
@@ -157,13 +154,15 @@ impl Port {
     /// The interrupt of the transmitter: it has taken a byte, or a writer wants it to.
     #[expect(clippy::disallowed_methods, reason = "this UART does not tell when its line is idle")]
     fn transmit(&self) {
-        self.interrupts().write(TX_DONE);
+        self.register(INTSTATUS).write(TX_DONE);
         let mut byte = [0];
-        while self.state().read() & TX_FULL == 0 {
+        while self.register(STATE).read() & TX_FULL == 0 {
             if self.to_send.try_read(&mut byte).is_err() {
                 return self.drained.signal(());
             }
-            self.data().write(byte[0].into());
+            self.register(DATA).write(byte[0].into());
+            #[cfg(feature = "count")]
+            super::count::spoke();
             self.line.lock(|line| {
                 let (byte_time, free) = line.get();
                 line.set((byte_time, free.max(Instant::now()) + byte_time));
@@ -171,8 +170,23 @@ impl Port {
         }
     }
 
+    /// Lets the receiver have a byte, where its registers are memory.
+    #[cfg(feature = "count")]
+    pub fn put(number: usize, byte: u8) {
+        let port = &UARTS[number];
+        port.register(DATA).write(byte.into());
+        port.register(STATE).write(RX_FULL);
+    }
+
+    /// Has the interrupt of the receiver taken.
+    #[cfg(feature = "count")]
+    #[inline(always)]
+    pub fn interrupt(number: usize) {
+        pend(UARTS[number].rx_interrupt);
+    }
+
     fn is_drained(&self) -> bool {
-        self.to_send.is_empty() && self.state().read() & TX_FULL == 0
+        self.to_send.is_empty() && self.register(STATE).read() & TX_FULL == 0
     }
 }
 

@@ -1,0 +1,316 @@
+//! `jetlink image`: builds the firmware of a board and writes the files that flash it.
+//!
+//! `.elf` for probe-rs, `.bin` for dfu-util, `.hex` for other programmers. For a board that keeps its ArduPilot
+//! bootloader also `.apj`, with the application descriptor that some bootloaders check.
+
+use base64::Engine as _;
+use clap::{Args as ClapArgs, ValueEnum};
+use crc::{Algorithm, Crc};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+
+/// Build the firmware of a board and write the files that flash it.
+///
+/// Writes NAME.elf (for probe-rs), NAME.bin (for dfu-util) and NAME.hex. With --ardupilot-bootloader the image is
+/// linked behind the board's ArduPilot bootloader, and NAME.apj is for it, too: upload it with ArduPilot's
+/// uploader.py or as custom firmware with a ground station.
+#[derive(ClapArgs, Debug)]
+pub struct Args {
+    /// The board.
+    board: Board,
+    /// For a board that keeps its ArduPilot bootloader.
+    #[arg(long)]
+    ardupilot_bootloader: bool,
+    /// The demonstration that commands the engines by itself. For a bench only!
+    #[arg(long)]
+    demo: bool,
+    /// The folder for the files.
+    #[arg(long, default_value = "target/images")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Board {
+    MatekH743,
+    Pixracer,
+}
+
+impl Board {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::MatekH743 => "matek-h743",
+            Self::Pixracer => "pixracer",
+        }
+    }
+
+    /// ArduPilot's number of the board (hwdef-bl.dat, APJ_BOARD_ID).
+    const fn apj_board_id(self) -> u16 {
+        match self {
+            Self::MatekH743 => 1013,
+            Self::Pixracer => 11,
+        }
+    }
+
+    /// Where an application begins behind the ArduPilot bootloader (hwdef-bl.dat, FLASH_BOOTLOADER_LOAD_KB).
+    const fn behind_bootloader(self) -> u32 {
+        match self {
+            Self::MatekH743 => FLASH + 128 * 1024,
+            Self::Pixracer => FLASH + 16 * 1024,
+        }
+    }
+}
+
+/// Where the flash of an STM32 begins.
+const FLASH: u32 = 0x0800_0000;
+
+/// The first bytes of the application descriptor; src/board/ardupilot.rs has the rest of its layout.
+const SIGNATURE: [u8; 8] = [0x40, 0xA2, 0xE4, 0xF1, 0x64, 0x68, 0x91, 0x06];
+/// Its length, and where in it the second checksum begins.
+const DESCRIPTOR_LEN: usize = 36;
+const SECOND_PART: usize = 24;
+
+/// ArduPilot's crc32_small: CRC-32 without inversion at start and end.
+const CRC: Algorithm<u32> = Algorithm {
+    width: 32,
+    poly: 0x04C1_1DB7,
+    init: 0,
+    refin: true,
+    refout: true,
+    xorout: 0,
+    check: 0x2DFD_2D88,
+    residue: 0,
+};
+
+/// Builds and writes, and says what it wrote.
+pub fn run(args: Args) -> ExitCode {
+    match build_and_write(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("{why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn build_and_write(args: &Args) -> Result<(), String> {
+    let elf_path = build(args)?;
+    let elf = fs::read(&elf_path).map_err(|error| format!("{}: {error}", elf_path.display()))?;
+    let (start, mut flat) = flatten(&elf)?;
+    let expected = if args.ardupilot_bootloader { args.board.behind_bootloader() } else { FLASH };
+    if start != expected {
+        return Err(format!("the image begins at {start:#010x} and not at {expected:#010x}"));
+    }
+    if args.ardupilot_bootloader {
+        fill_descriptor(&mut flat, args.board.apj_board_id())?;
+    }
+
+    let mut name = format!("jetlink-{}", args.board.name());
+    if args.ardupilot_bootloader {
+        name += "-ardupilot";
+    }
+    if args.demo {
+        name += "-demo";
+    }
+    fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    let write = |ending: &str, bytes: &[u8]| {
+        let path = args.out.join(format!("{name}.{ending}"));
+        fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))?;
+        println!("{} ({} bytes)", path.display(), bytes.len());
+        Ok::<_, String>(())
+    };
+    // The descriptor is filled in in the flat image only; a debug probe's loader asks for none.
+    write("elf", &elf)?;
+    write("bin", &flat)?;
+    write("hex", hex(start, &flat)?.as_bytes())?;
+    if args.ardupilot_bootloader {
+        write("apj", apj(&flat, args.board)?.as_bytes())?;
+    }
+    println!("{} bytes of flash from {start:#010x}", flat.len());
+    Ok(())
+}
+
+/// Builds the firmware. Gives the path of its ELF file.
+fn build(args: &Args) -> Result<PathBuf, String> {
+    let mut features = format!("board-{}", args.board.name());
+    if args.ardupilot_bootloader {
+        features += ",ardupilot-bootloader";
+    }
+    if args.demo {
+        features += ",demo";
+    }
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
+        .args(["--package", "jetlink", "--bin", "jetlink-fw", "--features", &features])
+        .args(["--message-format", "json-render-diagnostics"])
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| format!("cargo cannot be started: {error}"))?;
+    if !output.status.success() {
+        return Err("the firmware does not build: see above".into());
+    }
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .filter_map(|message| message["executable"].as_str().map(PathBuf::from))
+        .next_back()
+        .ok_or_else(|| "cargo named no executable".into())
+}
+
+/// What goes into the flash, in one piece, and where it begins. Gaps are filled as erased flash is, and the
+/// length is rounded up to 32 bytes, what an H7 writes at once.
+fn flatten(elf: &[u8]) -> Result<(u32, Vec<u8>), String> {
+    let file = object::File::parse(elf).map_err(|error| format!("the built file is no ELF file: {error}"))?;
+    let mut pieces: Vec<(u32, Vec<u8>)> = Vec::new();
+    let object::File::Elf32(elf32) = &file else { return Err("the built file is no 32-bit ELF file".into()) };
+    for header in elf32.elf_program_headers() {
+        use object::read::elf::ProgramHeader;
+        let endian = elf32.endian();
+        let data = header.data(endian, elf).map_err(|()| "a segment lies outside the file".to_string())?;
+        if header.p_type(endian) == object::elf::PT_LOAD && !data.is_empty() {
+            // The place in the flash, not where start-up copies it to.
+            pieces.push((header.p_paddr(endian), data.to_vec()));
+        }
+    }
+    pieces.sort_by_key(|(at, _)| *at);
+    let start = pieces.first().map(|(at, _)| *at).ok_or("the built file is empty")?;
+    let mut flat = Vec::new();
+    for (at, data) in pieces {
+        let offset = (at - start) as usize;
+        if offset < flat.len() {
+            return Err("two segments overlap".into());
+        }
+        flat.resize(offset, 0xFF);
+        flat.extend(data);
+    }
+    flat.resize(flat.len().next_multiple_of(32), 0xFF);
+    Ok((start, flat))
+}
+
+/// Fills size and checksums into the application descriptor (ArduPilot, AP_CheckFirmware.cpp).
+fn fill_descriptor(flat: &mut [u8], board_id: u16) -> Result<(), String> {
+    let places: Vec<usize> = flat
+        .windows(SIGNATURE.len())
+        .enumerate()
+        .filter(|(_, at)| *at == SIGNATURE)
+        .map(|(i, _)| i)
+        .collect();
+    let [place] = places[..] else {
+        return Err(format!("{} application descriptors in the image instead of one", places.len()));
+    };
+    let size = u32::try_from(flat.len()).map_err(|_| "the image is too large")?;
+    let descriptor =
+        flat.get_mut(place..place + DESCRIPTOR_LEN).ok_or("the application descriptor is cut off")?;
+    if descriptor[26..28] != board_id.to_le_bytes() {
+        return Err("the application descriptor names another board".into());
+    }
+    descriptor[16..20].copy_from_slice(&size.to_le_bytes());
+    // The checksums and the numbers behind them are part of neither.
+    let crc = Crc::<u32>::new(&CRC);
+    let first = crc.checksum(&flat[..place + SIGNATURE.len()]);
+    let second = crc.checksum(&flat[place + SECOND_PART..]);
+    flat[place + 8..place + 12].copy_from_slice(&first.to_le_bytes());
+    flat[place + 12..place + 16].copy_from_slice(&second.to_le_bytes());
+    Ok(())
+}
+
+fn hex(start: u32, flat: &[u8]) -> Result<String, String> {
+    let mut records = Vec::new();
+    let mut upper = None;
+    for (i, chunk) in flat.chunks(16).enumerate() {
+        let address = start + i as u32 * 16;
+        let high = (address >> 16) as u16;
+        if upper.replace(high) != Some(high) {
+            records.push(ihex::Record::ExtendedLinearAddress(high));
+        }
+        records.push(ihex::Record::Data { offset: address as u16, value: chunk.to_vec() });
+    }
+    records.push(ihex::Record::EndOfFile);
+    ihex::create_object_file_representation(&records).map_err(|error| format!("Intel HEX: {error}"))
+}
+
+/// The JSON that ArduPilot's bootloader tools read.
+fn apj(flat: &[u8], board: Board) -> Result<String, String> {
+    let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    let packed =
+        zlib.write_all(flat).and_then(|()| zlib.finish()).map_err(|error| format!("zlib: {error}"))?;
+    let json = serde_json::json!({
+        "board_id": board.apj_board_id(),
+        "magic": "APJFWv1",
+        "description": format!("jetlink for {}", board.name()),
+        "image": base64::engine::general_purpose::STANDARD.encode(packed),
+        "image_size": flat.len(),
+        "summary": board.name(),
+        "version": env!("CARGO_PKG_VERSION"),
+        "git_identity": git_identity(),
+        "board_revision": 0,
+    });
+    serde_json::to_string_pretty(&json).map_err(|error| format!("JSON: {error}"))
+}
+
+/// The commit, where there is one to name.
+fn git_identity() -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Command::new("git")
+        .args(["rev-parse", "--short=8", "HEAD"])
+        .current_dir(root)
+        .output()
+        .ok()
+        .filter(|output| output.status.success())
+        .map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+        .unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ArduPilot's crc32_small, written out: no table, no inversion.
+    fn crc32_small(mut crc: u32, bytes: &[u8]) -> u32 {
+        for byte in bytes {
+            crc ^= u32::from(*byte);
+            for _ in 0..8 {
+                crc = if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 };
+            }
+        }
+        crc
+    }
+
+    fn image() -> Vec<u8> {
+        let mut image: Vec<u8> = (0..4096u32).map(|i| (i * 7) as u8).collect();
+        image[1000..1008].copy_from_slice(&SIGNATURE);
+        image[1008..1036].fill(0);
+        image[1026..1028].copy_from_slice(&1013u16.to_le_bytes());
+        image[1028..1036].fill(0xFF);
+        image
+    }
+
+    #[test]
+    fn a_bootloader_that_checks_finds_both_checksums_right() {
+        let mut image = image();
+        fill_descriptor(&mut image, 1013).unwrap();
+        let word = |at: usize| u32::from_le_bytes(image[at..at + 4].try_into().unwrap());
+        // As check_good_firmware() does: up to image_crc1, and from version_major on.
+        assert_eq!(word(1008), crc32_small(0, &image[..1008]));
+        assert_eq!(word(1012), crc32_small(0, &image[1024..]));
+        assert_eq!(word(1016), 4096);
+    }
+
+    #[test]
+    fn an_image_without_its_descriptor_or_for_another_board_is_refused() {
+        assert!(fill_descriptor(&mut vec![0; 4096], 1013).unwrap_err().contains("0 application descriptors"));
+        assert!(fill_descriptor(&mut image(), 11).unwrap_err().contains("another board"));
+    }
+
+    #[test]
+    fn intel_hex_carries_the_address_over_64_kib() {
+        let text = hex(0x0801_FFF0, &[0xAA; 32]).unwrap();
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines[0], ":020000040801F1");
+        assert_eq!(&lines[1][..9], ":10FFF000");
+        assert_eq!(lines[2], ":020000040802F0");
+        assert_eq!(*lines.last().unwrap(), ":00000001FF");
+    }
+}

@@ -1,3 +1,0 @@
-pub fn count(_: &crate::Arguments, _: std::time::Duration) -> Result<(), String> {
-    Ok(())
-}

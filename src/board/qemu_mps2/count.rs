@@ -1,0 +1,112 @@
+//! Test image only (feature `count`, `cargo qemu count`): how many instructions a received byte, a frame and a
+//! reply take.
+//!
+//! QEMU runs this image with `-icount`: its time passes with the instructions and with nothing else, so a timer
+//! counts them. Sockets would bring the host's time in. So the UARTs' registers are memory here, this task puts
+//! the ECU's bytes there, and has the receiver's interrupt taken. From there on the firmware is the same to the
+//! last instruction.
+
+use super::{PORTS, Port, Register, semihosting::exit};
+use core::sync::atomic::{AtomicU32, Ordering};
+use embassy_time::{Duration, Ticker};
+use jetlink::config::ENGINES;
+use jetlink::ecu::EcuConfig;
+
+/// In place of each UART's registers.
+static REGISTERS: [[AtomicU32; 5]; PORTS.len()] = [const { [const { AtomicU32::new(0) }; 5] }; PORTS.len()];
+
+/// Where they are. (The only registers that Rust knows of: as atomics, which anybody may write.)
+pub(super) const BASES: [Register; PORTS.len()] = [
+    Register(REGISTERS[0][0].as_ptr()),
+    Register(REGISTERS[1][0].as_ptr()),
+    Register(REGISTERS[2][0].as_ptr()),
+    Register(REGISTERS[3][0].as_ptr()),
+];
+
+/// When the transmitter was given a byte for the first time since somebody set this to 0.
+static SPOKE: AtomicU32 = AtomicU32::new(0);
+
+/// A timer that counts down at 25 MHz, which nothing else uses.
+const TIMER_CONTROL: Register = Register::at(0x4000_0000);
+const TIMER_VALUE: Register = Register::at(0x4000_0004);
+const TIMER_RELOAD: Register = Register::at(0x4000_0008);
+
+/// `-icount shift=7`: an instruction takes 128 ns, a tick of the timer 40 ns.
+const INSTRUCTION_NS: u32 = 128;
+const TICK_NS: u32 = 40;
+
+/// Frames of each kind. The least count of them all is told: a timer may ring at some.
+const FRAMES: usize = 50;
+/// Between two frames; less than the time after which an ECU is lost.
+const PERIOD: Duration = Duration::from_millis(125);
+
+/// An AMT set of an engine in standby.
+const AMT: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
+/// The first status example of the ZK document.
+const ZK: [u8; 7] = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
+
+fn now() -> u32 {
+    !TIMER_VALUE.read()
+}
+
+/// The transmitter was given a byte.
+pub fn spoke() {
+    let _ = SPOKE.compare_exchange(0, now(), Ordering::Relaxed, Ordering::Relaxed);
+}
+
+fn instructions(from: u32, to: u32) -> u32 {
+    (to.wrapping_sub(from) * TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
+}
+
+/// Counts for one engine of either kind, tells, and ends the program.
+#[expect(clippy::disallowed_methods, reason = "it is the ECU here, which keeps its own time")]
+pub async fn run() -> ! {
+    TIMER_RELOAD.write(u32::MAX);
+    TIMER_VALUE.write(u32::MAX);
+    TIMER_CONTROL.write(1);
+    let itself = instructions(now(), now());
+
+    let mut period = Ticker::every(PERIOD);
+    for engine in [
+        ENGINES.iter().find(|engine| matches!(engine.ecu, EcuConfig::Amt(_))),
+        ENGINES.iter().find(|engine| matches!(engine.ecu, EcuConfig::Zk(_))),
+    ]
+    .into_iter()
+    .flatten()
+    {
+        let frame: &[u8] = match engine.ecu {
+            EcuConfig::Amt(_) => &AMT,
+            EcuConfig::Zk(_) => &ZK,
+        };
+        let (mut bytes, mut reply) = ([u32::MAX; 7], u32::MAX);
+        for _ in 0..FRAMES {
+            period.next().await;
+            for (byte, least) in frame.iter().zip(&mut bytes) {
+                SPOKE.store(0, Ordering::Relaxed);
+                Port::put(engine.port.into(), *byte);
+                let before = now();
+                // The interrupts of the UART and of the engines' executor are over when this returns.
+                Port::interrupt(engine.port.into());
+                let after = now();
+                *least = instructions(before, after).saturating_sub(itself).min(*least);
+                let spoke = SPOKE.load(Ordering::Relaxed);
+                if spoke != 0 {
+                    reply = instructions(before, spoke).min(reply);
+                }
+            }
+        }
+        let bytes = &bytes[..frame.len()];
+        let all: u32 = bytes.iter().sum();
+        defmt::info!("count: {=str}, {=[u8]:02x}, on {}", engine.name, frame, engine.line);
+        defmt::info!("count: its bytes, interrupt to sleep: {=[?]} instructions", bytes);
+        defmt::info!("count: the frame, all of its bytes: {=u32} instructions", all);
+        // A ZK ECU is not answered: what was sent meanwhile was the keep-alive.
+        if matches!(engine.ecu, EcuConfig::Amt(_)) {
+            defmt::info!(
+                "count: last byte's interrupt to the reply's first byte: {=u32} instructions",
+                reply
+            );
+        }
+    }
+    exit(0)
+}
