@@ -21,10 +21,11 @@ pub trait Machine {
 }
 
 macro_rules! machine {
-    ($name:ident, $as:ident) => {
+    ($name:ident, $as:ident, |$machine:ident, $now:ident| $start:expr) => {
         impl Machine for $name {
             fn start(&mut self, now: Instant) {
-                $as::start(self, now);
+                let ($machine, $now) = (self, now);
+                $start;
             }
             fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
                 $as::receive(self, now, bytes)
@@ -44,9 +45,9 @@ macro_rules! machine {
         }
     };
 }
-machine!(AmtLink, Link);
-machine!(ZkLink, Link);
-machine!(Engine, Engine);
+machine!(AmtLink, Link, |link, now| Link::start(link, now));
+machine!(ZkLink, Link, |link, now| Link::start(link, now));
+machine!(Engine, Engine, |engine, now| engine.start(now, None));
 
 /// An instant from microseconds.
 pub fn us(micros: u64) -> Instant {

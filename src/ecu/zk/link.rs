@@ -165,6 +165,12 @@ pub struct ZkLink {
     factor: Option<RpmFactor>,
     /// RPM_X as it last went out.
     factor_sent: RpmFactor,
+    /// The ID 6 that is going out.
+    mode_out: Option<(RpmFactor, Switch)>,
+    /// A new RPM_X went out: the frame that it gives a meaning to comes next, before anything else.
+    partner_due: bool,
+    /// ID 6 was in use when what is ordered last changed in kind.
+    began_by_id6: bool,
     // What decides how the ECU is spoken to changes only when two frames agree.
     identity: Agreed<(Version, Rpm)>,
     idle: Agreed<Rpm>,
@@ -198,6 +204,9 @@ impl ZkLink {
             ordered_at: Instant::MIN,
             factor: None,
             factor_sent: RpmFactor::OFF,
+            mode_out: None,
+            partner_due: false,
+            began_by_id6: false,
             identity: Agreed::new(None),
             idle: Agreed::new(None),
             released_before: false,
@@ -389,6 +398,7 @@ impl ZkLink {
         }
         // The demand never waits for two turns.
         if !self.extra_last
+            && !core::mem::take(&mut self.partner_due)
             && let Some(control) = self.extra(now)
         {
             self.extra_last = true;
@@ -476,7 +486,7 @@ impl ZkLink {
                 // lets go, or the switch that ID 1 had last would rule for a turn.
                 Order::Run(_) | Order::Pwm => (with_throttle(throttle), mode),
                 // A stop by ID 1 alone is for ECUs that never heard of ID 6.
-                Order::EmergencyStop if !self.switch_by_id6 => (with_throttle(throttle), mode),
+                Order::EmergencyStop if !self.began_by_id6 => (with_throttle(throttle), mode),
                 // Mode 2. An ECU that was given a switch by ID 6 has to be given the next one there, too.
                 _ => (mode, with_throttle(throttle)),
             },
@@ -486,10 +496,9 @@ impl ZkLink {
         let control = if self.second_next { second } else { first };
         self.second_next = !self.second_next;
         if let Control::Mode { factor, switch } = control {
-            self.switch_by_id6 = switch != Switch::Pwm;
-            // What a new factor gives a meaning to follows at once: ECUs may ignore ID 7 before it, or ID 1.
-            let changed = core::mem::replace(&mut self.factor_sent, factor) != factor;
-            self.out_of_turn |= changed && switch != Switch::Pwm;
+            self.mode_out = Some((factor, switch));
+            // It may get there even if the UART says otherwise.
+            self.switch_by_id6 |= switch != Switch::Pwm;
         }
         control
     }
@@ -498,7 +507,7 @@ impl ZkLink {
     fn by_id6(&self, order: Order) -> bool {
         let wanted = match order {
             Order::EmergencyStop => true,
-            Order::Pwm => false,
+            Order::Pwm => self.wants_id6,
             _ => self.config.split_switch || self.wants_id6,
         };
         self.switch_by_id6 || (wanted && knows(self.version(), 4))
@@ -593,6 +602,8 @@ impl Link for ZkLink {
         let before = core::mem::replace(&mut self.order, order);
         if kind(before) != kind(order) {
             self.ordered_at = now;
+            self.began_by_id6 = self.switch_by_id6;
+            self.partner_due = false;
             self.second_next = false;
             self.factor = None;
             // An ECU that runs already may have been given its switch by ID 6 before we came.
@@ -621,6 +632,9 @@ impl Link for ZkLink {
     fn service(&mut self, now: Instant, service: AnyService) -> Result<(), Rejected> {
         let AnyService::Zk(service) = service else { return Err(Rejected::NotSupported) };
         let control = service.control();
+        if service.needs_stopped_engine() && !matches!(self.order, Order::Standby | Order::Listen) {
+            return Err(Rejected::NotStopped);
+        }
         self.require(control.min_version())?;
         let rate = [Rate::Hz20, Rate::Hz50, Rate::Hz100]
             .into_iter()
@@ -646,6 +660,13 @@ impl Link for ZkLink {
 
     fn sent(&mut self, now: Instant) {
         bump(&mut self.counters.sent);
+        if let Some((factor, switch)) = self.mode_out.take() {
+            self.switch_by_id6 = switch != Switch::Pwm;
+            // What a new factor gives a meaning to follows at once: ECUs may ignore ID 7 before it, or ID 1.
+            let changed = core::mem::replace(&mut self.factor_sent, factor) != factor;
+            self.partner_due = changed && switch != Switch::Pwm;
+            self.out_of_turn |= self.partner_due;
+        }
         if let ServiceState::Sending { service, attempts_left } = self.service {
             self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
             // Nothing in the status confirms an action.
@@ -661,6 +682,7 @@ impl Link for ZkLink {
     fn not_sent(&mut self, now: Instant, why: NotSent) {
         self.counters.not_sent(why);
         self.outbox.event(Event::NotSent(why));
+        self.mode_out = None;
         // What did not go out is tried again, from the unlock on.
         if let ServiceState::Unlocking { service, attempts_left }
         | ServiceState::Sending { service, attempts_left } = self.service
