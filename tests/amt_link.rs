@@ -34,8 +34,16 @@ fn amt(config: Config, line: Line) -> Bench<AmtLink> {
     Bench::new(AmtLink::new(config, line, Config::TIMING), line)
 }
 
-fn default() -> Bench<AmtLink> {
+/// Nothing is ordered yet, as after a reset.
+fn listening() -> Bench<AmtLink> {
     amt(Config::DEFAULT, SLOW)
+}
+
+/// Standby is ordered.
+fn default() -> Bench<AmtLink> {
+    let mut bench = listening();
+    bench.order(0, Order::Standby).unwrap();
+    bench
 }
 
 fn throttle(tenths: u16) -> Order {
@@ -270,7 +278,7 @@ fn amt_12_the_stream_is_answered_frame_by_frame() {
 // What it says
 // ---------------------------------------------------------------------------------------------
 
-/// AMT-10: each order on the wire. Nothing ordered is auto stop.
+/// AMT-10: each order on the wire.
 #[test]
 fn amt_10_orders_and_their_switch() {
     let mut bench = running();
@@ -286,7 +294,58 @@ fn amt_10_orders_and_their_switch() {
         bench.order(bench.now(), order).unwrap();
         assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{order:?}");
     }
-    assert_eq!(ops_thr(&mut default(), &frame), (AUTO_OPS, 0), "nothing ordered");
+}
+
+/// While nothing is ordered, the ECU is told what it says it obeys, with the throttle it obeys: that changes nothing.
+/// Before it has said so it gets no answer, because a wrong one could stop a running engine.
+#[test]
+fn nothing_ordered_says_back_what_the_ecu_obeys() {
+    for silent in [error(0x01), alternate(0x06), [0xFF, 0x0B, 1, 2, 3, 4]] {
+        let mut bench = listening();
+        for _ in 0..3 {
+            bench.rx(bench.now() + EVERY, &silent);
+        }
+        assert_eq!(bench.frames(), vec![], "{silent:02x?}");
+        // The control: an order, and it is answered.
+        bench.order(bench.now(), Order::Standby).unwrap();
+        assert_eq!(ops_thr(&mut bench, &silent), (AUTO_OPS, 0));
+    }
+    for (state, switch, ops) in [
+        (FULL_OPERATION, RUN, RUN_OPS),
+        (FULL_OPERATION, AUTO_STOP, AUTO_OPS),
+        (CLEARANCE, AUTO_STOP, AUTO_OPS),
+        (NO_CLEARANCE, EMERGENCY, STOP_OPS),
+    ] {
+        let mut bench = listening();
+        let mut frame = normal(state, switch, 100);
+        for half_percents in [131, 0, 200] {
+            frame[4] = half_percents;
+            assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{state:#b} {switch:#b}");
+        }
+        // An error set in between says nothing of it: the last word counts.
+        assert_eq!(ops_thr(&mut bench, &error(0x01)), (ops, 200));
+        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0));
+    }
+    // An ECU that has just been powered up obeys auto stop.
+    let mut bench = listening();
+    assert_eq!(ops_thr(&mut bench, &setup("9.35 140617 ")), (AUTO_OPS, 0));
+}
+
+/// A frame that came damaged says nothing of what the ECU obeys.
+#[test]
+fn a_damaged_frame_is_not_said_back() {
+    let mut bench = listening();
+    bench.machine.line_error(LineError::Framing);
+    bench.rx(EVERY, &normal(FULL_OPERATION, EMERGENCY, 100));
+    assert_eq!(bench.frames(), vec![]);
+    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 100)), (RUN_OPS, 0));
+}
+
+/// An AMT ECU has no speed control.
+#[test]
+fn it_has_no_speed_control() {
+    assert_eq!(default().machine.speed_control(), Err(Rejected::NoSpeedControl));
 }
 
 /// An emergency stop is in the very next reply, also in one that waits behind a transmission.
@@ -348,11 +407,11 @@ fn amt_13_ctf_only_by_its_name() {
 /// AMT-13: no order, no frame and no silence makes a CTF of itself.
 #[test]
 fn amt_13_no_order_sends_ctf() {
-    for order in [None, Some(Order::Standby), Some(Order::EmergencyStop), Some(throttle(700))] {
+    for order in [Order::Listen, Order::Standby, Order::EmergencyStop, throttle(700)] {
         let mut bench = default();
-        if let Some(order) = order {
-            bench.order(0, order).unwrap();
-        }
+        // Something to say back where nothing is ordered.
+        reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+        bench.order(bench.now(), order).unwrap();
         for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
             assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
         }
@@ -618,6 +677,11 @@ fn amt_4_identity_rules() {
         (told, bench.machine.report().amt_engine.map(|engine| engine.value))
     };
     use Engine::{Mercury, Olympus, Pegasus, Titan};
+    let configured = || {
+        let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+        bench.order(0, Order::Standby).unwrap();
+        bench
+    };
 
     let mut bench = default();
     assert_eq!(named(&mut bench, &alternate(0x06)), (vec![Olympus], Some(Olympus)), "the first is believed");
@@ -638,7 +702,7 @@ fn amt_4_identity_rules() {
     );
 
     // An ID that no table has is another engine: what was known must not lend it a scale.
-    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    let mut bench = configured();
     reply_to(&mut bench, &alternate(0xF8));
     reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
     assert_eq!(bench.machine.report().rpm.map(|rpm| rpm.value.get()), Some(50_000), "one odd frame");
@@ -648,10 +712,10 @@ fn amt_4_identity_rules() {
     assert_eq!((bench.machine.report().rpm, bench.machine.report().amt_engine), (None, None));
 
     // What was configured is told when the ECU says so itself; what the ECU says wins.
-    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    let mut bench = configured();
     assert_eq!(bench.machine.report().amt_engine, None, "the ECU has not said it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
-    let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
+    let mut bench = configured();
     assert_eq!(named(&mut bench, &alternate(0x03)).0, []);
     assert_eq!(named(&mut bench, &alternate(0x10)), (vec![Pegasus], Some(Pegasus)));
 }
@@ -749,6 +813,7 @@ fn amt_8_faults_are_told_when_they_change() {
 #[test]
 fn amt_8_an_error_set_gives_no_rpm() {
     let mut bench = amt(Config { engine: Some(Engine::Titan), ..Config::DEFAULT }, SLOW);
+    bench.order(0, Order::Standby).unwrap();
     reply_to(&mut bench, &error(0x20));
     let report = bench.machine.report();
     assert_eq!((report.rpm, report.rpm_raw), (None, None));
@@ -857,6 +922,8 @@ proptest! {
     ) {
         let line = Line::new(baud);
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, line, Config::TIMING), line);
+        // While nothing is ordered some frames get no answer.
+        bench.order(0, Order::Standby).unwrap();
         let mut stopped = false;
         for (wait, step) in steps {
             let t = bench.now() + wait;

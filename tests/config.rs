@@ -6,7 +6,6 @@ use jetlink::ecu::EcuConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
-use jetlink::units::Throttle;
 
 fn amt(port: u8, line: Line) -> EngineConfig {
     EngineConfig::amt("amt", port, line, None)
@@ -105,57 +104,108 @@ fn a_link_that_could_never_be_up() {
     }
 }
 
-/// Nothing in the table lasts longer than 60 s.
+/// Every duration and rate of the table has a range, and its ends are inside. Durations without end ("hold for ever")
+/// would overflow in flight.
 #[test]
-fn times_above_a_minute_are_refused() {
-    const MINUTE: Duration = Duration::from_secs(60);
-    type Change = fn(&mut EngineConfig, Duration);
-    let changes: [(Change, ConfigError); 3] = [
-        (|engine, time| engine.timing.lost_after = time, ConfigError::Timing(1)),
-        (|engine, time| engine.loss.hold = time, ConfigError::Loss(1)),
-        (|engine, time| engine.loss.standby_after = Some(time), ConfigError::Loss(1)),
-    ];
-    for (change, error) in changes {
-        for (time, expected) in [
-            (Duration::from_secs(59), Ok(())),
-            (MINUTE, Ok(())),
-            (Duration::from_ticks(MINUTE.as_ticks() + 1), Err(error)),
-            (Duration::MAX, Err(error)),
-        ] {
+fn every_field_has_a_range() {
+    use jetlink::engine::config::{Field, Governor, Limit};
+    type Change = fn(&mut EngineConfig, u64);
+    // What is changed, how it is refused, the least and the most of it.
+    let changes: [(Change, ConfigError, u64, u64); 20] = {
+        let of = |field| ConfigError::Supervision(1, field);
+        [
+            (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 1, 60_000),
+            (
+                |e, t| e.supervision.ages.emergency = Duration::from_millis(t),
+                of(Field::SourceAge),
+                50,
+                60_000,
+            ),
+            (|e, t| e.supervision.ages.rc = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
+            (|e, t| e.supervision.ages.mavlink = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
+            (|e, t| e.supervision.ages.bench = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
+            (
+                |e, t| e.supervision.recover_after = Duration::from_millis(t),
+                of(Field::RecoverAfter),
+                0,
+                60_000,
+            ),
+            (
+                |e, t| e.supervision.takeover.within = Duration::from_millis(t),
+                of(Field::TakeoverWithin),
+                0,
+                60_000,
+            ),
+            (|e, t| e.supervision.loss.hold = Duration::from_millis(t), of(Field::LossHold), 0, 60_000),
+            (
+                |e, t| e.supervision.loss.standby_after = Some(Duration::from_millis(t)),
+                of(Field::LossStandby),
+                0,
+                3_600_000,
+            ),
+            (|e, n| e.supervision.loss.ramp = n as u16, of(Field::LossRamp), 10, 65_535),
+            (
+                |e, t| e.supervision.start.link_stable = Duration::from_millis(t),
+                of(Field::LinkStable),
+                0,
+                60_000,
+            ),
+            (
+                |e, t| e.supervision.start.timeout = Duration::from_millis(t),
+                of(Field::StartTimeout),
+                5_000,
+                600_000,
+            ),
+            (|e, t| e.supervision.start.gap = Duration::from_millis(t), of(Field::StartGap), 0, 600_000),
+            (|e, n| e.supervision.slew.up = Some(n as u16), of(Field::Slew), 10, 65_535),
+            (|e, n| e.supervision.slew.down = Some(n as u16), of(Field::Slew), 10, 65_535),
+            (|e, n| e.supervision.limits.flame_out = Limit::tell(n as u8), of(Field::FlameOut), 5, 95),
+            (
+                |e, n| e.supervision.governor = Some(Governor { slew: n as u16, ..Governor::DEFAULT }),
+                of(Field::Governor),
+                10,
+                1000,
+            ),
+            (
+                |e, t| {
+                    let max_age = Duration::from_millis(t);
+                    e.supervision.governor = Some(Governor { max_age, ..Governor::DEFAULT });
+                },
+                of(Field::Governor),
+                200,
+                5_000,
+            ),
+            (|e, n| e.supervision.when_other_fails = Some(n as u16), of(Field::WhenOtherFails), 0, 1000),
+            (|e, t| e.supervision.listen = Duration::from_millis(t), of(Field::Listen), 300, 60_000),
+        ]
+    };
+    for (i, (change, error, least, most)) in changes.into_iter().enumerate() {
+        let check = |value: u64, expected: Result<(), ConfigError>| {
             for engine in [amt(1, Line::new(9600)), zk(1, Line::new(9600), Rate::Hz20)] {
                 let mut table = [amt(0, Line::new(9600)), engine];
-                change(&mut table[1], time);
-                assert_eq!(validate(&table), expected, "{time:?}");
+                change(&mut table[1], value);
+                assert_eq!(validate(&table), expected, "change {i}: {value}");
                 assert_eq!(Node::new(&table).err(), expected.err());
             }
+        };
+        check(least, Ok(()));
+        check(most, Ok(()));
+        if least > 0 {
+            check(least - 1, Err(error));
+        }
+        if most != 65_535 {
+            check(most + 1, Err(error));
         }
     }
-}
-
-/// Durations without end ("hold for ever") are either refused here or work: they must not panic in flight.
-#[test]
-fn endless_durations_are_refused_or_work() {
-    use embassy_time::Instant;
-    use jetlink::engine::Engine;
-    let changes: [fn(&mut EngineConfig); 2] =
-        [|engine| engine.timing.lost_after = Duration::MAX, |engine| engine.loss.hold = Duration::MAX];
-    for change in changes {
-        let mut config = zk(0, Line::new(9600), Rate::Hz20);
-        change(&mut config);
-        if validate(&[config]).is_err() {
-            continue;
-        }
-        let mut engine = Engine::new(&config);
-        engine.start(Instant::from_millis(1));
-        let standing = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
-        engine.receive(Instant::from_millis(2), &standing);
-        for command in [
-            jetlink::command::Command::Standby,
-            jetlink::command::Command::Run(jetlink::command::Demand::Throttle(Throttle::IDLE)),
-        ] {
-            engine.command(Instant::from_millis(3), command, jetlink::command::Origin::Rc).unwrap();
-            while !matches!(engine.poll(), jetlink::link::Output::Wait(_)) {}
-        }
+    for (change, error) in [
+        ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
+        (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, Field::LossHold)),
+        (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, Field::SourceAge)),
+        (|e| e.supervision.listen = Duration::MAX, ConfigError::Supervision(0, Field::Listen)),
+    ] {
+        let mut engine = amt(0, Line::new(9600));
+        change(&mut engine);
+        assert_eq!(validate(&[engine]), Err(error));
     }
 }
 
@@ -169,7 +219,10 @@ fn errors_name_their_row() {
         (ConfigError::AmtStopBits(0), "engine 0: an AMT line has one stop bit"),
         (ConfigError::NoReplyFits(1), "engine 1: an engine's reply guard"),
         (ConfigError::Timing(4), "engine 4: an engine's link timing"),
-        (ConfigError::Loss(5), "engine 5: a stage of an engine's loss"),
+        (
+            ConfigError::Supervision(5, jetlink::engine::config::Field::LossHold),
+            "engine 5: loss.hold: at most",
+        ),
     ] {
         assert!(error.to_string().starts_with(text), "{error}");
     }
