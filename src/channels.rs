@@ -141,11 +141,9 @@ impl<'a> Handle<'a> {
         let now = self.now();
         // One source at a time, so that two engines cannot both find the other one standing.
         let answer = critical_section::with(|_| {
-            let others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
+            let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
             let free = matches!(command, Command::Run(_))
-                && others.fold(true, |free, other| {
-                    free && !other.with(|engine| engine.keeps_others_from_start(now))
-                });
+                && others.all(|other| !other.with(|engine| engine.keeps_others_from_start(now)));
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });
         self.channel.poke.signal(());

@@ -7,7 +7,7 @@ use jetlink::command::{Command, Demand, Origin};
 use jetlink::node::Node;
 use jetlink::units::Throttle;
 
-/// Between two commands; well within the 1 s for which a source may be silent.
+/// Between two commands; well within the 0.5 s for which a source may be silent.
 const PERIOD: Duration = Duration::from_millis(100);
 
 const fn run_at(percent: u8) -> Command {
@@ -20,7 +20,7 @@ const fn run_at(percent: u8) -> Command {
 /// One cycle: what is commanded, and for how many seconds. Never more than 40 % of throttle.
 const CYCLE: [(Command, u64); 6] = [
     (Command::Standby, 10),
-    (run_at(0), 60), // long enough for a start
+    (run_at(0), 180), // long enough for the starts of all engines, one after the other
     (run_at(20), 15),
     (run_at(40), 15),
     (run_at(0), 10),
@@ -32,6 +32,7 @@ const CYCLE: [(Command, u64); 6] = [
 pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
     let mut tick = Ticker::every(PERIOD);
     loop {
+        let _ = node.command_all(Command::Arm, Origin::Bench);
         for (command, seconds) in CYCLE {
             defmt::info!("demonstration: {}", command);
             let end = Instant::now() + Duration::from_secs(seconds);

@@ -7,8 +7,8 @@
 //! | `status` | thread mode | logs a line a second for each engine, drives the LED |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
-//! Every engine starts in standby. Nothing here commands an engine, except the demonstration
-//! (feature `demo`) and the trial (feature `trial`).
+//! After a reset every engine is first listened to: one that runs goes on, one that does not stays in standby. Nothing here
+//! commands an engine, except the demonstration (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
 use crate::board::{self, EcuPort, Executor, Led, PORTS, Watchdog};
@@ -54,7 +54,7 @@ fn main() -> ! {
     log_ports();
 
     static NODE: StaticCell<Node<N>> = StaticCell::new();
-    let node: &'static Node<N> = NODE.init(defmt::unwrap!(Node::new(&ENGINES)));
+    let node: &'static Node<N> = NODE.init(defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT)));
 
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
@@ -160,11 +160,8 @@ struct StatusLine<'a>(&'a Telemetry);
 
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
-        let Telemetry { link, report, ordered, loss, stop_latched, counters, .. } = self.0;
-        defmt::write!(f, "link {}", link);
-        if let Some(phase) = report.phase {
-            defmt::write!(f, ", {}", phase.value);
-        }
+        let Telemetry { link, state, report, ordered, ruler, loss, stop_latched, counters, .. } = self.0;
+        defmt::write!(f, "link {}, {}", link, state);
         if let Some(rpm) = report.rpm {
             defmt::write!(f, ", {=u32} rpm", rpm.value.get());
         }
@@ -179,7 +176,7 @@ impl defmt::Format for StatusLine<'_> {
         {
             defmt::write!(f, ", faults {}", faults.value);
         }
-        defmt::write!(f, "; ordered {} by {}", ordered.order, ordered.origin);
+        defmt::write!(f, "; ordered {} by {}, {} rules", ordered.order, ordered.origin, ruler);
         if *loss != LossStage::None {
             defmt::write!(f, ", source lost: {}", loss);
         }

@@ -23,16 +23,18 @@ impl<const N: usize> Node<N> {
         Ok(Self { channels: core::array::from_fn(|i| Channel::new(&engines[i])) })
     }
 
-    /// The same, with memory that a reset leaves alone, one for each engine: those that run go on after it.
+    /// The same, with memory that a reset leaves alone, by port: engines that run go on after a reset. One on a port
+    /// without memory goes on by what its ECU says.
     ///
     /// # Errors
     /// As [`Node::new`].
-    pub fn with_memory(
-        engines: &[EngineConfig; N],
-        memory: &'static [Memory; N],
-    ) -> Result<Self, ConfigError> {
+    pub fn with_memory(engines: &[EngineConfig; N], memory: &'static [Memory]) -> Result<Self, ConfigError> {
         validate(engines)?;
-        Ok(Self { channels: core::array::from_fn(|i| Channel::with_memory(&engines[i], &memory[i])) })
+        let channel = |engine: &EngineConfig| match memory.get(usize::from(engine.port)) {
+            Some(memory) => Channel::with_memory(engine, memory),
+            None => Channel::new(engine),
+        };
+        Ok(Self { channels: engines.each_ref().map(channel) })
     }
 
     /// The runner of each engine, in the order of the table. Each wants to run exactly once.

@@ -10,7 +10,7 @@ use jetlink::node::Node;
 use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
 use jetlink::units::Throttle;
 
-/// Between two commands; well within the 1 s for which a source may be silent.
+/// Between two commands; well within the 0.5 s for which a source may be silent.
 const PERIOD: Duration = Duration::from_millis(100);
 /// The throttle at which every engine runs for a while, and for how long at least.
 const THROTTLE: Throttle = match Throttle::from_percent(30) {
@@ -44,7 +44,8 @@ const STEPS: [Step; 4] = [
         name: "every engine runs",
         command: Command::Run(Demand::Throttle(Throttle::IDLE)),
         hold: Duration::MIN,
-        limit: Duration::from_secs(60),
+        // One after the other.
+        limit: Duration::from_secs(240),
         done: |engine| is_in(engine, Phase::Running),
     },
     Step {
@@ -76,6 +77,7 @@ fn is_in(engine: &Telemetry, phase: Phase) -> bool {
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn run<const N: usize>(node: &Node<N>) -> ! {
     let mut tick = Ticker::every(PERIOD);
+    let _ = node.command_all(Command::Arm, Origin::Bench);
     for step in STEPS {
         let began = Instant::now();
         loop {

@@ -45,6 +45,7 @@ use {matek_h743 as chosen, stm32h7 as chip};
 use {pixracer as chosen, stm32f4 as chip};
 
 use embassy_executor::InterruptExecutor;
+use jetlink::engine::keep::Memory;
 
 /// The board, ready for the firmware.
 pub struct Board {
@@ -55,6 +56,12 @@ pub struct Board {
     /// The watchdog, not yet running.
     pub watchdog: Watchdog,
 }
+
+/// What has to survive a reset, for the engine on each port.
+// SAFETY: cortex-m-rt's section `.uninit` is RAM that start-up leaves as it is. Every bit pattern is a valid `Memory`
+// (it is atomics throughout), and what it holds is only believed with a right checksum.
+#[unsafe(link_section = ".uninit.kept")]
+pub static KEPT: [Memory; PORTS.len()] = [const { Memory::new() }; PORTS.len()];
 
 /// Polls the engines' tasks from an interrupt, above thread mode and below the UARTs and the timer.
 static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();

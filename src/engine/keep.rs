@@ -62,6 +62,11 @@ impl Memory {
                 slot.store(word, Ordering::Release);
             }
         }
+        // An H7 keeps the last half of a 64-bit word, the unit of its RAM's checksum, in a buffer until the next
+        // write elsewhere; a reset before that loses it. So the other copy is written with what it holds.
+        if let Some(word) = self.copies.get(1 - place).and_then(|copy| copy.first()) {
+            word.store(word.load(Ordering::Acquire), Ordering::Release);
+        }
     }
 
     /// Forgets: the next start begins from nothing.
