@@ -36,6 +36,8 @@ pub(super) struct Shape {
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
+    /// That the ECU reports.
+    pub throttle: Throttle,
     /// Thousandths.
     pub reduced_to: Option<u16>,
     /// The ECU has no speed control, so an rpm needs the governor.
@@ -52,9 +54,15 @@ impl Run {
         told: &mut Deque<Event, 4>,
     ) -> Option<Origin> {
         match sources.ruler(now) {
-            Some((origin, Intent::Standby)) => return Some(origin),
-            Some((origin, Intent::Run(demand))) => {
-                if origin == self.ruler && self.lost.is_none() {
+            // Of the ruling source, or of one above it, standby comes at once.
+            Some((origin, Intent::Standby)) if origin.priority() >= self.ruler.priority() => {
+                return Some(origin);
+            }
+            Some((origin, intent)) => {
+                if let Intent::Run(demand) = intent
+                    && origin == self.ruler
+                    && self.lost.is_none()
+                {
                     self.taking_over = None;
                     self.demand = demand;
                     return None;
@@ -64,6 +72,9 @@ impl Run {
                     _ => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
+                let Intent::Run(demand) = intent else {
+                    return (now >= latest).then_some(origin);
+                };
                 if now >= latest || self.shaper.is_close(demand, &config.takeover) {
                     self.taking_over = None;
                     self.lost = None;
@@ -192,7 +203,7 @@ impl Shaper {
             self.governor = None;
             return (Demand::Throttle(Throttle::IDLE), next);
         }
-        let governor = self.governor.get_or_insert_with(|| Governor::new(settings, Throttle::IDLE));
+        let governor = self.governor.get_or_insert_with(|| Governor::new(settings, shape.throttle));
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
         self.governed = throttle;
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))

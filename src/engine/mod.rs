@@ -259,6 +259,9 @@ impl Engine {
             Mode::Listen { kept: None, .. } => Order::Listen,
             Mode::Stop(_) => Order::EmergencyStop,
             Mode::Standby => Order::Standby,
+            // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
+            // the rest back.
+            Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
             Mode::Run(run) => Order::Run(run.demand),
             Mode::Pwm => Order::Pwm,
         };
@@ -349,7 +352,11 @@ impl Engine {
                 }
                 self.link.service(now, service).map(|()| Accepted::InForce)
             }
-            // Standby; the others were dealt with above.
+            // Standby; the others were dealt with above. Of a source below the one that ruled and was lost it is a
+            // take-over: that is for `update`, which gives the other one time to come back.
+            _ if matches!(&self.mode, Mode::Run(run) if origin.priority() < run.ruler.priority()) => {
+                Ok(Accepted::Held)
+            }
             _ => {
                 self.standby(now, origin);
                 self.start_allowed = true;
@@ -658,6 +665,7 @@ impl Engine {
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
+            throttle: self.link.report().throttle.map_or(Throttle::IDLE, |throttle| throttle.value),
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: self.link.speed_control().is_err(),
         };
