@@ -379,6 +379,16 @@ impl Report {
         self.logs.iter().filter(move |log| log.text.contains(text))
     }
 
+    /// The events of an engine, as the firmware logs them, with their times.
+    pub fn events(&self, engine: &str) -> Vec<(Nanos, &str)> {
+        let told = self.logs.iter().filter_map(|log| {
+            let text = log.text.strip_prefix(engine)?.strip_prefix(": ")?;
+            // A status line, once a second, begins so too.
+            (!text.starts_with("link ")).then_some((log.at, text))
+        });
+        told.collect()
+    }
+
     /// Whether a log line contains this text.
     pub fn logged(&self, text: &str) -> bool {
         self.lines(text).next().is_some()

@@ -267,3 +267,40 @@ impl Wire {
         self.to_firmware.pop_front_if(|(end, _)| *end <= now).map(|(_, byte)| byte)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use jetlink::config::ENGINES;
+
+    /// The wire of an AMT ECU at 2400 baud, which speaks 500 ms after power.
+    fn wire() -> Wire {
+        Wire::new(Attached::new(0, &ENGINES[0], Turbine::Real))
+    }
+
+    #[test]
+    fn bytes_to_the_firmware_take_their_time() {
+        let mut wire = wire();
+        wire.advance(0);
+        wire.advance(500 * MILLIS);
+        let byte = wire.attached.line.byte_ns(1);
+        assert_eq!(wire.ended(500 * MILLIS + byte - 1), None);
+        assert_eq!(wire.ended(500 * MILLIS + byte), Some(0xFF));
+        assert_eq!(wire.ended(500 * MILLIS + byte), None);
+    }
+
+    #[test]
+    fn bytes_from_the_firmware_are_spaced_as_on_the_line() {
+        let mut wire = wire();
+        wire.advance(0);
+        for byte in [0xFF, 0x12, 0x12, 0x00, 0x00] {
+            wire.arrived(100 * MILLIS, byte);
+        }
+        let ends: Vec<Nanos> = wire.from_firmware.iter().map(|(end, _)| *end).collect();
+        let byte = wire.attached.line.byte_ns(1);
+        assert_eq!(ends, [1, 2, 3, 4, 5].map(|count| 100 * MILLIS + count * byte));
+        // A pause leaves the line idle.
+        wire.arrived(300 * MILLIS, 0xFF);
+        assert_eq!(wire.from_firmware.back(), Some(&(300 * MILLIS + byte, 0xFF)));
+    }
+}

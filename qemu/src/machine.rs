@@ -29,8 +29,10 @@ pub fn version(qemu: &str) -> Result<String, String> {
     Ok(text.lines().next().unwrap_or_default().into())
 }
 
+/// A reset by the firmware is the end of QEMU.
+pub const ENDS_AT_RESET: &str = "-no-reboot";
 /// A time that passes with the instructions (128 ns each), and jumps to the next timer when there are none.
-pub const COUNTING: [&str; 2] = ["-icount", "shift=7,sleep=off"];
+pub const COUNTING: [&str; 3] = ["-icount", "shift=7,sleep=off", ENDS_AT_RESET];
 
 /// QEMU with the firmware in it and ECUs on its UARTs.
 pub struct Machine {
@@ -52,7 +54,7 @@ impl Machine {
         }
         let mut command = Command::new(&arguments.qemu);
         command
-            .args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-no-reboot"])
+            .args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none"])
             // The log comes by semihosting, to stdout in every version of QEMU.
             .args(["-chardev", "stdio,id=log,signal=off"])
             .args(["-semihosting-config", "enable=on,target=native,chardev=log"])

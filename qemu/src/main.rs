@@ -25,14 +25,21 @@ struct Arguments {
     /// QEMU's program.
     #[arg(long, default_value = "qemu-system-arm", global = true)]
     qemu: String,
-    /// The firmware commands its engines by itself, in a fixed cycle.
-    #[arg(long)]
-    demo: bool,
+    /// More features of the firmware, for example `demo`: it then commands its engines by itself.
+    #[arg(long, value_name = "FEATURES", global = true)]
+    features: Option<String>,
     /// What QEMU connects the fifth UART with, which is kept for MAVLink, in the words of QEMU's -serial.
     #[arg(long, value_name = "DEVICE", default_value = "null", global = true)]
     telemetry: String,
     #[command(subcommand)]
     mode: Option<Mode>,
+}
+
+impl Arguments {
+    fn build(&self, feature: &str) -> Result<Image, String> {
+        let features: Vec<&str> = [feature].into_iter().chain(self.features.as_deref()).collect();
+        Image::build(&features)
+    }
 }
 
 #[derive(Subcommand)]
@@ -66,8 +73,7 @@ fn main() -> ExitCode {
 /// Runs until somebody ends it.
 fn run(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image =
-        Image::build(if arguments.demo { &["board-qemu-mps2", "demo"] } else { &["board-qemu-mps2"] })?;
+    let image = arguments.build("board-qemu-mps2")?;
     println!("{version}; Ctrl-C ends it");
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Real));
     let mut machine = Machine::start(arguments, &image, ecus.collect(), &[])?;
@@ -80,11 +86,11 @@ fn run(arguments: &Arguments) -> Result<(), String> {
 /// The bounded run.
 fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = Image::build(&["trial"])?;
+    let image = arguments.build("trial")?;
     println!("{version}");
     let began = Instant::now();
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Quick));
-    let mut machine = Machine::start(arguments, &image, ecus.collect(), &[])?;
+    let mut machine = Machine::start(arguments, &image, ecus.collect(), &[machine::ENDS_AT_RESET])?;
     let log = Log::follow(&image, machine.log(), |_| true)?;
     let ended = machine.wait(Some(limit));
     let ecus = machine.stop();
@@ -117,7 +123,7 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
 /// Prints the instructions for a received byte, a frame and a reply. No ECU is needed: see the image's `count.rs`.
 fn count(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = Image::build(&["count"])?;
+    let image = arguments.build("count")?;
     println!("{version}");
     let first = count_once(arguments, &image, |line| line.message.starts_with("count: "))?;
     let second = count_once(arguments, &image, |_| false)?;

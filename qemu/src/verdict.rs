@@ -105,3 +105,48 @@ pub fn summary(attached: &Attached) -> String {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::Line;
+
+    fn good() -> Lines {
+        let mut lines = vec!["jetlink 0.1.0 on QEMU".to_owned()];
+        for chapter in ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"] {
+            lines.extend(ENGINES.iter().map(|engine| format!("{}: {chapter}", engine.name)));
+        }
+        lines.push("trial: passed".into());
+        let line = |message| Line { level: "INFO", message };
+        Lines { lines: lines.into_iter().map(line).collect(), malformed: 0 }
+    }
+
+    #[test]
+    fn a_good_log_passes() {
+        assert_eq!(of_log(&good()), [""; 0]);
+    }
+
+    #[test]
+    fn every_line_of_a_good_log_is_needed() {
+        for i in 0..good().lines.len() {
+            let mut log = good();
+            log.lines.remove(i);
+            assert!(!of_log(&log).is_empty(), "not missed: line {i}");
+        }
+    }
+
+    #[test]
+    fn what_must_not_be_there_is_found() {
+        for (level, message) in [
+            ("WARN", "left: 3 events lost"),
+            ("ERROR", "panic"),
+            ("INFO", "left: LinkLost"),
+            ("INFO", "jetlink "),
+        ] {
+            let mut log = good();
+            log.lines.insert(3, Line { level, message: message.into() });
+            assert_eq!(of_log(&log).len(), 1, "{message}");
+        }
+        assert_eq!(of_log(&Lines { malformed: 1, ..good() }).len(), 1);
+    }
+}

@@ -24,6 +24,9 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
         );
         assert_eq!(wire.tx[..5].iter().map(|tx| tx.byte).collect::<Vec<_>>(), STANDBY);
         no_window_missed(&report, &left);
+        // What the ECU's first frames say, in the order in which they say it.
+        let events: Vec<_> = report.events(left.name).into_iter().map(|(_, event)| event).collect();
+        assert_eq!(events, ["EngineIdentified(Olympus)", "EcuStarted", "LinkUp", "Phase(Standby)"]);
     });
 }
 

@@ -1,6 +1,6 @@
 //! From the last stop bit of an AMT frame to the first start bit of the reply, in the worst case found.
 
-use crate::support::{amt_engines, on_each_board};
+use crate::support::{amt_engines, engines, on_each_board};
 use emulation::{Board, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
 use sim::amt::{AmtConfig, AmtEcu, Engine};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -25,7 +25,6 @@ struct Row {
     frames: usize,
     ns: Nanos,
     slots: u64,
-    instructions: u64,
 }
 
 /// An AMT ECU at an odd period, so that its frames come to lie against everything else in every way.
@@ -47,7 +46,6 @@ fn worst(report: &Report, load: &'static str, from: Nanos) -> Row {
         frames: all.len(),
         ns: worst.ns,
         slots: worst.slots,
-        instructions: worst.instructions,
     }
 }
 
@@ -77,7 +75,15 @@ fn while_logging(board: &'static Board, rate: u64) -> Row {
     let mut frames = trial.wire("SERIAL2").rx.iter().filter(|rx| rx.last);
     let end = frames.find(|rx| rx.end > burst).expect("a frame after the log").end;
     let early = (end - burst) % PERIOD;
-    worst(&run(BOOT + PERIOD - early, PERIOD + 250, 60 * SECOND), LOADS[1], SECOND)
+    let report = run(BOOT + PERIOD - early, PERIOD + 250, 60 * SECOND);
+    // Some frames did end while the firmware was logging.
+    let last = engines(&report).last().expect("engines").name;
+    let bursts = report.lines("left: link").zip(report.lines(last).filter(|log| log.text.contains("link")));
+    let bursts: Vec<_> = bursts.map(|(first, last)| first.at - 5_000..last.at).collect();
+    let ends = report.wire("SERIAL2").rx.iter().filter(|rx| rx.last);
+    let hits = ends.filter(|rx| bursts.iter().any(|burst| burst.contains(&rx.end))).count();
+    assert!(hits >= 5, "{} at {rate}: {hits} frames ended while the firmware was logging", board.name);
+    worst(&report, LOADS[1], SECOND)
 }
 
 /// Every port busy: AMT ECUs send as fast as their replies allow, ZK ECUs babble at their full line rate.
@@ -122,20 +128,19 @@ fn the_worst_reply_of_each_board_is_far_inside_the_window() {
         (row.board.name, u64::MAX - row.rate, LOADS.iter().position(|&load| load == row.load))
     });
     let mut table = String::from(
-        "| board | million instructions a second | load | core busy | replies | worst, ns | in instructions \
-         | of these, from reading the last byte to writing the first |\n|---|---|---|---|---|---|---|---|\n",
+        "| board | M instructions/s | load | core busy | replies | worst, ns | in instructions |\n",
     );
+    table += "|---|---|---|---|---|---|---|\n";
     for row in &rows {
         table += &format!(
-            "| {} | {} | {} | {:.1} % | {} | {} | {} | {} |\n",
+            "| {} | {} | {} | {:.1} % | {} | {} | {} |\n",
             row.board.name,
             row.rate / 1_000_000,
             row.load,
             row.core,
             row.frames,
             row.ns,
-            row.slots,
-            row.instructions
+            row.slots
         );
     }
     println!("{table}");
