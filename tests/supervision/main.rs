@@ -1,0 +1,86 @@
+//! The supervision of engines as a whole, judged by what is on the wire: random schedules of sources, faults of the
+//! line, ECU states and resets, against the invariants of docs/invariants.md. That page also has the list of
+//! mutations, one for each invariant, that this test finds.
+//!
+//! A failure prints its seed and what happened before it. `JETLINK_SEED=<seed> cargo test --test supervision replay --
+//! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo test --release --test supervision campaign --
+//! --ignored --nocapture`.
+
+mod frames;
+mod oracle;
+mod world;
+
+use embassy_time::Duration;
+use oracle::Tally;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// Virtual time of one world.
+const WORLD: Duration = Duration::from_secs(1200);
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok()?.parse().ok()
+}
+
+/// Plays worlds from this seed on until `engine_seconds` are over, on `threads` threads. Panics with the first
+/// failure.
+fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
+    let (seed, done) = (AtomicU64::new(first), AtomicU64::new(0));
+    let (total, failure) = (Mutex::new(Tally::default()), Mutex::new(None));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while done.load(Ordering::Relaxed) < engine_seconds && failure.lock().unwrap().is_none() {
+                    match world::run(seed.fetch_add(1, Ordering::Relaxed), WORLD) {
+                        Ok((seconds, tally)) => {
+                            done.fetch_add(seconds, Ordering::Relaxed);
+                            total.lock().unwrap().add(&tally);
+                        }
+                        Err(found) => *failure.lock().unwrap() = Some(found),
+                    }
+                }
+            });
+        }
+    });
+    if let Some(found) = failure.into_inner().unwrap() {
+        panic!("{}\nseed {}", found.text, found.seed);
+    }
+    total.into_inner().unwrap()
+}
+
+#[test]
+fn the_invariants_hold_in_random_worlds() {
+    let seconds = number("JETLINK_SECONDS").unwrap_or(4 * 3600);
+    let tally = worlds(number("JETLINK_SEED").unwrap_or(1), seconds, 2);
+    println!("{tally:?}");
+    // What the invariants are about did happen.
+    for (what, count) in [
+        ("starts", tally.starts),
+        ("frames of a run", tally.run_frames),
+        ("frames of a stop", tally.stop_frames),
+        ("frames at the fail-safe", tally.fail_safe_frames),
+        ("resets in flight", tally.resets_running),
+        ("frames with an exact demand", tally.exact_frames),
+        ("rpm frames", tally.rpm_frames),
+        ("takeovers", tally.takeovers),
+    ] {
+        assert!(count >= 5, "only {count} {what}: {tally:?}");
+    }
+}
+
+#[test]
+#[ignore = "one seed, given by JETLINK_SEED"]
+fn replay() {
+    worlds(number("JETLINK_SEED").unwrap_or(1), 1, 1);
+}
+
+#[test]
+#[ignore = "hours; JETLINK_HOURS says how many"]
+fn campaign() {
+    let hours = number("JETLINK_HOURS").unwrap_or(1000);
+    let (first, threads) = (number("JETLINK_SEED").unwrap_or(1_000_000), number("JETLINK_THREADS").unwrap_or(2));
+    let began = Instant::now();
+    let tally = worlds(first, hours * 3600, threads);
+    println!("{hours} engine-hours in {:.0} s of real time: {tally:?}", began.elapsed().as_secs_f64());
+}
