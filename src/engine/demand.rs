@@ -68,8 +68,9 @@ impl Run {
                     return None;
                 }
                 let latest = match self.taking_over {
-                    Some((waiting, latest)) if waiting == origin => latest,
-                    _ => now + config.takeover.within,
+                    // Not anew for each source: those that come and go in turn would hold a lost demand up for ever.
+                    Some((_, latest)) => latest,
+                    None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
                 let Intent::Run(demand) = intent else {

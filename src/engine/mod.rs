@@ -325,7 +325,11 @@ impl Engine {
             }
             Command::ReleaseStop => return self.release(now, origin),
             Command::Standby => self.sources.heard(now, origin, Intent::Standby),
-            Command::Run(demand) => self.sources.heard(now, origin, Intent::Run(demand)),
+            // A demand that the ECU cannot do is refused below and changes nothing, not even what its source asked before.
+            Command::Run(demand) if self.can(now, demand).is_ok() => {
+                self.sources.heard(now, origin, Intent::Run(demand));
+            }
+            Command::Run(_) => {}
             Command::HandOverToPwm | Command::Service(_) => {}
         }
         if matches!(self.mode, Mode::Stop(_)) {
@@ -333,6 +337,9 @@ impl Engine {
         }
         if matches!(self.mode, Mode::Listen { .. }) {
             return Err(Rejected::Listening);
+        }
+        if let Command::Run(demand) = command {
+            self.can(now, demand)?;
         }
         if let Some(ruler) = self.sources.above(now, origin) {
             return Ok(Accepted::Behind(ruler));
@@ -394,14 +401,11 @@ impl Engine {
         origin: Origin,
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
-        self.can(now, demand)?;
-        if let Mode::Run(run) = &mut self.mode {
-            if run.ruler == origin && run.lost.is_none() {
-                run.demand = demand;
-                return Ok(Accepted::InForce);
-            }
-            // Taking over is for `update`.
-            return Ok(Accepted::Held);
+        if let Mode::Run(run) = &self.mode {
+            // Whose demand rules is for `update`: a source that speaks again after it was lost is not there yet.
+            let rules = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
+            let in_force = rules && run.ruler == origin && run.lost.is_none();
+            return Ok(if in_force { Accepted::InForce } else { Accepted::Held });
         }
         if !self.start_allowed {
             return Err(Rejected::StandbyFirst);
