@@ -53,9 +53,7 @@ fn main() -> ! {
     );
     log_ports();
 
-    static NODE: StaticCell<Node<N>> = StaticCell::new();
-    let node: &'static Node<N> = NODE.init(defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT)));
-
+    let node = node();
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for handle in node.handles() {
@@ -79,6 +77,13 @@ fn main() -> ! {
         // Last: from here on, an engine whose runner stands still means a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
+}
+
+/// Sets up all engines. Not a part of `main`: the node is built by value, and `main` never gives its stack back.
+#[inline(never)]
+fn node() -> &'static Node<N> {
+    static NODE: StaticCell<Node<N>> = StaticCell::new();
+    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT)))
 }
 
 /// Logs what is on each port.
