@@ -84,8 +84,9 @@ fn each_source_has_its_own_age() {
             });
             let mut scenario = Scenario::ready(ecu, config);
             scenario.pass(5 * SECOND);
-            scenario.command_from(Command::Standby, origin).unwrap();
-            scenario.command_from(run(0), origin).unwrap();
+            // One that was silent has to speak for a second first.
+            scenario.fly(Command::Standby, origin, SECOND + PERIOD);
+            assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
             scenario.says(Says::Starting);
             scenario.command_from(run(0), origin).unwrap();
             scenario.says(Says::Running);
@@ -273,6 +274,7 @@ fn loss_in_stages_to_the_tick() {
             "{ecu:?}"
         );
         assert_eq!(scenario.wire(), Wire::Standby);
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
     }
 }
@@ -324,6 +326,7 @@ fn a_source_that_comes_back_rules_after_a_second() {
         scenario.fly(run(3), Origin::Rc, SECOND - 1);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
         scenario.to(back + SECOND);
+        assert_eq!(scenario.command(run(3)), Ok(Accepted::InForce));
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (30, LossStage::None), "{ecu:?}: close");
         assert_eq!(stages(&mut scenario), [(back + SECOND, LossStage::None)]);
 

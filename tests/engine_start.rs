@@ -256,14 +256,14 @@ fn the_link_has_to_be_up_for_long_enough() {
         scenario.bench.events();
         scenario.says(Says::Standby);
         let up = scenario.bench.events().iter().find(|(_, event)| *event == Event::LinkUp).expect("up").0;
-        scenario.command(Command::Standby).unwrap();
-        scenario.to(up + 1_499_999);
+        let left = up + 1_499_999 - scenario.now();
+        scenario.fly(Command::Standby, Origin::Rc, left);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}");
         scenario.to(up + 1_500_000);
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
 
         let mut scenario = Scenario::ready(ecu, config);
-        scenario.silent().pass(2 * SECOND);
+        scenario.silent().fly(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
     }
 }
@@ -300,6 +300,7 @@ fn the_exhaust_has_to_be_cool() {
     for _ in 0..4 {
         let t = scenario.now() + 300_000;
         scenario.bench.rx(t, &zk_frames::idle(5, false));
+        scenario.command(Command::Standby).unwrap();
     }
     assert_eq!(scenario.command(run(0)), refused(Interlock::EgtUnknown));
 }

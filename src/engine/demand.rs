@@ -107,6 +107,10 @@ impl Run {
 
     /// When the next stage of loss begins.
     pub fn loss_deadline(&self, config: &Supervision) -> Option<Instant> {
+        if self.taking_over.is_some() {
+            // The stages stand still: the source that waits takes over, or falls silent.
+            return None;
+        }
         let fail_safe_at = self.lost? + config.loss.hold;
         match self.stage {
             LossStage::None | LossStage::Hold => Some(fail_safe_at),
@@ -264,12 +268,41 @@ impl Moving {
     }
 }
 
-/// Whether a demand asks for less than the one before. Between kinds that cannot be told, so it counts as less.
-pub(super) fn is_lower(demand: Demand, before: Demand) -> bool {
-    match (demand, before) {
-        (Demand::Throttle(now), Demand::Throttle(before)) => now < before,
-        (Demand::Rpm(now), Demand::Rpm(before)) => now < before,
-        _ => true,
+/// A demand that fell by less, in thousandths of the whole, is noise of a stick.
+const LOWERED_BY: u32 = 20;
+
+/// Tells when a demand was lowered by more than a stick's noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lowered {
+    from: Demand,
+    at: Instant,
+}
+
+impl Lowered {
+    pub const fn new(now: Instant, demand: Demand) -> Self {
+        Self { from: demand, at: now }
+    }
+
+    pub const fn at(&self) -> Instant {
+        self.at
+    }
+
+    pub fn see(&mut self, now: Instant, demand: Demand) {
+        let (value, from, band) = match (demand, self.from) {
+            (Demand::Throttle(demand), Demand::Throttle(from)) => {
+                (demand.tenths().into(), from.tenths().into(), LOWERED_BY)
+            }
+            (Demand::Rpm(demand), Demand::Rpm(from)) => {
+                (demand.get(), from.get(), NOMINAL_MAX_RPM / 1000 * LOWERED_BY)
+            }
+            // Between kinds that cannot be told, so it counts as less.
+            _ => (0, u32::MAX, 0),
+        };
+        if value >= from {
+            self.from = demand;
+        } else if from - value > band {
+            *self = Self { from: demand, at: now };
+        }
     }
 }
 

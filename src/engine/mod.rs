@@ -21,7 +21,7 @@ mod ramp;
 mod sources;
 
 use self::config::{Action, Supervision};
-use self::demand::{Shape, Shaper};
+use self::demand::{Lowered, Shape, Shaper};
 use self::keep::Record;
 use self::sources::{Intent, Sources};
 use self::state::{EngineState, STATE_MAX_AGE};
@@ -59,13 +59,19 @@ enum Mode {
 /// An engine that is ordered to run.
 #[derive(Clone, Debug)]
 struct Run {
+    /// When it was ordered.
+    began: Instant,
     /// When it has to run by.
     start_by: Option<Instant>,
     /// The ECU reported it starting or running under this order.
     came_alive: bool,
-    /// Reports in a row that the engine stands, and when the last of them came.
+    /// The ECU reports it running: the demand goes out. One report otherwise, perhaps of a damaged frame, and a state
+    /// without a name do not end that.
+    running: bool,
+    running_before: bool,
+    seen: Option<Instant>,
+    /// Reports in a row that the engine stands.
     stopped_reports: u8,
-    stopped_at: Option<Instant>,
     /// Whose demand is in force.
     ruler: Origin,
     /// That demand, before it is shaped.
@@ -79,7 +85,7 @@ struct Run {
     limited: bool,
     shaper: Shaper,
     /// When the demand on the wire was last lowered.
-    lowered: Instant,
+    lowered: Lowered,
     /// When the shaped demand moves on.
     next: Option<Instant>,
 }
@@ -255,7 +261,7 @@ impl Engine {
     /// What shall survive a reset.
     pub fn record(&self) -> Record {
         let order = match &self.mode {
-            Mode::Listen { kept: Some(kept), .. } => return *kept,
+            Mode::Listen { kept: Some(kept), .. } => return Record { armed: self.armed, ..*kept },
             Mode::Listen { kept: None, .. } => Order::Listen,
             Mode::Stop(_) => Order::EmergencyStop,
             Mode::Standby => Order::Standby,
@@ -383,6 +389,9 @@ impl Engine {
             {
                 return Err(Rejected::Start(Interlock::NotIdle));
             }
+            if self.link.state() != LinkState::Up {
+                return Err(Rejected::NoLink);
+            }
             // Standby is no start, so a phase that the ECU no longer tells does not keep the stop: an AMT error
             // set carries none.
             let told = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
@@ -401,11 +410,16 @@ impl Engine {
         origin: Origin,
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
-        if let Mode::Run(run) = &self.mode {
-            // Whose demand rules is for `update`: a source that speaks again after it was lost is not there yet.
-            let rules = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
-            let in_force = rules && run.ruler == origin && run.lost.is_none();
+        // A source that speaks again after it was lost is not there yet: it neither moves nor starts an engine.
+        let rules = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
+        if matches!(self.mode, Mode::Run(_)) {
+            // Whose demand is in force is for `update`.
+            self.update(now);
+            let in_force = matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.lost.is_none());
             return Ok(if in_force { Accepted::InForce } else { Accepted::Held });
+        }
+        if !rules {
+            return Ok(Accepted::Held);
         }
         if !self.start_allowed {
             return Err(Rejected::StandbyFirst);
@@ -518,11 +532,16 @@ impl Engine {
             Some(startup) if startup.value.as_ticks() > 0 => startup.value * 2,
             _ => self.config.start.timeout,
         };
+        let phase = self.phase();
+        let runs = !from_standby && matches!(phase, Some(Phase::Running | Phase::Unknown));
         self.mode = Mode::Run(Run {
+            began: now,
             start_by: from_standby.then(|| now + timeout),
             came_alive: !from_standby,
+            running: runs,
+            running_before: runs,
+            seen: None,
             stopped_reports: 0,
-            stopped_at: None,
             ruler: origin,
             demand,
             taking_over: None,
@@ -530,7 +549,7 @@ impl Engine {
             stage: LossStage::None,
             limited: false,
             shaper: Shaper::new(now, demand),
-            lowered: now,
+            lowered: Lowered::new(now, demand),
             next: None,
         });
         if from_standby {
@@ -576,6 +595,8 @@ impl Engine {
             return;
         }
         match self.link.report().phase.map(|phase| phase.value) {
+            // A ZK ECU says what it does before it says what it obeys.
+            Some(phase) if phase.is_alive() && now < until && !self.knows_enough(now, kept) => {}
             Some(phase) if phase.is_alive() => self.go_on(now, kept),
             // The document has no name for it: whatever was in force stays in force, and if nothing was, standby.
             Some(Phase::Unknown) if kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
@@ -591,6 +612,18 @@ impl Engine {
         }
     }
 
+    /// Whether the ECU has said what it takes to go on as before.
+    fn knows_enough(&self, now: Instant, kept: Option<Record>) -> bool {
+        match kept.map(|kept| kept.order) {
+            Some(Order::Run(Demand::Rpm(_))) if self.config.governor.is_none() => {
+                self.link.speed_control().is_ok()
+            }
+            Some(Order::Run(demand)) => self.can(now, demand).is_ok(),
+            Some(Order::Standby | Order::Pwm) => true,
+            _ => self.link.report().throttle.is_some(),
+        }
+    }
+
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let report = self.link.report();
         let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
@@ -598,10 +631,11 @@ impl Engine {
             Some(Record { order: order @ (Order::Run(_) | Order::Standby | Order::Pwm), origin, .. }) => {
                 (order, origin)
             }
-            // Nothing was kept: what the ECU obeys is what was commanded.
+            // Nothing was kept: what the ECU obeys is what was commanded. By whom is not known, so it is nobody's, and
+            // the stages of loss begin.
             _ => match report.switch.map(|switch| switch.value) {
                 Some(crate::telemetry::ReportedSwitch::Run) | None => {
-                    (Order::Run(Demand::Throttle(reported)), Origin::Bench)
+                    (Order::Run(Demand::Throttle(reported)), Origin::Node)
                 }
                 Some(_) => (Order::Standby, Origin::Node),
             },
@@ -626,16 +660,19 @@ impl Engine {
         let phase = self.link.report().phase;
         let link = self.link.state();
         let Mode::Run(run) = &mut self.mode else { return };
-        if let Some(phase) = phase {
+        if let Some(phase) = phase.filter(|phase| run.seen.replace(phase.at) != Some(phase.at)) {
             run.came_alive |= phase.value.is_alive();
+            run.running = match phase.value {
+                Phase::Running => true,
+                Phase::Unknown => run.running,
+                _ => run.running && run.running_before,
+            };
+            run.running_before = matches!(phase.value, Phase::Running | Phase::Unknown);
             if phase.value == Phase::Running {
                 run.start_by = None;
             }
-            if !phase.value.is_stopped() {
-                run.stopped_reports = 0;
-            } else if run.stopped_at.replace(phase.at) != Some(phase.at) {
-                run.stopped_reports = run.stopped_reports.saturating_add(1);
-            }
+            run.stopped_reports =
+                if phase.value.is_stopped() { run.stopped_reports.saturating_add(1) } else { 0 };
         }
         let ran = run.came_alive && run.start_by.is_none();
         // On a noisy line one or two damaged frames can say so of an engine that runs.
@@ -652,11 +689,15 @@ impl Engine {
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::RunWithdrawn);
-        } else if late.is_some() {
+        } else if let Some(by) = late {
+            let ms = |until: Instant| {
+                let taken = until.saturating_duration_since(run.began).as_millis();
+                i32::try_from(taken).unwrap_or(i32::MAX)
+            };
+            let passed = Passed { what: Watched::StartTimeout, value: ms(now), limit: ms(by), at: now };
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
-            let limit = i32::try_from(self.config.start.timeout.as_millis()).unwrap_or(i32::MAX);
-            self.event(Event::Limit(Passed { what: Watched::StartTimeout, value: limit, limit, at: now }));
+            self.event(Event::Limit(passed));
         }
     }
 
@@ -664,8 +705,7 @@ impl Engine {
     fn shape(&mut self, now: Instant) {
         let idle_rpm = self.link.report().idle_rpm.map(|idle| idle.value);
         let shape = Shape {
-            // A state without a name does not bring a running engine to idle; the link knows whether it ran.
-            running: matches!(self.phase(), Some(Phase::Running | Phase::Unknown)),
+            running: matches!(&self.mode, Mode::Run(run) if run.running),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
@@ -678,11 +718,7 @@ impl Engine {
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;
-        if let Order::Run(before) = self.ordered.order
-            && demand::is_lower(demand, before)
-        {
-            run.lowered = now;
-        }
+        run.lowered.see(now, demand);
         let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
         // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
         for demand in [demand, Demand::Throttle(Throttle::IDLE)] {
@@ -696,7 +732,7 @@ impl Engine {
     /// Looks for limits that were passed, and acts.
     fn look(&mut self, now: Instant) {
         let lowered = match &self.mode {
-            Mode::Run(run) => run.lowered,
+            Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
         self.watch.see(now, self.link.report(), lowered);

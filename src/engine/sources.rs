@@ -91,15 +91,10 @@ impl Sources {
         self.each().find(|(place, _)| *place == origin).map(|(_, source)| source.heard)
     }
 
-    /// The next instant at which another source may come to rule, or the ruling one is lost.
+    /// The next instant at which a source is lost. One comes to rule only when it speaks, or when that happens.
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
         self.each()
-            .flat_map(|(origin, source)| {
-                let lost = source.heard.checked_add(self.ages.of(origin));
-                let back = source.was_lost.then(|| source.since + self.recover_after);
-                [lost, back]
-            })
-            .flatten()
+            .filter_map(|(origin, source)| source.heard.checked_add(self.ages.of(origin)))
             .filter(|at| *at > now)
             .min()
     }
@@ -110,7 +105,8 @@ impl Sources {
 
     fn may_rule(&self, now: Instant, origin: Origin, source: &Source) -> bool {
         let fresh = now < source.heard + self.ages.of(origin);
-        let steady = !source.was_lost || now >= source.since + self.recover_after;
+        // It has spoken for so long: the silence since does not count.
+        let steady = !source.was_lost || source.heard >= source.since + self.recover_after;
         fresh && steady
     }
 }

@@ -15,6 +15,8 @@ const FLAME_OUT_OVER: Duration = Duration::from_secs(2);
 const SPOOL_DOWN: Duration = Duration::from_secs(6);
 /// A rise of temperature is judged over at least this time.
 const RISE_OVER: Duration = Duration::from_millis(500);
+/// A change of shaft speed is judged over at least this time.
+const CHANGE_OVER: Duration = Duration::from_millis(20);
 /// Between two samples that are kept.
 const SAMPLE: Duration = Duration::from_millis(240);
 
@@ -89,11 +91,20 @@ pub(super) struct Watch {
     supply_low: Twice,
     implausible: Twice,
     fault: Option<u8>,
+    /// The same as in the last report, and when that came.
+    fault_before: Option<u8>,
+    fault_seen: Option<Instant>,
     rpm_seen: Option<Instant>,
     egt_seen: Option<Instant>,
     supply_seen: Option<Instant>,
     /// The last shaft speed that a turbine can have.
     plausible: Option<Timed<Rpm>>,
+    /// The last values, and of the last two the one that makes less of a loss of speed or a rise of temperature: a
+    /// single odd frame stays out of the history.
+    rpm_last: Option<Rpm>,
+    rpm_kept: Option<Rpm>,
+    egt_last: Option<Celsius>,
+    egt_kept: Option<Celsius>,
     history: Deque<Sample, 12>,
     found: Deque<(Passed, Action), 9>,
 }
@@ -111,10 +122,16 @@ impl Watch {
             supply_low: NEVER,
             implausible: NEVER,
             fault: None,
+            fault_before: None,
+            fault_seen: None,
             rpm_seen: None,
             egt_seen: None,
             supply_seen: None,
             plausible: None,
+            rpm_last: None,
+            rpm_kept: None,
+            egt_last: None,
+            egt_kept: None,
             history: Deque::new(),
             found: Deque::new(),
         }
@@ -131,10 +148,14 @@ impl Watch {
         if let Some(rpm) = report.rpm.filter(|rpm| self.rpm_seen != Some(rpm.at)) {
             self.rpm_seen = Some(rpm.at);
             self.see_rpm(now, report, rpm, phase, lowered);
+            self.rpm_kept = Some(self.rpm_last.map_or(rpm.value, |last| last.min(rpm.value)));
+            self.rpm_last = Some(rpm.value);
         }
         if let Some(egt) = report.egt.filter(|egt| self.egt_seen != Some(egt.at)) {
             self.egt_seen = Some(egt.at);
             self.see_egt(now, egt, phase);
+            self.egt_kept = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
+            self.egt_last = Some(egt.value);
         }
         if let Some(supply) = report.supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
@@ -144,15 +165,17 @@ impl Watch {
                 self.tell(now, Watched::SupplyLow, voltage.get(), limit.get(), self.limits.supply_low.action);
             }
         }
-        let fault =
-            report.faults.filter(|faults| !faults.value.is_empty()).map(|faults| faults.value.number());
-        if fault != self.fault {
-            self.fault = fault;
-            if let Some(number) = fault {
-                self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
+        if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
+            self.fault_seen = Some(faults.at);
+            let fault = Some(faults.value.number()).filter(|_| !faults.value.is_empty());
+            let agreed = core::mem::replace(&mut self.fault_before, fault) == fault;
+            if agreed && core::mem::replace(&mut self.fault, fault) != fault {
+                if let Some(number) = fault {
+                    self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
+                }
             }
         }
-        self.sample(now, report);
+        self.sample(now);
     }
 
     fn see_rpm(
@@ -166,7 +189,8 @@ impl Watch {
         let value = rpm.value.get();
         if let Some(limit) = self.limits.implausible.at {
             let before = self.plausible.unwrap_or(rpm);
-            let passed = rpm.at.saturating_duration_since(before.at).as_micros().max(1);
+            // Frames that were read late come close together.
+            let passed = rpm.at.saturating_duration_since(before.at).max(CHANGE_OVER).as_micros();
             let change = u64::from(value.abs_diff(before.value.get())) * 1_000_000 / passed;
             let change = u32::try_from(change).unwrap_or(u32::MAX);
             if self.implausible.see(change > limit) {
@@ -240,16 +264,14 @@ impl Watch {
         }
     }
 
-    fn sample(&mut self, now: Instant, report: &Report) {
+    fn sample(&mut self, now: Instant) {
         if self.history.back().is_some_and(|last| now < last.at + SAMPLE) {
             return;
         }
         if self.history.is_full() {
             self.history.pop_front();
         }
-        // An odd frame's shaft speed stays out of the history.
-        let rpm = report.rpm.map(|rpm| rpm.value).filter(|_| self.implausible.beyond == 0);
-        let sample = Sample { at: now, rpm, egt: report.egt.map(|egt| egt.value) };
+        let sample = Sample { at: now, rpm: self.rpm_kept, egt: self.egt_kept };
         let _ = self.history.push_back(sample);
     }
 

@@ -324,9 +324,10 @@ impl Wire {
                 0b0101 => Self::Stop,
                 0b0110 => Self::Standby,
                 0b0111 => Self::Run(u16::from(bytes[1] & 3) << 8 | u16::from(bytes[2])),
-                // IDs 6 and 7
-                0b1_1000.. => Self::RpmControl,
-                // ID 0, a rate
+                // ID 6 with an RPM_X, ID 7
+                0b1_1000..0b1_1100 if bytes[2] >> 2 != 0 => Self::RpmControl,
+                0b1_1100..0b10_0000 => Self::RpmControl,
+                // ID 0, a rate, the switch alone
                 _ => return None,
             },
         })
