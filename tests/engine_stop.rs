@@ -1,0 +1,444 @@
+//! The emergency stop, and what happens after a reset. For both ECUs, to the tick.
+
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::ecu::zk::codec::Action;
+use jetlink::ecu::{Service, zk};
+use jetlink::engine::keep::Record;
+use jetlink::telemetry::{Event, LinkState, LossStage};
+
+#[path = "support/bench.rs"]
+mod bench;
+#[path = "support/frames.rs"]
+mod frames;
+#[path = "support/scenario.rs"]
+mod scenario;
+use bench::micros;
+use frames::{amt as amt_frames, zk as zk_frames};
+use scenario::{ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, Wire, percent, rpm, run};
+
+fn drain() -> Command {
+    Command::Service(Service::Zk(zk::link::Service::Action(Action::Drain)))
+}
+
+// ---------------------------------------------------------------------------------------------
+// Emergency stop
+// ---------------------------------------------------------------------------------------------
+
+/// AMT: in the reply to the very next frame. ZK: out of turn, at once, and again at every turn.
+#[test]
+fn a_stop_goes_out_at_once() {
+    for after in [0, 1, 7_000, 20_000, 49_999] {
+        let mut amt = Scenario::started(Ecu::Amt, percent(50));
+        amt.pass(after);
+        amt.sent();
+        amt.command(Command::EmergencyStop).unwrap();
+        amt.pass(EVERY);
+        assert_eq!(amt.sent(), [Wire::Stop], "{after}");
+
+        let mut zk = Scenario::started(Ecu::Zk, percent(50));
+        zk.pass(after);
+        let busy = zk.bench.busy();
+        zk.bench.frames();
+        zk.command(Command::EmergencyStop).unwrap();
+        let at = zk.now();
+        zk.pass(20 * EVERY);
+        let frames = zk.bench.frames();
+        // A frame takes 4.2 ms.
+        assert!(frames[0].0 - at <= if busy { 4_200 } else { 0 }, "{after}: {frames:?}");
+        assert!(frames.len() >= 20);
+        for (at, bytes) in frames {
+            let stops = bytes == zk_frames::throttle(1, 0) || bytes == zk_frames::mode(0, 1);
+            assert!(stops, "{bytes:02x?} at {at}");
+        }
+    }
+}
+
+/// AMT-10, ZK-8: latched: it stays on the wire whatever is commanded, reported or lost, until it is released.
+#[test]
+fn a_stop_is_latched() {
+    for ecu in BOTH {
+        for says in ALL {
+            let config = ecu.with(|s| s.loss.standby_after = Some(micros(500_000)));
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.says(says);
+            assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
+            for command in [Command::Standby, run(0), run(50), Command::HandOverToPwm, drain()] {
+                for origin in Origin::SOURCES {
+                    let answer = scenario.command_from(command, origin);
+                    assert_eq!(answer, Err(Rejected::StopLatched), "{ecu:?} {command:?} {origin:?}");
+                }
+            }
+            scenario.command(Command::Arm).unwrap();
+            scenario.pass(20 * SECOND).silent().pass(5 * SECOND).says(says);
+            let telemetry = scenario.telemetry();
+            assert!(telemetry.stop_latched);
+            assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::EmergencyStop, LossStage::None));
+            assert_eq!(scenario.wire(), Wire::Stop, "{ecu:?} {says:?}");
+        }
+    }
+}
+
+/// A stop of any source wins over any other, that source's own stream included.
+#[test]
+fn a_stop_needs_no_priority() {
+    for ecu in BOTH {
+        for origin in Origin::ALL {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.command_from(run(50), Origin::Emergency).unwrap();
+            assert_eq!(scenario.command_from(Command::EmergencyStop, origin), Ok(Accepted::InForce));
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::EmergencyStop, origin), "{ecu:?}");
+            assert_eq!(scenario.wire(), Wire::Stop);
+        }
+    }
+}
+
+/// By the source that commanded it or a higher one; of several, the highest holds it.
+#[test]
+fn a_stop_is_released_by_the_source_that_may() {
+    for ecu in BOTH {
+        for by in Origin::SOURCES {
+            for releases in Origin::SOURCES {
+                let mut scenario = Scenario::ready(ecu, ecu.config());
+                scenario.command_from(Command::EmergencyStop, by).unwrap();
+                let may = releases.priority() >= by.priority();
+                let expected = if may { Ok(Accepted::InForce) } else { Err(Rejected::NotYours(by)) };
+                assert_eq!(scenario.command_from(Command::ReleaseStop, releases), expected, "{by:?} {releases:?}");
+                assert_eq!(scenario.wire(), if may { Wire::Standby } else { Wire::Stop }, "{ecu:?}");
+            }
+        }
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        for origin in [Origin::Rc, Origin::Emergency, Origin::Bench] {
+            scenario.command_from(Command::EmergencyStop, origin).unwrap();
+        }
+        let held = Err(Rejected::NotYours(Origin::Emergency));
+        assert_eq!(scenario.command_from(Command::ReleaseStop, Origin::Rc), held, "{ecu:?}");
+        scenario.command_from(Command::ReleaseStop, Origin::Emergency).unwrap();
+    }
+}
+
+/// Where the ECU is heard and reports an engine that does not run.
+#[test]
+fn a_stop_is_released_when_the_engine_has_stopped() {
+    for ecu in BOTH {
+        for says in ALL {
+            let mut scenario = Scenario::started(ecu, percent(0));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(says);
+            let stopped = matches!(says, Says::Stopped | Says::Standby | Says::Cooling);
+            let expected = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
+            assert_eq!(scenario.command(Command::ReleaseStop), expected, "{ecu:?} {says:?}");
+            assert_eq!(scenario.telemetry().stop_latched, !stopped);
+        }
+        // For one second and for ten: an ECU that is not heard says nothing of its engine.
+        for seconds in [2, 10] {
+            let mut scenario = Scenario::started(ecu, percent(0));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(Says::Stopped).silent().pass(seconds * SECOND);
+            assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NoLink), "{ecu:?} {seconds}");
+            assert_eq!(scenario.order(), Order::EmergencyStop);
+            scenario.says(Says::Stopped);
+            scenario.command(Command::ReleaseStop).expect("the control");
+        }
+    }
+}
+
+/// AMT-8: an ECU that reports errors and nothing else gives no state: its last one must not keep the stop for ever.
+#[test]
+fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
+    let mut scenario = Scenario::started(Ecu::Amt, percent(0));
+    scenario.command(Command::EmergencyStop).unwrap();
+    scenario.silent();
+    for i in 0..40 {
+        let t = scenario.now() + 125_000;
+        scenario.bench.rx(t, &amt_frames::error(0x01));
+        if i == 8 {
+            // A second after it was seen running.
+            assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NotStopped));
+        }
+    }
+    assert_eq!(scenario.telemetry().link, LinkState::Up);
+    assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce));
+}
+
+/// At idle: a stick that still stands at 80 % keeps the stop.
+#[test]
+fn a_stop_is_released_at_idle() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(80));
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.says(Says::Stopped);
+        let _ = scenario.command(run(80));
+        let not_idle = Err(Rejected::Start(Interlock::NotIdle));
+        assert_eq!(scenario.command(Command::ReleaseStop), not_idle, "{ecu:?}");
+        for idle in [run(0), Command::Standby] {
+            let mut scenario = Scenario::started(ecu, percent(80));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(Says::Stopped);
+            assert_eq!(scenario.command(idle), Err(Rejected::StopLatched));
+            assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce), "{ecu:?}");
+        }
+    }
+}
+
+/// A release is standby, and no start: that begins with standby, as always. Without a stop it changes nothing.
+#[test]
+fn a_release_allows_no_start() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config()); // would allow one
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.command(Command::ReleaseStop).unwrap();
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let _ = scenario.command(Command::ReleaseStop);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+    }
+}
+
+/// A stop comes while the node listens, too.
+#[test]
+fn a_stop_while_it_listens() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
+        scenario.says(Says::Running);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::EmergencyStop, Wire::Stop), "{ecu:?}");
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
+// After a reset
+// ---------------------------------------------------------------------------------------------
+
+fn record(order: Order, origin: Origin) -> Option<Record> {
+    Some(Record { order, origin, armed: true })
+}
+
+fn kept_run(demand: Demand) -> Option<Record> {
+    record(Order::Run(demand), Origin::Rc)
+}
+
+/// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is heard.
+#[test]
+fn after_a_reset_it_listens() {
+    for kept in [None, kept_run(percent(60)), record(Order::Standby, Origin::Rc)] {
+        let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
+        zk.pass(20 * EVERY);
+        let sent = zk.bench.bytes();
+        assert!(sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()), "{sent:02x?}");
+        let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        amt.pass(20 * EVERY);
+        assert_eq!(amt.bench.bytes(), Vec::<Vec<u8>>::new());
+        for scenario in [&zk, &amt] {
+            assert_eq!(scenario.order(), Order::Listen);
+            assert_eq!(scenario.telemetry().armed, kept.is_some());
+        }
+    }
+}
+
+/// An engine that runs goes on with what was kept, without a change on the wire, under the source that ruled.
+#[test]
+fn a_running_engine_goes_on_with_what_was_kept() {
+    for ecu in BOTH {
+        for says in [Says::Running, Says::Unknown] {
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+            scenario.introduce();
+            scenario.values.half_percents = 120;
+            scenario.says(says);
+            let telemetry = scenario.telemetry();
+            assert_eq!((telemetry.ordered.order, telemetry.ruler), (Order::Run(percent(60)), Origin::Rc));
+            assert!(scenario.bench.event_kinds().contains(&Event::WentOn(percent(60))), "{ecu:?} {says:?}");
+            let sent = scenario.sent();
+            assert!(sent.iter().all(|wire| *wire == Wire::Run(600) || says == Says::Unknown), "{sent:?}");
+            // Its source speaks on: no bump and no stage of loss.
+            assert_eq!(scenario.command(run(65)), Ok(Accepted::InForce));
+            assert_eq!(scenario.telemetry().loss, LossStage::None);
+        }
+        // Nobody speaks: the stages of loss, counted from here on.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        scenario.introduce();
+        scenario.says(Says::Running).pass(5 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe), "{ecu:?}");
+    }
+}
+
+/// A reset in the middle of a start: it goes on, at idle until the engine runs.
+#[test]
+fn a_starting_engine_goes_on_at_idle() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        scenario.introduce();
+        scenario.says = Some(Says::Starting);
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        let sent = scenario.sent();
+        assert!(sent.iter().all(|wire| *wire == Wire::Run(0)) && !sent.is_empty(), "{ecu:?} {sent:?}");
+        scenario.says = Some(Says::Running);
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(600), "{ecu:?}");
+    }
+}
+
+/// Nothing was kept, as after a power-up: what the ECU says it obeys, under the stages of loss until a source speaks.
+#[test]
+fn a_running_engine_goes_on_with_what_its_ecu_says() {
+    for ecu in BOTH {
+        for kept in [None, record(Order::Listen, Origin::Node)] {
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+            scenario.introduce();
+            scenario.values.half_percents = 130;
+            scenario.says = Some(Says::Running);
+            if ecu == Ecu::Zk {
+                // Its throttle comes in a frame of its own, after the state.
+                scenario.pass(6 * EVERY);
+                assert_eq!(scenario.order(), Order::Listen, "the throttle is not known yet");
+                scenario.bench.receive(&zk_frames::status(3, 7_000, [65, 0, 0]));
+            } else {
+                scenario.pass(2 * EVERY);
+            }
+            let telemetry = scenario.telemetry();
+            assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {kept:?}");
+            assert_eq!((telemetry.ruler, telemetry.loss), (Origin::Node, LossStage::Hold));
+            let from = scenario.now();
+            scenario.to(from + SECOND);
+            assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::FailSafe));
+            assert!(scenario.sent().iter().all(|wire| *wire == Wire::Run(650)), "{ecu:?}");
+            scenario.pass(5 * SECOND);
+            assert_eq!(scenario.tenths(), 0);
+        }
+        // Whoever speaks takes over without a bump, the lowest source too.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.introduce();
+        scenario.bench.receive(&match ecu {
+            Ecu::Zk => zk_frames::status(3, 7_000, [65, 0, 0]).to_vec(),
+            Ecu::Amt => vec![],
+        });
+        scenario.values.half_percents = 130;
+        scenario.says(Says::Running);
+        assert_eq!(scenario.command_from(run(20), Origin::Bench), Ok(Accepted::Held), "{ecu:?}");
+        assert_eq!(scenario.tenths(), 650);
+        assert_eq!(scenario.command_from(run(66), Origin::Bench), Ok(Accepted::InForce));
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (660, LossStage::None));
+    }
+    // A throttle that never comes is idle, after the time for listening.
+    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
+    scenario.says = Some(Says::Running);
+    scenario.pass(EVERY + SECOND - 1);
+    assert_eq!(scenario.order(), Order::Listen);
+    scenario.pass(1);
+    assert_eq!(scenario.order(), Order::Run(percent(0)));
+}
+
+/// A kept rpm waits for what says that the ECU knows speed control; else it would fall to a throttle.
+#[test]
+fn a_kept_rpm_goes_on_as_an_rpm() {
+    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(rpm(90_000)));
+    scenario.says(Says::Running);
+    assert_eq!(scenario.order(), Order::Listen, "the version is not known");
+    scenario.introduce();
+    assert_eq!(scenario.order(), Order::Run(rpm(90_000)));
+    scenario.fly(Command::Run(rpm(90_000)), Origin::Rc, SECOND);
+    assert!(scenario.sent().contains(&Wire::RpmControl));
+}
+
+/// Where no engine runs it is standby, whatever was kept; and no start follows from a stream of run.
+#[test]
+fn an_engine_that_does_not_run_is_in_standby() {
+    for ecu in BOTH {
+        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+            for kept in [None, kept_run(percent(60)), record(Order::Standby, Origin::Rc)] {
+                let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+                scenario.introduce();
+                scenario.says(says);
+                let ordered = scenario.telemetry().ordered;
+                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?} {says:?}");
+                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                assert_eq!(scenario.wire(), Wire::Standby);
+            }
+        }
+    }
+    // AMT-9: an ECU that has just been powered up, too, in its first frame.
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept_run(percent(60)));
+    scenario.bench.rx(EVERY, &amt_frames::setup("9.35 140617 "));
+    assert_eq!(scenario.order(), Order::Standby);
+    scenario.pass(EVERY);
+    assert_eq!(scenario.sent(), [Wire::Standby]);
+}
+
+/// Standby that was under way is taken up again, not undone.
+#[test]
+fn a_shutdown_goes_on() {
+    for ecu in BOTH {
+        let kept = record(Order::Standby, Origin::Rc);
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        scenario.introduce();
+        scenario.says(Says::Running);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby), "{ecu:?}");
+    }
+}
+
+/// A latched stop survives, does not wait, and is still its source's to release.
+#[test]
+fn a_latched_stop_survives_a_reset() {
+    for ecu in BOTH {
+        for says in ALL {
+            let kept = record(Order::EmergencyStop, Origin::Emergency);
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+            assert!(scenario.telemetry().stop_latched);
+            scenario.says = Some(says);
+            scenario.pass(2 * EVERY);
+            let sent = scenario.sent();
+            assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
+            scenario.says(says);
+            let not_yours = Err(Rejected::NotYours(Origin::Emergency));
+            assert_eq!(scenario.command(Command::ReleaseStop), not_yours);
+        }
+        // And what is kept of it is the same again.
+        let kept = record(Order::EmergencyStop, Origin::Emergency);
+        let scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        assert_eq!(Some(scenario.bench.machine.record()), kept);
+    }
+}
+
+/// An AMT ECU with a fault sends, and does not say what its engine does: what was kept is all there is.
+#[test]
+fn amt_8_an_ecu_with_a_fault_after_a_reset() {
+    for (kept, expected) in [(kept_run(percent(60)), Order::Run(percent(60))), (None, Order::Standby)] {
+        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        scenario.values.fault = 1;
+        scenario.says = Some(Says::Running);
+        scenario.pass(EVERY + SECOND - 1);
+        assert_eq!(scenario.order(), Order::Listen);
+        assert_eq!(scenario.sent(), [], "no answer is better than a wrong one");
+        scenario.pass(1);
+        assert_eq!(scenario.order(), expected);
+    }
+}
+
+/// What is kept is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
+#[test]
+fn what_is_kept_is_what_is_in_force() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(60));
+        assert_eq!(Some(scenario.bench.machine.record()), kept_run(percent(60)));
+        scenario.pass(10 * SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+        scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(60)));
+        scenario.command(Command::Disarm).unwrap();
+        assert!(!scenario.bench.machine.record().armed);
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.bench.machine.record().order, Order::Standby);
+
+        // While it listens, what was kept stays kept; arming counts.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        assert_eq!(Some(scenario.bench.machine.record()), kept_run(percent(60)));
+        scenario.command(Command::Disarm).unwrap();
+        let record = scenario.bench.machine.record();
+        assert_eq!((record.order, record.armed), (Order::Run(percent(60)), false));
+    }
+}

@@ -1,0 +1,356 @@
+//! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
+
+use jetlink::command::{Accepted, Command, Order, Origin, Rejected};
+use jetlink::engine::config::{Action, Limit, Limits};
+use jetlink::engine::watch::Watched;
+use jetlink::telemetry::Event;
+use jetlink::units::{Celsius, Millivolts, Rpm};
+
+#[path = "support/bench.rs"]
+mod bench;
+#[path = "support/frames.rs"]
+mod frames;
+#[path = "support/scenario.rs"]
+mod scenario;
+use bench::us;
+use frames::{amt as amt_frames, zk as zk_frames};
+use scenario::{BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, percent, run};
+
+/// A scenario with an engine that runs at 50 % with these limits.
+fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
+    let config = ecu.with(|s| change(&mut s.limits));
+    let mut scenario = Scenario::started_with(ecu, config, percent(50));
+    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    assert_eq!(scenario.limits(), []);
+    scenario
+}
+
+/// What is told when some frames in a row say this, and the engine's own values after it.
+fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Watched, i32, i32)> {
+    let before = scenario.values;
+    scenario.values = values;
+    scenario.fly(run(50), Origin::Rc, u64::from(frames) * EVERY);
+    scenario.values = before;
+    scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.passed().into_iter().map(|passed| (passed.what, passed.value, passed.limit)).collect()
+}
+
+/// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
+#[test]
+fn two_values_in_a_row_pass_a_limit() {
+    use Watched::{LowRpm, OverSpeed, OverTemperature};
+    type Change = fn(&mut Limits);
+    let cases: [(Change, Watched, Values, Values, i32, i32); 3] = {
+        let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
+        [
+            (
+                |l| l.over_speed = Limit::tell(Rpm::new(8_000)),
+                OverSpeed,
+                values(8_000, 26),
+                values(8_500, 26),
+                8_500,
+                8_000,
+            ),
+            (
+                |l| l.low_rpm = Limit::tell(Rpm::new(6_000)),
+                LowRpm,
+                values(6_000, 26),
+                values(5_500, 26),
+                5_500,
+                6_000,
+            ),
+            // AMT: 126 steps of 4.6 °C less 50 are 529.6, one more is 534.2.
+            (
+                |l| l.over_temperature = Limit::tell(Celsius::from_tenths(5_300)),
+                OverTemperature,
+                values(TURNING, 530),
+                values(TURNING, 535),
+                5_350,
+                5_300,
+            ),
+        ]
+    };
+    for ecu in BOTH {
+        for (change, what, at, beyond, value, limit) in cases {
+            // An AMT temperature comes in steps.
+            let value = if ecu == Ecu::Amt && what == OverTemperature { 5_342 } else { value };
+            for (frames, values, told) in
+                [(5, at, false), (1, beyond, false), (2, beyond, true), (40, beyond, true)]
+            {
+                let mut scenario = running(ecu, |limits| {
+                    limits.hot_start = Limit::OFF;
+                    limits.flame_out = Limit::OFF;
+                    change(limits);
+                });
+                let expected = if told { vec![(what, value, limit)] } else { vec![] };
+                assert_eq!(told_after(&mut scenario, frames, values), expected, "{ecu:?} {what:?} {frames}");
+                // By default nothing is done.
+                assert_eq!(scenario.order(), Order::Run(percent(50)));
+            }
+            // Told again after a value within.
+            let mut scenario = running(ecu, change);
+            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
+            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
+        }
+    }
+}
+
+/// The time of an event is that of the second value.
+#[test]
+fn a_limit_is_told_with_its_time() {
+    for ecu in BOTH {
+        let mut scenario = running(ecu, |l| l.over_speed = Limit::tell(Rpm::new(8_000)));
+        let values = Values { rpm: Some(9_000), ..scenario.values };
+        let from = scenario.now();
+        scenario.silent();
+        for i in 1..=3 {
+            scenario.bench.rx(from + i * 70_000, &ecu.frame(Says::Running, values));
+        }
+        let passed = scenario.passed();
+        assert_eq!(passed.len(), 1);
+        assert_eq!(passed[0].at, us(from + 140_000), "{ecu:?}");
+    }
+}
+
+/// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
+#[test]
+fn the_engines_own_figures_serve() {
+    let values = |rpm| Values { rpm: Some(rpm), egt: 26, half_percents: 0, fault: 0 };
+    let quiet = |limits: &mut Limits| {
+        limits.implausible = Limit::OFF;
+        limits.flame_out = Limit::OFF;
+    };
+    for (rpm, told) in [
+        (168_000, vec![]),
+        (168_010, vec![(Watched::OverSpeed, 168_010, 168_000)]),
+        (4_000, vec![]),
+        (3_990, vec![(Watched::LowRpm, 3_990, 4_000)]),
+    ] {
+        let mut scenario = running(Ecu::Zk, quiet);
+        assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
+    }
+    // Low while it stands or starts is nothing.
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(run(0)).unwrap();
+    scenario.values.rpm = Some(1_000);
+    scenario.says = Some(Says::Starting);
+    scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+    assert_eq!(scenario.limits(), []);
+}
+
+/// Hot start: the temperature rises too fast while it starts, and only then.
+#[test]
+fn hot_start() {
+    for ecu in BOTH {
+        // °C per second, and whether that is told: the default is 250.
+        for (rate, says, told) in [
+            (200, Says::Starting, false),
+            (320, Says::Starting, true),
+            (320, Says::Running, false),
+        ] {
+            let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
+            let mut scenario = Scenario::ready(ecu, config);
+            scenario.command(run(0)).unwrap();
+            scenario.says(Says::Starting).says(says);
+            scenario.bench.events();
+            for i in 0..40 {
+                scenario.values.egt = 26 + rate * i / 20;
+                if i % 2 == 0 {
+                    let _ = scenario.command(run(0));
+                }
+                scenario.pass(EVERY);
+            }
+            let passed = scenario.passed();
+            if told {
+                assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
+                assert_eq!((passed[0].what, passed[0].limit), (Watched::HotStart, 250));
+                assert!((passed[0].value - rate).abs() < 30, "{:?}", passed[0]);
+            } else {
+                assert_eq!(passed, [], "{ecu:?} {rate} {says:?}");
+            }
+        }
+        // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
+        for odd in [1_000, -40] {
+            for wait in 0..12 {
+                let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
+                let mut scenario = Scenario::ready(ecu, config);
+                scenario.command(run(0)).unwrap();
+                scenario.values.egt = 400;
+                scenario.says(Says::Starting).fly(run(0), Origin::Rc, 3 * SECOND + wait * EVERY);
+                scenario.bench.events();
+                scenario.values.egt = odd;
+                scenario.pass(EVERY);
+                scenario.values.egt = 400;
+                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                assert_eq!(scenario.limits(), [], "{ecu:?} {odd} {wait}");
+            }
+        }
+    }
+}
+
+/// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source asks `demand` of it.
+fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<Watched> {
+    let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::OFF);
+    scenario.values.rpm = Some(20_000);
+    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    scenario.bench.events();
+    for percent in before {
+        scenario.fly(run(*percent), Origin::Rc, 2 * PERIOD);
+    }
+    for i in 1..=30 {
+        scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+        let _ = scenario.command(run(demand));
+        scenario.pass(EVERY);
+    }
+    scenario.fly(run(demand), Origin::Rc, SECOND);
+    scenario.limits()
+}
+
+/// Flame-out: the speed falls without a command. After a lower demand that is what was asked for.
+#[test]
+fn flame_out() {
+    for ecu in BOTH {
+        assert_eq!(run_down(ecu, &[], 50), [Watched::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was asked for");
+        // A higher demand is no excuse, and the noise of a stick neither.
+        assert_eq!(run_down(ecu, &[], 60), [Watched::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [Watched::FlameOut], "{ecu:?}");
+        // A slow lowering is one.
+        assert_eq!(run_down(ecu, &[49, 48, 47, 46, 45, 44], 43), [], "{ecu:?}");
+    }
+}
+
+/// One odd shaft speed is no flame-out, whatever it is, and with or without a limit for what is plausible.
+#[test]
+fn one_odd_shaft_speed_is_no_flame_out() {
+    for ecu in BOTH {
+        for implausible in [Limit::OFF, Limit::tell(150_000)] {
+            for odd in [0, 10_000, 14_000, 60_000, 120_000] {
+                for wait in 0..6 {
+                    let mut scenario = running(ecu, |limits| {
+                        limits.implausible = implausible;
+                        limits.low_rpm = Limit::OFF;
+                    });
+                    scenario.fly(run(50), Origin::Rc, wait * EVERY);
+                    let values = Values { rpm: Some(odd), ..scenario.values };
+                    let told = told_after(&mut scenario, 1, values);
+                    assert_eq!(told, [], "{ecu:?} {odd} {wait}");
+                }
+            }
+        }
+    }
+}
+
+/// A change that no turbine makes is told when it lasts for two frames; frames that are read late and at once are no
+/// such change.
+#[test]
+fn implausible_telemetry() {
+    for ecu in BOTH {
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::OFF);
+        let values = Values { rpm: Some(60_000), ..scenario.values };
+        assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::OFF);
+        let told = told_after(&mut scenario, 2, values);
+        assert_eq!(told[0].0, Watched::Implausible, "{ecu:?}");
+        assert!(told[0].1 > 150_000 && told[0].2 == 150_000);
+
+        let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::OFF);
+        scenario.silent();
+        let mut rpm = TURNING;
+        for _ in 0..10 {
+            let t = scenario.now() + 400_000;
+            scenario.bench.run_to(t);
+            for _ in 0..4 {
+                rpm += 500;
+                let values = Values { rpm: Some(rpm), ..scenario.values };
+                scenario.bench.receive(&ecu.frame(Says::Running, values));
+            }
+            scenario.command(run(50)).unwrap();
+        }
+        assert_eq!(scenario.limits(), [], "{ecu:?}");
+    }
+}
+
+/// Supply voltage, off by default.
+#[test]
+fn supply_low() {
+    for ecu in BOTH {
+        let supply = |scenario: &mut Scenario| {
+            let frame = match ecu {
+                Ecu::Amt => amt_frames::alternate(0x06).to_vec(),
+                Ecu::Zk => zk_frames::status(2, TURNING, [0, 100, 0]).to_vec(),
+            };
+            scenario.pass(10_000);
+            scenario.bench.receive(&frame);
+            scenario.telemetry().report.supply.and_then(|supply| supply.value.voltage).expect("a scale")
+        };
+        let mut scenario = running(ecu, |_| {});
+        let is = supply(&mut scenario).get();
+        supply(&mut scenario);
+        assert_eq!(scenario.limits(), [], "{ecu:?}: not watched");
+        for (limit, frames, told) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
+            let mut scenario = running(ecu, |l| l.supply_low = Limit::tell(Millivolts::new(limit)));
+            for _ in 0..frames {
+                supply(&mut scenario);
+            }
+            assert_eq!(scenario.limits(), vec![Watched::SupplyLow; told], "{ecu:?} {limit} {frames}");
+        }
+    }
+}
+
+/// A fault that the ECU reports, in two reports in a row; the event carries its number.
+#[test]
+fn a_fault_of_the_ecu() {
+    for ecu in BOTH {
+        for action in [Action::None, Action::FailSafe, Action::Standby] {
+            let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
+            let values = Values { fault: 2, ..scenario.values };
+            assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {action:?}");
+            let told = told_after(&mut scenario, 5, values);
+            assert_eq!(told, [(Watched::EcuFault, 2, 0)], "{ecu:?} {action:?}");
+            let expected = match action {
+                Action::None => Order::Run(percent(50)),
+                Action::FailSafe => Order::Run(percent(0)),
+                Action::Standby => Order::Standby,
+            };
+            assert_eq!(scenario.order(), expected, "{ecu:?}");
+        }
+    }
+}
+
+/// The actions: none by default, the fail-safe throttle by its ramp, standby at once and not back by a stream of run.
+#[test]
+fn actions() {
+    for ecu in BOTH {
+        let limit = |action| Limit { at: Some(Rpm::new(8_000)), action };
+        let mut scenario = running(ecu, |l| l.over_speed = limit(Action::Standby));
+        scenario.values.rpm = Some(9_000);
+        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        let ordered = scenario.telemetry().ordered;
+        assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?}");
+        assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
+        assert_eq!(scenario.wire(), Wire::Standby);
+
+        let mut scenario = running(ecu, |l| l.over_speed = limit(Action::FailSafe));
+        let from = scenario.now();
+        scenario.values.rpm = Some(9_000);
+        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        assert_eq!(scenario.limits(), [Watched::OverSpeed]);
+        scenario.fly(run(50), Origin::Rc, 500_000);
+        // 50 % a second.
+        assert!((200..350).contains(&scenario.tenths()), "{ecu:?}: {}", scenario.tenths());
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
+        assert!(scenario.now() > from);
+        // A source that takes over does not lift it; standby and a new start do.
+        assert!(matches!(scenario.command_from(run(1), Origin::Emergency), Ok(Accepted::InForce)));
+        scenario.fly(run(70), Origin::Emergency, 5 * SECOND);
+        assert_eq!(scenario.tenths(), 0);
+        let told: Vec<_> =
+            scenario.bench.event_kinds().into_iter().filter(|e| matches!(e, Event::Limit(_))).collect();
+        assert_eq!(told, [], "it is told once");
+        scenario.command_from(Command::Standby, Origin::Emergency).unwrap();
+        assert_eq!(scenario.order(), Order::Standby);
+    }
+}
