@@ -66,7 +66,9 @@ impl Channel {
 
     /// The same, with memory that a reset leaves alone: an engine that runs goes on after it.
     pub fn with_memory(config: &EngineConfig, memory: &'static Memory) -> Self {
-        Self { memory: Some(memory), ..Self::new(config) }
+        let channel = Self { memory: Some(memory), ..Self::new(config) };
+        channel.engine.lock(|engine| engine.borrow_mut().keep(memory.load()));
+        channel
     }
 
     /// For a source of commands or a listener; as many as wanted.
@@ -74,8 +76,9 @@ impl Channel {
         Handle { channel: self, group: core::slice::from_ref(self) }
     }
 
-    /// The same, as one of a group.
-    pub(crate) const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
+    /// The same, as one of a group of engines that start one after the other and tell each other of failures;
+    /// [`crate::node::Node`] makes one of a table.
+    pub const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
         Handle { channel: self, group }
     }
 
@@ -85,7 +88,7 @@ impl Channel {
     }
 
     /// The same, as one of a group.
-    pub(crate) const fn runner_in<'a>(&'a self, group: &'a [Channel]) -> Runner<'a> {
+    pub const fn runner_in<'a>(&'a self, group: &'a [Channel]) -> Runner<'a> {
         Runner::new(self, group)
     }
 

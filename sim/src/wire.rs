@@ -252,6 +252,17 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
+    /// The node is reset: what its UART held is gone, and the byte under way is cut short. Gives the halves
+    /// for the node that starts; the old ones must be gone.
+    pub fn reset_node(&self) -> (WireRx, WireTx) {
+        self.change(|wire| {
+            wire.to_ecu.spoil();
+            wire.port.borrow_mut().reset();
+        });
+        let port = self.wire.borrow().port.clone();
+        (WireRx::new(port.clone()), WireTx::new(port))
+    }
+
     /// What goes wrong at random from now on, in each direction.
     pub fn set_faults(&self, to_node: Faults, to_ecu: Faults) {
         self.change(|wire| {

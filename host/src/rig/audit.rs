@@ -4,9 +4,11 @@
 //! jetlink. A frame has to be what an order in force when it was made allows, by the rules that jetlink
 //! documents:
 //!
-//! - standby: standby at throttle 0, also before any command;
-//! - run at a throttle: that throttle, or 0 during the start and in the fail-safe;
-//! - run at an rpm: that rpm, or the idle rpm or 0 during the start and in the fail-safe;
+//! - listening, after a power-up or a reset: what the ECU obeyed before, nothing else;
+//! - standby: standby at throttle 0;
+//! - run at a throttle: that throttle, or 0 during the start;
+//! - run at an rpm: that rpm, or the idle rpm or 0 during the start;
+//! - its source is lost, or another one is about to take over: no higher throttle than before;
 //! - ZK beside these: ID 0, and ID 2 with the configured rate.
 //!
 //! Anything else is a command that nobody gave.
@@ -38,6 +40,43 @@ pub struct Finding {
     pub what: String,
 }
 
+/// What a frame of the node says, in the terms of either protocol.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Said {
+    /// Emergency stop.
+    Stop,
+    /// Standby.
+    Standby,
+    /// Run at this throttle, in tenths of a percent.
+    Run(u16),
+    /// Run at this speed.
+    RunRpm(u32),
+    /// Nothing that concerns the switch or the demand.
+    Nothing,
+}
+
+/// A frame of the node on the wire.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Spoken {
+    /// Its first start bit.
+    pub from: Nanos,
+    /// Its last stop bit.
+    pub to: Nanos,
+    /// What it says.
+    pub said: Said,
+}
+
+/// What the node may say.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Allowed {
+    /// What this order asks for.
+    Order(Order),
+    /// A run at this throttle or any lower one.
+    UpTo(u16),
+    /// What it said last before it was reset, as exactly as the ECU tells it.
+    Again(Said),
+}
+
 /// Watches one line.
 #[derive(Debug)]
 pub struct Audit {
@@ -49,11 +88,15 @@ pub struct Audit {
     /// RPM_X that covers the engine's maximum (ZK-9).
     factor: u8,
     /// What was ordered and from when, the oldest that still matters first.
-    orders: VecDeque<(Nanos, Order)>,
+    orders: VecDeque<(Nanos, Allowed)>,
     frame: Vec<u8>,
     frame_start: Nanos,
     frame_end: Nanos,
     last_frame: Option<Nanos>,
+    /// What the node said last that concerns the switch or the demand.
+    pub on_wire: Option<Said>,
+    /// All that it said; kept for a scenario's judge.
+    pub spoken: Option<Vec<Spoken>>,
     /// Frames of the node.
     pub frames: u64,
     /// Those of them that went out before the ECU said anything: it was still starting up.
@@ -68,7 +111,7 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// For this engine's line. The node begins in standby, by itself.
+    /// For this engine's line. The node begins by listening, and the ECU obeys no run.
     pub fn new(engine: &Engine) -> Self {
         let parameters = parameters(engine);
         let cadence = cadence(engine);
@@ -88,7 +131,9 @@ impl Audit {
             factor: (1..=6_u8)
                 .find(|&factor| 40_950.0 * f64::from(factor) >= parameters.max_rpm)
                 .unwrap_or(6),
-            orders: VecDeque::from([(0, Order::Standby)]),
+            orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
+            on_wire: None,
+            spoken: None,
             frame: Vec::new(),
             frame_start: 0,
             frame_end: 0,
@@ -104,8 +149,29 @@ impl Audit {
 
     /// This is ordered from now on.
     pub fn ordered(&mut self, at: Nanos, order: Order) {
-        if self.orders.back().is_none_or(|&(_, last)| last != order) {
-            self.orders.push_back((at, order));
+        self.allow(at, Allowed::Order(order));
+    }
+
+    /// The source of a running engine is lost, or one at this throttle waits to take over: from now on the
+    /// throttle may be anything up to this, or up to what it is.
+    pub fn may_be_up_to(&mut self, at: Nanos, tenths: u16) {
+        let now = match self.on_wire {
+            Some(Said::Run(now)) => now,
+            _ => 0,
+        };
+        self.allow(at, Allowed::UpTo(tenths.max(now)));
+    }
+
+    /// The node was reset: it may say again what it said before, and nothing else, until something is ordered.
+    pub fn reset(&mut self, at: Nanos) {
+        self.frame.clear();
+        self.last_frame = None;
+        self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
+    }
+
+    fn allow(&mut self, at: Nanos, allowed: Allowed) {
+        if self.orders.back().is_none_or(|&(_, last)| last != allowed) {
+            self.orders.push_back((at, allowed));
         }
     }
 
@@ -167,8 +233,9 @@ impl Audit {
         let meant = match self.kind {
             Kind::Amt(_) => sim::amt::parse_command(&frame)
                 .map(|command| {
-                    let allowed = self.any_order(|order| amt_allows(order, command));
-                    (allowed, format!("{command:?}"))
+                    let said = amt_said(command);
+                    let allowed = self.any_order(said, |order| amt_allows(order, command));
+                    (allowed, format!("{command:?}"), said)
                 })
                 .map_err(|error| format!("no command: {error:?}")),
             Kind::Zk { .. } => <&[u8; 4]>::try_from(frame.as_slice())
@@ -177,25 +244,52 @@ impl Audit {
                     sim::zk::parse_command(bytes).map_err(|error| format!("no command: {error:?}"))
                 })
                 .map(|command| {
-                    let allowed = self.any_order(|order| self.zk_allows(order, command));
-                    (allowed, format!("{command:?}"))
+                    let said = self.zk_said(command);
+                    let allowed = self.any_order(said, |order| self.zk_allows(order, command));
+                    (allowed, format!("{command:?}"), said)
                 }),
         };
+        if let Ok((_, _, said)) = meant {
+            if said != Said::Nothing {
+                self.on_wire = Some(said);
+            }
+            let spoken = Spoken { from: start, to: self.frame_end, said };
+            self.spoken.iter_mut().for_each(|all| all.push(spoken));
+        }
         match meant {
-            Ok((true, _)) => {}
-            Ok((false, what)) | Err(what) => self.find(start, frame, &what),
+            Ok((true, ..)) => {}
+            Ok((false, what, _)) | Err(what) => self.find(start, frame, &what),
         }
     }
 
     /// Whether an order that was in force when the frame was made allows it.
-    fn any_order(&self, allows: impl Fn(Order) -> bool) -> bool {
+    fn any_order(&self, said: Said, allows: impl Fn(Order) -> bool) -> bool {
         let start = self.frame_start;
         let ends = self.orders.iter().skip(1).map(|&(from, _)| from).chain([Nanos::MAX]);
         self.orders
             .iter()
             .zip(ends)
             .filter(|&(&(from, _), end)| from <= start && end.saturating_add(MADE_BEFORE) >= start)
-            .any(|(&(_, order), _)| allows(order))
+            .any(|(&(_, allowed), _)| match (allowed, said) {
+                (Allowed::Order(order), _) => allows(order),
+                (Allowed::UpTo(most), Said::Run(tenths)) => tenths <= most,
+                // ECUs report whole or half percents.
+                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= 10,
+                (Allowed::Again(before), _) => said == before || said == Said::Nothing,
+                (Allowed::UpTo(_), _) => said == Said::Nothing,
+            })
+    }
+
+    fn zk_said(&self, command: ZkCommand) -> Said {
+        match command {
+            ZkCommand::Control { sw: Sw::Stop, .. } | ZkCommand::Switch { sw: Sw::Stop, .. } => Said::Stop,
+            ZkCommand::Control { sw: Sw::Standby, .. } | ZkCommand::Switch { sw: Sw::Standby, .. } => {
+                Said::Standby
+            }
+            ZkCommand::Control { sw: Sw::Run, throttle } => Said::Run(throttle),
+            ZkCommand::Rpm(code) => Said::RunRpm(u32::from(code) * u32::from(self.factor) * 10),
+            _ => Said::Nothing,
+        }
     }
 
     fn zk_allows(&self, order: Order, command: ZkCommand) -> bool {
@@ -204,6 +298,8 @@ impl Audit {
             Order::Standby => Sw::Standby,
             Order::Run(_) => Sw::Run,
             Order::Pwm => Sw::None,
+            // Nothing but ID 0, until the ECU has said what its engine does.
+            Order::Listen => return command == ZkCommand::Empty,
         };
         match (command, order) {
             (ZkCommand::Empty, _) => true,
@@ -230,17 +326,29 @@ impl Audit {
         self.not_given += 1;
         if self.findings.len() < KEPT {
             let order = self.orders.iter().rev().find(|&&(from, _)| from <= at);
-            let order = order.map_or(Order::Standby, |&(_, order)| order);
-            let what = format!("{what}, while the order was {order:?}");
+            let order = order.map_or(Allowed::Order(Order::Listen), |&(_, order)| order);
+            let what = format!("{what}, while what was allowed was {order:?}");
             self.findings.push(Finding { at, bytes, what });
         }
+    }
+}
+
+const fn amt_said(command: sim::amt::AmtCommand) -> Said {
+    match command.ops {
+        Ops::EmergencyStop => Said::Stop,
+        Ops::AutoStop => Said::Standby,
+        Ops::Run => Said::Run(command.throttle_half_percent as u16 * 5),
+        _ => Said::Nothing,
     }
 }
 
 fn amt_allows(order: Order, command: sim::amt::AmtCommand) -> bool {
     let throttle = u16::from(command.throttle_half_percent) * 5;
     match (command.ops, order) {
-        (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby) => throttle == 0,
+        // An ECU that was just powered up obeys auto stop: that is what it is told while the node listens.
+        (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby | Order::Listen) => {
+            throttle == 0
+        }
         (Ops::Run, Order::Run(Demand::Throttle(given))) => {
             throttle == 0 || throttle == given.tenths() / 5 * 5
         }

@@ -1,14 +1,16 @@
 //! The CSV file: one row for each engine and sample.
 
+use super::audit::Said;
 use super::desk::Lever;
 use super::quantity::seconds;
-use super::sample::Sample;
+use super::sample::{Sample, loss, source};
 use embassy_time::Instant;
+use jetlink::command::Order;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 
 const HEAD: &str = "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,\
-                    sent,missed,decode_errors,rejected";
+                    sent,missed,decode_errors,rejected,engine_state,rules,loss,armed,order,wire_throttle_pct,wire_rpm";
 
 /// A CSV file that is being written.
 #[derive(Debug)]
@@ -54,9 +56,14 @@ fn row(at: Instant, name: &str, sample: &Sample) -> String {
         sample.state.unwrap_or_default().to_owned(),
         whole(sample.rpm),
         tenths(sample.egt),
-        if sample.lever == Lever::Standby { "standby" } else { "run" }.to_owned(),
-        tenths(sample.lever.throttle_percent()),
-        whole(sample.lever.rpm()),
+        match (sample.silent, sample.lever) {
+            (true, _) => "",
+            (false, Lever::Standby) => "standby",
+            (false, Lever::Run(_)) => "run",
+        }
+        .to_owned(),
+        tenths(sample.asked_percent()),
+        whole(sample.asked_rpm()),
         tenths(sample.throttle),
         sample.link_name().to_owned(),
         sample.counters.frames.to_string(),
@@ -64,6 +71,26 @@ fn row(at: Instant, name: &str, sample: &Sample) -> String {
         sample.missed().to_string(),
         sample.decode_errors().to_string(),
         sample.counters.commands_rejected.to_string(),
+        sample.does.name().to_owned(),
+        source(sample.ruler).to_owned(),
+        loss(sample.loss).to_owned(),
+        if sample.armed { "yes" } else { "no" }.to_owned(),
+        match sample.order {
+            Order::EmergencyStop => "stop",
+            Order::Standby => "standby",
+            Order::Run(_) => "run",
+            Order::Pwm => "pwm",
+            Order::Listen => "listen",
+        }
+        .to_owned(),
+        tenths(match sample.on_wire {
+            Some(Said::Run(tenths)) => Some(f64::from(tenths) / 10.0),
+            _ => None,
+        }),
+        whole(match sample.on_wire {
+            Some(Said::RunRpm(rpm)) => Some(rpm),
+            _ => None,
+        }),
     ]
     .join(",")
 }

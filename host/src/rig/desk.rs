@@ -2,8 +2,9 @@
 
 use super::audit::Audit;
 use super::engines::Engine;
+use super::sample::Message;
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Command, Demand, Order};
+use jetlink::command::{Accepted, Command, Demand, Order, Rejected};
 use jetlink::telemetry::{LinkState, Telemetry};
 use std::cell::{Cell, RefCell};
 
@@ -24,6 +25,8 @@ pub enum Stage {
     Done,
     /// Something was not reached; the engine is kept in standby.
     Failed,
+    /// A scenario: what it is about happens.
+    Event,
 }
 
 impl Stage {
@@ -37,6 +40,7 @@ impl Stage {
             Self::Cooling => "cooling",
             Self::Done => "done",
             Self::Failed => "failed",
+            Self::Event => "event",
         }
     }
 }
@@ -109,16 +113,22 @@ pub struct Note {
 
 /// Where all tasks put their notes.
 #[derive(Debug, Default)]
-pub struct Notes(RefCell<Vec<Note>>);
+pub struct Notes(RefCell<Vec<Message>>);
 
 impl Notes {
     /// Adds one.
     pub fn add(&self, engine: Option<usize>, text: impl Into<String>) {
-        self.0.borrow_mut().push(Note { at: Instant::now(), engine, text: text.into() });
+        self.0.borrow_mut().push(Message::Note(Note { at: Instant::now(), engine, text: text.into() }));
+    }
+
+    /// Adds one that is marked in the plot.
+    pub fn mark(&self, label: &str) {
+        self.add(None, format!("=== {label}"));
+        self.0.borrow_mut().push(Message::Mark { at: Instant::now(), label: label.to_owned() });
     }
 
     /// Takes what is there.
-    pub fn take(&self) -> Vec<Note> {
+    pub fn take(&self) -> Vec<Message> {
         self.0.take()
     }
 }
@@ -134,6 +144,8 @@ pub struct Desk<'a> {
     pub stage: Cell<Stage>,
     /// What its pilot commands.
     pub lever: Cell<Lever>,
+    /// Its pilot says nothing.
+    pub silent: Cell<bool>,
     /// When the last fault on its line ends.
     pub clean_from: Instant,
     /// Holds the line against the commands.
@@ -153,6 +165,7 @@ impl<'a> Desk<'a> {
             engine,
             stage: Cell::new(Stage::Standby),
             lever: Cell::new(Lever::Standby),
+            silent: Cell::new(false),
             clean_from,
             audit: RefCell::new(Audit::new(engine)),
             stops: Cell::new(0),
@@ -168,6 +181,20 @@ impl<'a> Desk<'a> {
             && self.clean_from > Instant::MIN
         {
             self.recovered_after.set(Some(heard - self.clean_from));
+        }
+    }
+
+    /// Tells the audit what was commanded, and what became of it.
+    pub fn judge(&self, at: sim::ecu::Nanos, order: Order, answer: Result<Accepted, Rejected>) {
+        let mut audit = self.audit.borrow_mut();
+        match (answer, order) {
+            (Ok(Accepted::InForce), _) => audit.ordered(at, order),
+            (Ok(Accepted::Held), Order::Run(Demand::Throttle(throttle))) => {
+                audit.may_be_up_to(at, throttle.tenths());
+            }
+            (Ok(Accepted::Held), _) => audit.ordered(at, order),
+            // Refused, or behind another source: nothing changes.
+            (Ok(Accepted::Behind(_)) | Err(_), _) => {}
         }
     }
 

@@ -6,12 +6,14 @@ mod desk;
 mod engines;
 mod faults;
 mod lines;
+mod node;
 mod pilot;
 mod plan;
 mod plot;
 mod quantity;
 mod row;
 mod sample;
+mod scenario;
 mod session;
 mod show;
 mod simulated;
@@ -24,6 +26,7 @@ use self::faults::Faults;
 use self::lines::Lines;
 use self::plan::Plan;
 use self::plot::Plot;
+use self::scenario::Scenario;
 use self::session::Setup;
 use self::show::{Screen, Show};
 use self::table::Table;
@@ -71,13 +74,20 @@ Faults, a list with commas:
   its engine then, because it was not heard: that is told, and the engine started again. A link that does not
   come back fails the run, and so does a command on the wire that nobody gave.
 
+Scenarios:
+  --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It says what had to
+  happen, and judges by what was on the wires and what the simulated engines did whether it did.
+
 CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told for 2 s:
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
   demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
-  (replies and turns, by the node's count), decode_errors, rejected (commands)
+  (replies and turns, by the node's count), decode_errors, rejected (commands), engine_state (in plain words),
+  rules (who), loss (how far the source is lost), armed, order (of the node), wire_throttle_pct and wire_rpm (what
+  was last on the wire)
 
 Exit status:
-  0  no reply window was missed on a clean line, and every engine reached what was asked
+  0  no reply window was missed on a clean line, and every engine reached what was asked; with --scenario: all
+     that had to happen did
   1  otherwise, or a file could not be written
   2  a wrong option
   Without --fast the run is in real time, and this computer has to keep the windows of 30 ms: if it stalls, one
@@ -118,11 +128,22 @@ pub struct Args {
     /// Draw rpm, EGT and demand over time into this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<String>,
+
+    /// Play something that goes wrong, and judge what happens
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
+    scenario: Option<String>,
+
+    /// Explain each scenario in a line
+    #[arg(long)]
+    list_scenarios: bool,
 }
 
 /// Runs the rig. Status 0: all is well; 1: something was not reached, missed or could not be written; 2: a
 /// wrong option.
 pub fn run(args: Args) -> ExitCode {
+    if args.list_scenarios {
+        return list_scenarios();
+    }
     let setup = match setup(&args) {
         Ok(setup) => setup,
         Err(error) => {
@@ -140,13 +161,32 @@ pub fn run(args: Args) -> ExitCode {
     }
 }
 
+fn list_scenarios() -> ExitCode {
+    let text: String = Scenario::ALL
+        .iter()
+        .map(|scenario| format!("{:<16}  {}\n", scenario.name(), scenario.line()))
+        .collect();
+    match io::stdout().write_all(text.as_bytes()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            complain(&format!("cannot write to the standard output: {error}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
 fn complain(error: &str) {
     // Nothing can be done if this cannot be written either.
     let _ = writeln!(io::stderr(), "jetlink rig: {error}");
 }
 
 fn setup(args: &Args) -> Result<Setup, String> {
-    let engines = engines::engines(&args.engines)?;
+    let scenario = args.scenario.as_deref().map(Scenario::named).transpose()?;
+    let described: Vec<String> = match scenario {
+        Some(scenario) => scenario.engines().iter().map(|&text| text.to_owned()).collect(),
+        None => args.engines.clone(),
+    };
+    let engines = engines::engines(&described)?;
     let seed = args
         .seed
         .parse()
@@ -160,15 +200,21 @@ fn setup(args: &Args) -> Result<Setup, String> {
         .as_ref()
         .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
         .transpose()?;
-    let plan = Plan::new(&engines, duration, args.standby, &mut faults)?;
-    Ok(Setup { engines, plan, faults, seed, fast: args.fast })
+    let mut plan = Plan::new(&engines, duration, args.standby, &mut faults)?;
+    if let Some(scenario) = scenario {
+        plan.length = scenario.length();
+    }
+    Ok(Setup { engines, plan, faults, scenario, seed, fast: args.fast })
 }
 
 /// Whether all went well.
 fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
     let names: Vec<&'static str> = setup.engines.iter().map(Engine::name).collect();
     let csv = args.csv.as_deref().map(Csv::create).transpose()?;
-    let title = format!("jetlink rig, seed {}", setup.seed);
+    let title = match setup.scenario {
+        Some(scenario) => format!("{}: {}", scenario.name(), scenario.line()),
+        None => format!("jetlink rig, seed {}", setup.seed),
+    };
     let captions = setup.engines.iter().map(Engine::caption).collect();
     let plot = args.plot.as_deref().map(|path| Plot::create(path, captions, title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.

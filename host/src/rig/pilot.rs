@@ -3,24 +3,27 @@
 //!
 //! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
 //! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
-//! is the end of the run for this engine, unless its flame was put out.
+//! is the end of the run for this engine, unless its flame was put out. A start that an interlock refuses is
+//! asked for again: another engine of the group may be starting, or the exhaust still be hot.
 
 use super::desk::{Desk, Lever, Stage};
 use super::faults::{Failure, Faults};
+use super::node::Node;
 use super::plan::{EnginePlan, LEAST_RUNNING};
 use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
-use jetlink::channels::Handle;
-use jetlink::command::{Demand, Order, Origin, Rejected};
+use jetlink::command::{Command, Demand, Order, Origin, Rejected};
 use jetlink::telemetry::{LinkState, Phase, Telemetry};
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
 
-/// Between two commands; the age limit of a source is 1 s.
+/// Between two commands; the age limit of a source is 0.5 s.
 const TICK: Duration = Duration::from_millis(100);
 /// For the ECU to be heard and to report standby.
 const READY_WITHIN: Duration = Duration::from_secs(10);
+/// For the interlocks to allow a start: engines start one after the other, and some starts fail.
+const ALLOWED_WITHIN: Duration = Duration::from_secs(300);
 /// For a link to be up after the last fault.
 const RECOVER_WITHIN: Duration = Duration::from_secs(3);
 /// Idle after the start and before the shutdown.
@@ -49,7 +52,7 @@ enum Cut {
 #[derive(Debug)]
 pub struct Pilot<'a> {
     desk: &'a Desk<'a>,
-    handle: Handle<'a>,
+    node: &'a Node<'a>,
     plan: EnginePlan,
     standby_only: bool,
     rng: fastrand::Rng,
@@ -63,7 +66,7 @@ impl<'a> Pilot<'a> {
     /// For one engine.
     pub fn new(
         desk: &'a Desk<'a>,
-        handle: Handle<'a>,
+        node: &'a Node<'a>,
         plan: EnginePlan,
         standby_only: bool,
         faults: &Faults,
@@ -73,7 +76,7 @@ impl<'a> Pilot<'a> {
             |failure: &(usize, Failure)| failure.0 == desk.index && matches!(failure.1, Failure::FlameOut(_));
         Self {
             desk,
-            handle,
+            node,
             plan,
             standby_only,
             rng: fastrand::Rng::with_seed(seed),
@@ -136,7 +139,8 @@ impl<'a> Pilot<'a> {
     async fn ready(&mut self) -> Result<(), String> {
         self.stage(Stage::Standby);
         self.desk.lever.set(Lever::Standby);
-        let hot = self.handle.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
+        self.node.command(self.desk.index, Command::Arm, Origin::Bench);
+        let hot = self.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
         let cooling = if hot { self.plan.cooling_takes } else { Duration::MIN };
         let limit = self.clean_from.max(Instant::now()) + READY_WITHIN + cooling;
         let by_rpm = self.desk.engine.by_rpm();
@@ -161,6 +165,7 @@ impl<'a> Pilot<'a> {
         self.stage(Stage::Start);
         let Some(idle) = self.demand(0) else { return Err("the ECU has not told its speeds".to_owned()) };
         self.desk.lever.set(Lever::Run(idle));
+        self.allowed().await?;
         let takes = self.plan.start_takes;
         let started = Instant::now();
         let running = self
@@ -177,6 +182,22 @@ impl<'a> Pilot<'a> {
             Err(Cut::TimeUp) => Err(format!("did not start in time: {}", self.describe())),
             Err(Cut::Stopped) => Err(format!("the start failed: {}", self.describe())),
             Err(Cut::Refused(why)) => Err(format!("the start was refused: {why}")),
+        }
+    }
+
+    /// Asks for the start until every interlock allows it.
+    async fn allowed(&self) -> Result<(), String> {
+        let limit = Instant::now() + ALLOWED_WITHIN;
+        let mut ticker = Ticker::every(TICK);
+        loop {
+            match self.command(self.desk.lever.get()) {
+                Ok(()) => return Ok(()),
+                Err(Cut::Refused(Rejected::Start(_))) if Instant::now() < limit => ticker.next().await,
+                Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
+                Err(Cut::TimeUp | Cut::Stopped) => {
+                    return Err(format!("the start was not asked for in time: {}", self.describe()));
+                }
+            }
         }
     }
 
@@ -224,7 +245,7 @@ impl<'a> Pilot<'a> {
             return Err("the ECU no longer tells its speeds".to_owned());
         };
         self.desk.lever.set(Lever::Run(demand));
-        let first = speed(&self.handle.telemetry());
+        let first = speed(&self.telemetry());
         let mut last = VecDeque::new();
         let reached = self
             .keep(end, |telemetry| {
@@ -309,7 +330,7 @@ impl<'a> Pilot<'a> {
         let mut ticker = Ticker::every(TICK);
         self.command(lever)?;
         loop {
-            let telemetry = self.handle.telemetry();
+            let telemetry = self.telemetry();
             let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_));
             if matches!(lever, Lever::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
@@ -328,12 +349,20 @@ impl<'a> Pilot<'a> {
     fn command(&self, lever: Lever) -> Result<(), Cut> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
-        self.handle.command(lever.command(), Origin::Bench).map_err(|why| match why {
-            Rejected::StandbyFirst => Cut::Stopped,
-            why => Cut::Refused(why),
-        })?;
-        self.desk.audit.borrow_mut().ordered(at, lever.order());
-        Ok(())
+        let Some(answer) = self.node.command(self.desk.index, lever.command(), Origin::Bench) else {
+            return Ok(());
+        };
+        self.desk.judge(at, lever.order(), answer);
+        match answer {
+            // After a reset it listens first.
+            Ok(_) | Err(Rejected::Listening) => Ok(()),
+            Err(Rejected::StandbyFirst) => Err(Cut::Stopped),
+            Err(why) => Err(Cut::Refused(why)),
+        }
+    }
+
+    fn telemetry(&self) -> Telemetry {
+        self.node.telemetry(self.desk.index)
     }
 
     /// Percent of the way from idle to full, as this engine is commanded.
@@ -341,7 +370,7 @@ impl<'a> Pilot<'a> {
         if !self.desk.engine.by_rpm() {
             return Throttle::from_percent(percent).ok().map(Demand::Throttle);
         }
-        let report = self.handle.telemetry().report;
+        let report = self.telemetry().report;
         let (idle, max) = (report.idle_rpm?.value.get(), report.max_rpm?.value.get());
         let rpm = idle + max.checked_sub(idle)? / 100 * u32::from(percent);
         Some(Demand::Rpm(Rpm::new(rpm)))
@@ -365,7 +394,7 @@ impl<'a> Pilot<'a> {
 
     /// What the ECU says, for people.
     fn describe(&self) -> String {
-        let telemetry = self.handle.telemetry();
+        let telemetry = self.telemetry();
         let report = &telemetry.report;
         if telemetry.heard.is_none() {
             return "the ECU was never heard".to_owned();

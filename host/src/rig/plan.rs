@@ -10,8 +10,6 @@ use embassy_time::{Duration, Instant};
 const USUAL_LENGTH: Duration = Duration::from_secs(180);
 /// The first start.
 const FIRST_START: Duration = Duration::from_secs(3);
-/// Between two starts: like a pilot, who starts one engine after the other.
-const BETWEEN_STARTS: Duration = Duration::from_secs(2);
 /// The least time of an engine between its start and its shutdown.
 pub const LEAST_RUNNING: Duration = Duration::from_secs(20);
 /// Between the end of the faults and the first shutdown, to see that all recovers.
@@ -54,20 +52,23 @@ impl Plan {
         if standby_only {
             return Self::standby(engines.len(), length, faults);
         }
+        let mut start_at = Instant::MIN + FIRST_START;
         let mut plans: Vec<EnginePlan> = engines
             .iter()
-            .zip(0..)
-            .map(|(engine, i)| {
+            .map(|engine| {
                 let p = parameters(engine);
                 let start = p.ignition_s + p.preheat_s + p.ramp_s + p.learn_s + 4.0;
                 // From idle to 100 °C, and until the shaft stands.
                 let cooling = 1.8 * p.cooling_s + 9.0;
-                EnginePlan {
-                    start_at: Instant::MIN + FIRST_START + BETWEEN_STARTS * i,
+                let plan = EnginePlan {
+                    start_at,
                     start_takes: Duration::from_millis((start * 1000.0) as u64),
                     shutdown_at: Instant::MIN,
                     cooling_takes: Duration::from_millis((cooling * 1000.0) as u64),
-                }
+                };
+                // The node starts one engine of a group after the other.
+                start_at += plan.start_takes;
+                plan
             })
             .collect();
         let needed = |plan: &EnginePlan| {

@@ -1,6 +1,7 @@
 //! The plot: one panel for each engine with speed and demand on the left, EGT on the right and the phases
 //! of the run as bands behind them.
 
+use super::audit::Said;
 use super::desk::Stage;
 use super::quantity::seconds;
 use super::sample::Sample;
@@ -16,7 +17,9 @@ const TITLE_HEIGHT: u32 = 80;
 const PANEL_HEIGHT: u32 = 330;
 
 const RPM: RGBColor = RGBColor(0x1f, 0x5f, 0xb4);
-const DEMAND: RGBColor = RGBColor(0x2c, 0x8c, 0x3c);
+const DEMAND: RGBColor = RGBColor(0x90, 0x90, 0x90);
+const WIRE: RGBColor = RGBColor(0x2c, 0x8c, 0x3c);
+const MARK: RGBColor = RGBColor(0x7a, 0x1f, 0x7a);
 const EGT: RGBColor = RGBColor(0xc8, 0x3c, 0x1e);
 const INK: RGBColor = RGBColor(0x33, 0x33, 0x33);
 
@@ -27,8 +30,11 @@ struct Point {
     stage: Stage,
     rpm: Option<f64>,
     egt: Option<f64>,
+    silent: bool,
     throttle: Option<f64>,
     demand_rpm: Option<f64>,
+    wire_throttle: Option<f64>,
+    wire_rpm: Option<f64>,
 }
 
 /// What is needed to draw, gathered while the run goes on.
@@ -38,6 +44,7 @@ pub struct Plot {
     captions: Vec<String>,
     title: String,
     points: Vec<Vec<Point>>,
+    marks: Vec<(f64, String)>,
     every: u32,
     skipped: u32,
 }
@@ -47,7 +54,7 @@ impl Plot {
     pub fn create(path: &str, captions: Vec<String>, title: String) -> Result<Self, String> {
         std::fs::write(path, "").map_err(|error| format!("cannot write {path}: {error}"))?;
         let points = vec![Vec::new(); captions.len()];
-        Ok(Self { path: path.to_owned(), captions, title, points, every: 1, skipped: 0 })
+        Ok(Self { path: path.to_owned(), captions, title, points, marks: Vec::new(), every: 1, skipped: 0 })
     }
 
     /// Keeps a sample of all engines.
@@ -64,8 +71,17 @@ impl Plot {
                 stage: sample.stage,
                 rpm: sample.rpm.map(f64::from),
                 egt: sample.egt,
-                throttle: sample.lever.throttle_percent(),
-                demand_rpm: sample.lever.rpm().map(f64::from),
+                silent: sample.silent,
+                throttle: sample.asked_percent(),
+                demand_rpm: sample.asked_rpm().map(f64::from),
+                wire_throttle: match sample.on_wire {
+                    Some(Said::Run(tenths)) => Some(f64::from(tenths) / 10.0),
+                    _ => None,
+                },
+                wire_rpm: match sample.on_wire {
+                    Some(Said::RunRpm(rpm)) => Some(f64::from(rpm)),
+                    _ => None,
+                },
             });
         }
         if self.points.iter().any(|points| points.len() > MOST_POINTS) {
@@ -78,6 +94,11 @@ impl Plot {
             }
             self.every *= 2;
         }
+    }
+
+    /// Marks this moment.
+    pub fn mark(&mut self, at: Instant, label: &str) {
+        self.marks.push((seconds(at - Instant::MIN), label.to_owned()));
     }
 
     /// Draws it.
@@ -98,7 +119,7 @@ impl Plot {
         for ((area, caption), points) in
             body.split_evenly((self.captions.len(), 1)).iter().zip(&self.captions).zip(&self.points)
         {
-            panel(area, caption, points, end)?;
+            panel(area, caption, points, &self.marks, end)?;
         }
         root.present().map_err(text)
     }
@@ -109,7 +130,12 @@ impl Plot {
             .map_err(text)?;
         let style = ("sans-serif", 18).into_font().color(&INK);
         let mut x = 22;
-        for (label, color) in [("rpm", RPM), ("demand (standby: 0)", DEMAND), ("EGT", EGT)] {
+        for (label, color) in [
+            ("rpm", RPM),
+            ("demand of the source", DEMAND),
+            ("demand on the wire (standby, stop: 0)", WIRE),
+            ("EGT", EGT),
+        ] {
             let line = vec![(x, 60), (x + 40, 60)];
             area.draw(&PathElement::new(line, color.stroke_width(3))).map_err(text)?;
             area.draw(&Text::new(label, (x + 50, 50), style.clone())).map_err(text)?;
@@ -128,6 +154,7 @@ fn panel(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     caption: &str,
     points: &[Point],
+    marks: &[(f64, String)],
     end: f64,
 ) -> Result<(), String> {
     let highest = |value: fn(&Point) -> Option<f64>, least: f64| {
@@ -181,18 +208,45 @@ fn panel(
         .draw()
         .map_err(text)?;
 
-    let demand = |point: &Point| {
-        let demand = point.demand_rpm.or(point.throttle.map(|percent| percent * per_percent));
-        Some(demand.unwrap_or(0.0))
+    let asked = |point: &Point| {
+        let asked = point.demand_rpm.or(point.throttle.map(|percent| percent * per_percent));
+        (!point.silent).then(|| asked.unwrap_or(0.0))
     };
-    for curve in steps(points, demand) {
-        chart.draw_series(LineSeries::new(curve, DEMAND.stroke_width(2))).map_err(text)?;
+    let wire = |point: &Point| {
+        let said = point.wire_rpm.or(point.wire_throttle.map(|percent| percent * per_percent));
+        Some(said.unwrap_or(0.0))
+    };
+    for curve in steps(points, asked) {
+        chart.draw_series(LineSeries::new(curve, DEMAND.stroke_width(5))).map_err(text)?;
+    }
+    for curve in steps(points, wire) {
+        chart.draw_series(LineSeries::new(curve, WIRE.stroke_width(2))).map_err(text)?;
     }
     for curve in curves(points, |point| point.rpm) {
         chart.draw_series(LineSeries::new(curve, RPM.stroke_width(2))).map_err(text)?;
     }
     for curve in curves(points, |point| point.egt) {
         chart.draw_secondary_series(LineSeries::new(curve, EGT.stroke_width(2))).map_err(text)?;
+    }
+    draw_marks(&mut chart, marks, top_rpm, end)
+}
+
+/// A line at each marked moment, with its name beside it; the names stand below each other.
+fn draw_marks(
+    chart: &mut Chart<'_, '_>,
+    marks: &[(f64, String)],
+    top: f64,
+    end: f64,
+) -> Result<(), String> {
+    for (i, (t, label)) in marks.iter().enumerate() {
+        let line = PathElement::new(vec![(*t, 0.0), (*t, top)], MARK.stroke_width(2));
+        chart.draw_series([line]).map_err(text)?;
+        let right = t + 0.0065 * end * label.len() as f64 > end;
+        let (side, label) =
+            if right { (HPos::Right, format!("{label} ")) } else { (HPos::Left, format!(" {label}")) };
+        let style = ("sans-serif", 16).into_font().color(&MARK).pos(Pos::new(side, VPos::Top));
+        let height = top * (0.86 - 0.07 * (i % 4) as f64);
+        chart.draw_series([Text::new(label, (*t, height), style)]).map_err(text)?;
     }
     Ok(())
 }
@@ -220,6 +274,7 @@ fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64) -> Result<(), St
             Stage::Cooling => RGBColor(0xf8, 0xe6, 0xee),
             Stage::Done => RGBColor(0xf4, 0xf4, 0xf4),
             Stage::Failed => RGBColor(0xff, 0xc8, 0xc8),
+            Stage::Event => RGBColor(0xff, 0xf8, 0xb8),
         };
         let area = Rectangle::new([(first.t, 0.0), (until, top)], color.filled());
         // A name that is longer than its band stands a line lower, clear of its neighbour's.
@@ -246,18 +301,25 @@ fn curves(points: &[Point], value: fn(&Point) -> Option<f64>) -> Vec<Vec<(f64, f
         .collect()
 }
 
-/// The curve of a value that jumps.
+/// The curve of a value that jumps, in pieces where there is none.
 fn steps(points: &[Point], value: impl Fn(&Point) -> Option<f64>) -> Vec<Vec<(f64, f64)>> {
+    let mut curves = Vec::new();
     let mut curve: Vec<(f64, f64)> = Vec::new();
     for point in points {
-        if let Some(now) = value(point) {
-            if let Some(&(_, before)) = curve.last()
-                && before != now
-            {
-                curve.push((point.t, before));
+        match value(point) {
+            Some(now) => {
+                if let Some(&(_, before)) = curve.last()
+                    && before != now
+                {
+                    curve.push((point.t, before));
+                }
+                curve.push((point.t, now));
             }
-            curve.push((point.t, now));
+            None if !curve.is_empty() => curves.push(core::mem::take(&mut curve)),
+            None => {}
         }
     }
-    vec![curve]
+    curves.push(curve);
+    curves.retain(|curve| !curve.is_empty());
+    curves
 }

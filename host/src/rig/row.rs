@@ -4,10 +4,12 @@ use super::sample::Sample;
 use embassy_time::Duration;
 
 /// Heads of the columns, with their widths.
-pub const COLUMNS: [(&str, usize); 9] = [
+pub const COLUMNS: [(&str, usize); 11] = [
     ("engine", 12),
     ("progress", 8),
-    ("state", 20),
+    ("state", 25),
+    ("rules", 18),
+    ("armed", 5),
     ("rpm", 7),
     ("EGT", 7),
     ("demand", 11),
@@ -34,10 +36,12 @@ pub fn row(name: &str, sample: &Sample, frames_per_second: f64) -> String {
     align(&[
         name.to_owned(),
         sample.stage.name().to_owned(),
-        sample.state.unwrap_or("-").to_owned(),
+        sample.does_text(),
+        sample.rules_text(),
+        if sample.armed { "yes" } else { "no" }.to_owned(),
         sample.rpm.map_or_else(dash, |rpm| rpm.to_string()),
         sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")),
-        sample.lever.to_string(),
+        if sample.silent { "silent".to_owned() } else { sample.lever.to_string() },
         format!("{} {frames_per_second:.0}/s", sample.link_name()),
         sample.decode_errors().to_string(),
         if missed == 0 { timing } else { format!("{missed} MISSED, {timing}") },

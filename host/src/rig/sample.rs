@@ -1,9 +1,11 @@
 //! What one engine looks like at one moment, for the table, the lines, the CSV file and the plot.
 
+use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
-use jetlink::channels::Handle;
-use jetlink::telemetry::{Counters, LinkState, Timed};
+use jetlink::command::{Order, Origin};
+use jetlink::engine::state::EngineState;
+use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
 
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
@@ -23,10 +25,24 @@ pub struct Sample {
     pub stage: Stage,
     /// What its pilot commands.
     pub lever: Lever,
+    /// Its pilot says nothing.
+    pub silent: bool,
     /// Whether the ECU is heard.
     pub link: LinkState,
+    /// What the engine does, in plain words.
+    pub does: EngineState,
     /// The ECU's own name of its state.
     pub state: Option<&'static str>,
+    /// Whose command is in force.
+    pub ruler: Origin,
+    /// How far the loss of that source has gone.
+    pub loss: LossStage,
+    /// It may be started.
+    pub armed: bool,
+    /// What the node orders.
+    pub order: Order,
+    /// What was last on the wire.
+    pub on_wire: Option<Said>,
     /// Shaft speed.
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
@@ -39,14 +55,20 @@ pub struct Sample {
 
 impl Sample {
     /// Of this engine, now.
-    pub fn take(desk: &Desk<'_>, handle: Handle<'_>) -> Self {
-        let telemetry = handle.telemetry();
+    pub fn take(desk: &Desk<'_>, telemetry: &Telemetry) -> Self {
         let report = &telemetry.report;
         let at = telemetry.at;
         Self {
             stage: desk.stage.get(),
             lever: desk.lever.get(),
+            silent: desk.silent.get(),
             link: telemetry.link,
+            does: telemetry.state,
+            ruler: telemetry.ruler,
+            loss: telemetry.loss,
+            armed: telemetry.armed,
+            order: telemetry.ordered.order,
+            on_wire: desk.audit.borrow().on_wire,
             state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
             rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
             egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
@@ -55,6 +77,33 @@ impl Sample {
                 .filter(|throttle| is_fresh(throttle, at))
                 .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
             counters: telemetry.counters,
+        }
+    }
+
+    /// The throttle that is asked for, in percent.
+    pub fn asked_percent(&self) -> Option<f64> {
+        self.lever.throttle_percent().filter(|_| !self.silent)
+    }
+
+    /// The speed that is asked for.
+    pub fn asked_rpm(&self) -> Option<u32> {
+        self.lever.rpm().filter(|_| !self.silent)
+    }
+
+    /// What the engine does; while it starts, with the step as the ECU names it.
+    pub fn does_text(&self) -> String {
+        match self.does {
+            EngineState::Starting(step) => format!("starting: {}", step.name),
+            other => other.name().to_owned(),
+        }
+    }
+
+    /// Who rules, and how far that source is lost.
+    pub fn rules_text(&self) -> String {
+        match (self.order, self.loss) {
+            (Order::EmergencyStop, _) => format!("{} STOPS", source(self.ruler)),
+            (_, LossStage::None) => source(self.ruler).to_owned(),
+            (_, stage) => format!("{}: {}", source(self.ruler), loss(stage)),
         }
     }
 
@@ -79,6 +128,27 @@ impl Sample {
     }
 }
 
+/// A source for people.
+pub const fn source(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Node => "node",
+        Origin::Bench => "bench",
+        Origin::Mavlink => "mavlink",
+        Origin::Rc => "rc",
+        Origin::Emergency => "emergency",
+    }
+}
+
+/// A stage of loss for people.
+pub const fn loss(stage: LossStage) -> &'static str {
+    match stage {
+        LossStage::None => "none",
+        LossStage::Hold => "hold",
+        LossStage::FailSafe => "fail-safe",
+        LossStage::Standby => "standby",
+    }
+}
+
 /// Bytes from the ECU that were no frame, frames that were broken, and frames of unknown kinds.
 pub const fn decode_errors(counters: &Counters) -> u32 {
     counters
@@ -100,4 +170,11 @@ pub enum Message {
     },
     /// Something happened.
     Note(Note),
+    /// A moment to be found again in the plot.
+    Mark {
+        /// When.
+        at: Instant,
+        /// What.
+        label: String,
+    },
 }

@@ -5,15 +5,18 @@ use super::audit::Audit;
 use super::desk::{Desk, Notes};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
+use super::node::Node;
 use super::pilot::Pilot;
 use super::plan::Plan;
-use super::sample::{Message, SAMPLE_EVERY, Sample};
+use super::sample::{Message, SAMPLE_EVERY, Sample, source};
+use super::scenario::{Check, Cockpit, Scenario};
 use super::simulated::{EcuCounts, Simulated, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use jetlink::channels::{Channel, Events, Handle};
-use jetlink::command::{Order, Ordered};
+use jetlink::channels::{Channel, Events};
+use jetlink::command::{Demand, Order, Ordered};
+use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
-use jetlink::telemetry::{Counters, Event, LinkState};
+use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
 use sim::clock;
 use sim::wire::{Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
@@ -37,6 +40,8 @@ pub struct Setup {
     pub plan: Plan,
     /// What goes wrong.
     pub faults: Faults,
+    /// What is played, in place of the pilots.
+    pub scenario: Option<Scenario>,
     /// All that is random comes from this number.
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
@@ -77,6 +82,8 @@ pub struct Outcomes {
     pub length: Duration,
     /// Somebody ended the run early.
     pub interrupted: bool,
+    /// What had to happen in a scenario, and whether it did.
+    pub checks: Vec<Check>,
 }
 
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
@@ -89,57 +96,63 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     let count = setup.engines.len();
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
-    let channels: Vec<Channel> = setup.engines.iter().map(|engine| Channel::new(&engine.config)).collect();
-    let errors: Vec<LineErrors> = (0..count).map(|_| LineErrors::new()).collect();
+    let node = Node::new(&setup.engines);
     let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
     let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
     let flown: Vec<RefCell<Option<Result<(), String>>>> = (0..count).map(|_| RefCell::new(None)).collect();
+    let plugs: Vec<Plug<Simulated>> = setup
+        .engines
+        .iter()
+        .map(|engine| {
+            // The node gets its halves when it starts.
+            let (_, _, plug) = sim::wire::connect(Simulated::new(engine), line(engine), seeds.u64(..));
+            plug.record(true);
+            plug
+        })
+        .collect();
+    let cockpit = Cockpit::new(&node, &desks, &plugs, &notes);
 
-    let mut plugs = Vec::new();
+    // All that goes on when the node is reset.
     let mut tasks: Vec<Task<'_>> = Vec::new();
-    for (i, (((engine, channel), desk), plan)) in
-        setup.engines.iter().zip(&channels).zip(&desks).zip(&setup.plan.engines).enumerate()
-    {
-        let (rx, tx, plug) = sim::wire::connect(Simulated::new(engine), line(engine), seeds.u64(..));
-        plug.record(true);
-        let handle = channel.handle();
-        // The listeners first: the pilot must not command before events are heard.
-        if let Some(events) = handle.events() {
-            tasks.push(Box::pin(listen(events, desk, handle, plug.clone())));
-        }
-        if let Some(errors) = errors.get(i) {
-            tasks.push(Box::pin(async move {
-                channel.runner().run(rx, tx, errors).await;
-            }));
-        }
-        let moved = plug.clone();
-        tasks.push(Box::pin(async move {
-            moved.run().await;
+    for plug in &plugs {
+        tasks.push(Box::pin(async {
+            plug.run().await;
         }));
-        let pilot = Pilot::new(desk, handle, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
-        if let Some(flown) = flown.get(i) {
+    }
+    if let Some(scenario) = setup.scenario {
+        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(cockpit.seat(i)) }));
+        let (script, flown) = (scenario.script(&cockpit), &flown);
+        tasks.push(Box::pin(async move {
+            let result = script.await;
+            flown.iter().for_each(|flown| {
+                flown.replace(Some(result.clone()));
+            });
+        }));
+    } else {
+        for ((desk, plan), flown) in desks.iter().zip(&setup.plan.engines).zip(&flown) {
+            let pilot =
+                Pilot::new(desk, &node, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 let result = pilot.fly().await;
                 flown.replace(Some(result));
             }));
         }
-        plugs.push(plug);
     }
     tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
 
-    let handles: Vec<Handle<'_>> = channels.iter().map(Channel::handle).collect();
     let interrupted = Cell::new(false);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
         let mut all_done_at = None;
         loop {
             look(&desks, &plugs);
-            for (desk, handle) in desks.iter().zip(&handles) {
-                desk.watch_recovery(&handle.telemetry());
+            let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
+            for (desk, telemetry) in desks.iter().zip(&telemetry) {
+                desk.watch_recovery(telemetry);
             }
-            let samples = desks.iter().zip(&handles).map(|(desk, &handle)| Sample::take(desk, handle));
+            let samples = desks.iter().zip(&telemetry).map(|(desk, telemetry)| Sample::take(desk, telemetry));
             let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
-            let go_on = notes.take().into_iter().map(Message::Note).chain([samples]).all(&mut show);
+            let go_on = notes.take().into_iter().chain([samples]).all(&mut show);
             if !go_on {
                 interrupted.set(true);
                 return;
@@ -153,19 +166,20 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             ticker.next().await;
         }
     };
-    clock::run(until_done(watch, tasks));
+    let world = until_done(watch, tasks);
+    clock::run(with_node(world, &node, &desks, &plugs, &cockpit));
     look(&desks, &plugs);
-    for note in notes.take() {
-        show(Message::Note(note));
+    for message in notes.take() {
+        show(message);
     }
 
     let length = Instant::now() - Instant::MIN;
     let interrupted = interrupted.get();
+    let checks = cockpit.checks();
+    drop(cockpit);
     let mut engines = Vec::new();
-    for (i, ((desk, plug), (handle, flown))) in
-        desks.into_iter().zip(&plugs).zip(handles.iter().zip(&flown)).enumerate()
-    {
-        let telemetry = handle.telemetry();
+    for (i, ((desk, plug), flown)) in desks.into_iter().zip(&plugs).zip(&flown).enumerate() {
+        let telemetry = node.telemetry(i);
         engines.push(Outcome {
             name: desk.engine.name(),
             flown: flown.take(),
@@ -175,11 +189,69 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             audit: desk.audit.into_inner(),
             stops: desk.stops.get(),
             recovered_after: desk.recovered_after.get(),
-            line_was_clean: setup.faults.line_is_clean(i),
+            // The script of a scenario judges its lines itself.
+            line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
             is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
         });
     }
-    Outcomes { engines, length, interrupted }
+    Outcomes { engines, length, interrupted, checks }
+}
+
+/// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
+/// dropped then, and nothing is left of them but what is in its memory.
+async fn with_node(
+    world: impl Future<Output = ()>,
+    node: &Node<'_>,
+    desks: &[Desk<'_>],
+    plugs: &[Plug<Simulated>],
+    cockpit: &Cockpit<'_>,
+) {
+    let mut world = std::pin::pin!(world);
+    loop {
+        let reset = {
+            let channels = node.boot();
+            let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
+            let mut tasks: Vec<Task<'_>> = Vec::new();
+            for (((channel, desk), plug), errors) in channels.iter().zip(desks).zip(plugs).zip(&errors) {
+                let (rx, tx) = plug.reset_node();
+                // The listeners first: nobody must command before events are heard.
+                if let Some(events) = channel.handle().events() {
+                    tasks.push(Box::pin(listen(events, desk, channel, plug, cockpit)));
+                }
+                let runner = channel.runner_in(&channels);
+                tasks.push(Box::pin(async move {
+                    runner.run(rx, tx, errors).await;
+                }));
+            }
+            let reset = Cell::new(None);
+            let away = async { reset.set(Some(node.wanted().await)) };
+            let mut boot = std::pin::pin!(until_done(away, tasks));
+            let over = poll_fn(|cx| match boot.as_mut().poll(cx) {
+                Poll::Ready(()) => Poll::Ready(false),
+                Poll::Pending => world.as_mut().poll(cx).map(|()| true),
+            });
+            if over.await {
+                return;
+            }
+            reset.take()
+        };
+        // From here on there is no channel: neither the tasks above nor the node holds one.
+        let Some(reset) = reset else { return };
+        look(desks, plugs);
+        node.gone(reset);
+        for (desk, plug) in desks.iter().zip(plugs) {
+            let _ = plug.reset_node();
+            desk.audit.borrow_mut().reset(clock::now_ns());
+        }
+        let mut back = std::pin::pin!(Timer::after(reset.away));
+        let over = poll_fn(|cx| match back.as_mut().poll(cx) {
+            Poll::Ready(()) => Poll::Ready(false),
+            Poll::Pending => world.as_mut().poll(cx).map(|()| true),
+        });
+        if over.await {
+            return;
+        }
+    }
 }
 
 /// Polls `first` and all tasks in their order, until `first` is done.
@@ -199,7 +271,7 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
 }
 
 /// Holds what was on the lines against what was commanded.
-fn look(desks: &[Desk<'_>], plugs: &[Plug<Simulated>]) {
+pub fn look(desks: &[Desk<'_>], plugs: &[Plug<Simulated>]) {
     for (desk, plug) in desks.iter().zip(plugs) {
         let mut audit = desk.audit.borrow_mut();
         audit.look(&plug.take_log());
@@ -209,7 +281,13 @@ fn look(desks: &[Desk<'_>], plugs: &[Plug<Simulated>]) {
 
 /// Notes the node's events. A run that the node withdraws counts as an order to standby only where jetlink
 /// documents it: the engine stopped, or was not heard before it came alive.
-async fn listen(mut events: Events<'_>, desk: &Desk<'_>, handle: Handle<'_>, plug: Plug<Simulated>) {
+async fn listen(
+    mut events: Events<'_>,
+    desk: &Desk<'_>,
+    channel: &Channel,
+    plug: &Plug<Simulated>,
+    cockpit: &Cockpit<'_>,
+) {
     let (mut span_end, mut shown, mut hidden) = (Instant::MIN, 0, 0_u32);
     loop {
         let event = match events.next_message().await {
@@ -219,10 +297,14 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, handle: Handle<'_>, plu
                 continue;
             }
         };
+        cockpit.heard(desk.index, event);
+        if matches!(event, Event::Limit(Passed { what: Watched::StartTimeout, .. })) {
+            desk.audit.borrow_mut().withdrawn(clock::now_ns());
+        }
         if event == Event::RunWithdrawn {
             let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
             let mut audit = desk.audit.borrow_mut();
-            if !live || handle.telemetry().link == LinkState::Lost {
+            if !live || channel.handle().telemetry().link == LinkState::Lost {
                 audit.withdrawn(clock::now_ns());
             } else {
                 audit.withdrawn_in_error(clock::now_ns());
@@ -258,13 +340,45 @@ fn text(event: Event) -> Option<String> {
         Event::Faults(faults) => format!("FAULT: {faults}"),
         Event::RateConfirmed(rate) => format!("status rate {} Hz", rate.hz()),
         Event::RateNotConfirmed(rate) => format!("the ECU does not take the status rate {} Hz", rate.hz()),
-        Event::CommandRejected(why, _) => format!("command rejected: {why}"),
-        Event::SourceLoss(stage) => format!("loss of commands: stage {stage:?}"),
+        Event::CommandRejected(why, from) => format!("command of {} rejected: {why}", source(from)),
+        Event::SourceLoss(LossStage::None) => "the source of commands is back".to_owned(),
+        Event::SourceLoss(LossStage::Hold) => "SOURCE LOST: its last demand is held".to_owned(),
+        Event::SourceLoss(LossStage::FailSafe) => {
+            "SOURCE LOST: the demand goes to the fail-safe throttle".to_owned()
+        }
+        Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
+        Event::Ruler(origin) => format!("{} rules", source(origin)),
+        Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
+        Event::OtherFailed(0) => "the other engines are well again".to_owned(),
+        Event::OtherFailed(1) => "ANOTHER ENGINE HAS FAILED".to_owned(),
+        Event::OtherFailed(count) => format!("{count} OTHER ENGINES HAVE FAILED"),
+        Event::WentOn(Demand::Throttle(throttle)) => {
+            format!("the node has started and goes on at {:.1} %", f64::from(throttle.tenths()) / 10.0)
+        }
+        Event::WentOn(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
         Event::RunWithdrawn => "the engine stopped: the node goes to standby".to_owned(),
-        Event::Ordered(Ordered { order: Order::EmergencyStop, .. }) => "EMERGENCY STOP".to_owned(),
+        Event::Ordered(Ordered { order: Order::EmergencyStop, origin }) => {
+            format!("EMERGENCY STOP by {}", source(origin))
+        }
         // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
         _ => return None,
     })
+}
+
+/// A limit that was passed, for people.
+fn limit(passed: Passed) -> String {
+    let Passed { what, value, limit, .. } = passed;
+    match what {
+        Watched::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
+        Watched::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
+        Watched::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),
+        Watched::HotStart => format!("hot start, EGT rises by {value} °C/s, more than {limit} °C/s"),
+        Watched::FlameOut => format!("flame-out, {value} % of the shaft speed lost, {limit} % or more"),
+        Watched::SupplyLow => format!("supply {value} mV, below {limit} mV"),
+        Watched::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
+        Watched::EcuFault => format!("the ECU reports fault {value}"),
+        Watched::StartTimeout => format!("not running {} s after the start was asked for", limit / 1000),
+    }
 }
 
 /// Switches the faults on and off.

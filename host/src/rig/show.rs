@@ -56,7 +56,12 @@ impl Show {
                     Ok(true)
                 }
                 (Screen::Table(table), Message::Samples { at, samples }) => table.samples(*at, samples),
+                // It is noted too.
+                (_, Message::Mark { .. }) => Ok(true),
             };
+            if let (Message::Mark { at, label }, Some(plot)) = (&message, &mut self.plot) {
+                plot.mark(*at, label);
+            }
             if let Message::Samples { at, samples } = &message {
                 if let Some(csv) = &mut self.csv {
                     csv.samples(*at, &self.names, samples)?;

@@ -13,6 +13,9 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     if outcomes.interrupted {
         problems.push("the run was ended before its time".to_owned());
     }
+    for check in outcomes.checks.iter().filter(|check| !check.held) {
+        problems.push(format!("this did not happen: {}", check.what));
+    }
     for outcome in &outcomes.engines {
         let mut problem = |what: String| problems.push(format!("{}: {what}", outcome.name));
         let Outcome { node, ecu, audit, .. } = outcome;
@@ -116,6 +119,13 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
         }
         text += line.trim_end();
         text.push('\n');
+    }
+
+    if !outcomes.checks.is_empty() {
+        text += "\nWhat had to happen, by what was on the wires and what the simulated engines did\n";
+        for check in &outcomes.checks {
+            text += &format!("  {:<6} {}\n", if check.held { "yes" } else { "NO" }, check.what);
+        }
     }
 
     let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();

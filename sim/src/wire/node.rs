@@ -97,6 +97,15 @@ impl Port {
         }
     }
 
+    /// Empties both rings, as a reset of the chip does.
+    pub(super) fn reset(&mut self) {
+        self.tx.clear();
+        self.rx.clear();
+        self.stalled = false;
+        self.reader = None;
+        self.writer = None;
+    }
+
     pub(super) fn wake_writer(&self) {
         if let Some(writer) = &self.writer {
             writer.wake_by_ref();

@@ -1,0 +1,415 @@
+//! Where a scenario is played from: a seat for each engine that commands ten times a second, the faults, and what
+//! was seen, to judge by.
+
+use super::super::audit::Spoken;
+use super::super::desk::{Desk, Lever, Notes, Stage};
+use super::super::node::Node;
+use super::super::session::look;
+use super::super::simulated::Simulated;
+use embassy_time::{Duration, Instant, Ticker, Timer};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::engine::state::EngineState;
+use jetlink::telemetry::{Event, LinkState, Phase as Reported};
+use jetlink::units::Throttle;
+use sim::clock;
+use sim::ecu::Nanos;
+use sim::turbine::{Phase, Turbine};
+use sim::wire::Plug;
+use std::cell::{Cell, RefCell};
+
+/// Between two commands of a seat.
+const TICK: Duration = Duration::from_millis(100);
+/// Between two looks at something that is waited for, and at the simulated engines.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// What had to happen, and whether it did.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Check {
+    /// What.
+    pub what: String,
+    /// It did.
+    pub held: bool,
+}
+
+/// A simulated engine at one moment.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    at: Nanos,
+    phase: Phase,
+    rpm: f64,
+}
+
+/// The source of commands of one engine.
+#[derive(Debug)]
+pub struct Seat<'a> {
+    desk: &'a Desk<'a>,
+    answer: Cell<Option<Result<Accepted, Rejected>>>,
+}
+
+impl Seat<'_> {
+    /// Run at so many percent.
+    pub fn throttle(&self, percents: u8) {
+        self.desk.silent.set(false);
+        self.desk.lever.set(Lever::Run(percent(percents)));
+    }
+
+    /// Standby.
+    pub fn standby(&self) {
+        self.desk.silent.set(false);
+        self.desk.lever.set(Lever::Standby);
+    }
+
+    /// Says nothing any more.
+    pub fn silence(&self) {
+        self.desk.silent.set(true);
+    }
+
+    /// What the node said to its last command.
+    pub fn answer(&self) -> Option<Result<Accepted, Rejected>> {
+        self.answer.get()
+    }
+}
+
+/// All that a scenario needs.
+#[derive(Debug)]
+pub struct Cockpit<'a> {
+    node: &'a Node<'a>,
+    desks: &'a [Desk<'a>],
+    plugs: &'a [Plug<Simulated>],
+    notes: &'a Notes,
+    seats: Vec<Seat<'a>>,
+    checks: RefCell<Vec<Check>>,
+    courses: Vec<RefCell<Vec<Moment>>>,
+    events: RefCell<Vec<(Nanos, usize, Event)>>,
+}
+
+/// A demand of so many percent.
+pub fn percent(percents: u8) -> Demand {
+    Demand::Throttle(Throttle::from_percent(percents).unwrap_or(Throttle::IDLE))
+}
+
+impl<'a> Cockpit<'a> {
+    /// For these engines.
+    pub fn new(
+        node: &'a Node<'a>,
+        desks: &'a [Desk<'a>],
+        plugs: &'a [Plug<Simulated>],
+        notes: &'a Notes,
+    ) -> Self {
+        let seats = desks.iter().map(|desk| Seat { desk, answer: Cell::new(None) }).collect();
+        let courses = desks.iter().map(|_| RefCell::default()).collect();
+        Self {
+            node,
+            desks,
+            plugs,
+            notes,
+            seats,
+            checks: RefCell::default(),
+            courses,
+            events: RefCell::default(),
+        }
+    }
+
+    /// What had to happen.
+    pub fn checks(&self) -> Vec<Check> {
+        self.checks.borrow().clone()
+    }
+
+    /// The node has told something.
+    pub fn heard(&self, engine: usize, event: Event) {
+        if self.is_played() {
+            self.events.borrow_mut().push((clock::now_ns(), engine, event));
+        }
+    }
+
+    /// Commands this engine for ever, and writes down what the simulated one does.
+    pub async fn seat(&self, engine: usize) {
+        let (Some(seat), Some(desk)) = (self.seats.get(engine), self.desks.get(engine)) else { return };
+        desk.audit.borrow_mut().spoken = Some(Vec::new());
+        let mut ticker = Ticker::every(LOOK);
+        let mut next = Instant::MIN;
+        self.arm();
+        loop {
+            if Instant::now() >= next {
+                next = Instant::now() + TICK;
+                if desk.silent.get() {
+                    desk.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+                } else {
+                    let at = clock::now_ns();
+                    let lever = desk.lever.get();
+                    let answer = self.node.command(engine, lever.command(), Origin::Bench);
+                    if let Some(answer) = answer {
+                        desk.judge(at, lever.order(), answer);
+                    }
+                    seat.answer.set(answer);
+                }
+            }
+            if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
+                let (phase, rpm) = plug.ecu(|ecu| (ecu.turbine().phase(), ecu.turbine().rpm()));
+                course.borrow_mut().push(Moment { at: clock::now_ns(), phase, rpm });
+            }
+            ticker.next().await;
+        }
+    }
+
+    fn is_played(&self) -> bool {
+        self.desks.iter().any(|desk| desk.audit.borrow().spoken.is_some())
+    }
+
+    // -----------------------------------------------------------------------------------------
+    // What is done
+    // -----------------------------------------------------------------------------------------
+
+    /// The node.
+    pub fn node(&self) -> &Node<'a> {
+        self.node
+    }
+
+    /// How many engines there are.
+    pub fn count(&self) -> usize {
+        self.desks.len()
+    }
+
+    /// An engine's name.
+    pub fn name(&self, engine: usize) -> &'static str {
+        self.desks[engine].engine.name()
+    }
+
+    /// The source of commands of an engine.
+    pub fn seat_of(&self, engine: usize) -> &Seat<'a> {
+        &self.seats[engine]
+    }
+
+    /// Does something to all seats.
+    pub fn each(&self, act: impl Fn(&Seat<'a>)) {
+        self.seats.iter().for_each(act);
+    }
+
+    /// Arms all engines.
+    pub fn arm(&self) {
+        for i in 0..self.count() {
+            self.node.command(i, Command::Arm, Origin::Bench);
+        }
+    }
+
+    /// A command of somebody else.
+    pub fn command(
+        &self,
+        engine: usize,
+        command: Command,
+        origin: Origin,
+    ) -> Option<Result<Accepted, Rejected>> {
+        let at = clock::now_ns();
+        let answer = self.node.command(engine, command, origin);
+        let order = match command {
+            Command::EmergencyStop => Order::EmergencyStop,
+            Command::Run(demand) => Order::Run(demand),
+            _ => Order::Standby,
+        };
+        if let Some(answer) = answer {
+            self.desks[engine].judge(at, order, answer);
+        }
+        answer
+    }
+
+    /// Does something to a simulated ECU.
+    pub fn ecu(&self, engine: usize, act: impl FnOnce(&mut Simulated)) {
+        self.plugs[engine].ecu(act);
+    }
+
+    /// Cuts a line or joins it.
+    pub fn cut(&self, engine: usize, cut: bool) {
+        self.plugs[engine].cut(cut);
+    }
+
+    /// What happens now is shown in the picture.
+    pub fn mark(&self, label: &str) {
+        self.notes.mark(label);
+    }
+
+    /// How far an engine is.
+    pub fn stage(&self, engine: usize, stage: Stage) {
+        let desk = &self.desks[engine];
+        if desk.stage.replace(stage) != stage {
+            desk.note(format!("-> {}", stage.name()));
+        }
+    }
+
+    /// What the scenario is about begins.
+    pub fn event(&self) {
+        (0..self.count()).for_each(|i| self.stage(i, Stage::Event));
+    }
+
+    /// So many seconds pass.
+    pub async fn sleep(&self, seconds: f64) {
+        Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
+    }
+
+    /// Waits for this.
+    pub async fn until(
+        &self,
+        seconds: f64,
+        what: &str,
+        mut come: impl FnMut() -> bool,
+    ) -> Result<(), String> {
+        let limit = Instant::now() + Duration::from_micros((seconds * 1e6) as u64);
+        while !come() {
+            if Instant::now() >= limit {
+                return Err(format!("this did not come in {seconds:.0} s: {what}"));
+            }
+            Timer::after(LOOK).await;
+        }
+        Ok(())
+    }
+
+    /// Standby, until the ECU reports it.
+    pub async fn ready(&self, engine: usize) -> Result<(), String> {
+        self.seats[engine].standby();
+        let what = format!("{} is ready for a start", self.name(engine));
+        self.until(10.0, &what, || {
+            let telemetry = self.node.telemetry(engine);
+            telemetry.link == LinkState::Up && telemetry.state == EngineState::Standby
+        })
+        .await?;
+        self.sleep(1.5).await;
+        Ok(())
+    }
+
+    /// Waits for a running engine.
+    pub async fn running(&self, engine: usize) -> Result<(), String> {
+        self.until(60.0, &format!("{} runs", self.name(engine)), || {
+            let phase = self.node.telemetry(engine).report.phase;
+            self.runs(engine) && phase.is_some_and(|phase| phase.value == Reported::Running)
+        })
+        .await
+    }
+
+    /// Starts an engine to idle.
+    pub async fn start(&self, engine: usize) -> Result<(), String> {
+        self.ready(engine).await?;
+        self.stage(engine, Stage::Start);
+        self.seats[engine].throttle(0);
+        self.running(engine).await?;
+        self.stage(engine, Stage::Idle);
+        Ok(())
+    }
+
+    /// Starts all engines, and takes them to so many percent.
+    pub async fn fly(&self, percents: u8) -> Result<(), String> {
+        for i in 0..self.count() {
+            self.start(i).await?;
+        }
+        for i in 0..self.count() {
+            self.stage(i, Stage::Steps);
+            self.seats[i].throttle(percents);
+        }
+        self.sleep(7.0).await;
+        Ok(())
+    }
+
+    /// Standby for all, until no engine burns any more.
+    pub async fn shut_down(&self) -> Result<(), String> {
+        for i in 0..self.count() {
+            self.stage(i, Stage::Cooling);
+            self.seats[i].standby();
+        }
+        self.until(10.0, "all engines are shut down", || {
+            (0..self.count()).all(|i| !self.turbine(i).phase().is_live())
+        })
+        .await?;
+        self.sleep(5.0).await;
+        (0..self.count()).for_each(|i| self.stage(i, Stage::Done));
+        Ok(())
+    }
+
+    // -----------------------------------------------------------------------------------------
+    // What is judged by
+    // -----------------------------------------------------------------------------------------
+
+    /// The time.
+    pub fn now(&self) -> Nanos {
+        clock::now_ns()
+    }
+
+    /// Something has to be so.
+    pub fn must(&self, held: bool, what: impl Into<String>) {
+        let what = what.into();
+        if !held {
+            self.notes.add(None, format!("THIS DID NOT HAPPEN: {what}"));
+        }
+        self.checks.borrow_mut().push(Check { what, held });
+    }
+
+    /// Takes what the lines have recorded.
+    pub fn look(&self) {
+        look(self.desks, self.plugs);
+    }
+
+    /// What the node said to an ECU in this time, by the frames' first bits.
+    pub fn spoken(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<Spoken> {
+        let audit = self.desks[engine].audit.borrow();
+        let spoken = audit.spoken.as_deref().unwrap_or_default();
+        spoken.iter().filter(|frame| (from..to).contains(&frame.from)).copied().collect()
+    }
+
+    /// The simulated turbine.
+    pub fn turbine(&self, engine: usize) -> Turbine {
+        self.plugs[engine].ecu(|ecu| ecu.turbine().clone())
+    }
+
+    /// The simulated engine runs.
+    pub fn runs(&self, engine: usize) -> bool {
+        self.turbine(engine).phase() == Phase::Running
+    }
+
+    /// The phases of the simulated engine in this time.
+    pub fn phases(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<Phase> {
+        let course = self.courses[engine].borrow();
+        course.iter().filter(|moment| (from..to).contains(&moment.at)).map(|moment| moment.phase).collect()
+    }
+
+    /// The simulated engine has run without a break since then.
+    pub fn ran_from(&self, engine: usize, from: Nanos) -> bool {
+        let phases = self.phases(engine, from, self.now());
+        !phases.is_empty() && phases.iter().all(|phase| *phase == Phase::Running)
+    }
+
+    /// Its speed since then was within this share of what it was then.
+    pub fn speed_stayed(&self, engine: usize, from: Nanos, share: f64) -> bool {
+        let course = self.courses[engine].borrow();
+        let mut speeds = course.iter().filter(|moment| moment.at >= from).map(|moment| moment.rpm);
+        let Some(first) = speeds.next() else { return false };
+        speeds.all(|rpm| (rpm - first).abs() <= share * first)
+    }
+
+    /// When the node first told this.
+    pub fn when_told(&self, engine: usize, what: impl Fn(Event) -> bool) -> Option<Nanos> {
+        let events = self.events.borrow();
+        events.iter().find(|(_, i, event)| *i == engine && what(*event)).map(|(at, ..)| *at)
+    }
+
+    /// The node has told this.
+    pub fn told(&self, engine: usize, what: impl Fn(Event) -> bool) -> bool {
+        self.when_told(engine, what).is_some()
+    }
+
+    /// How often the node has told this since then.
+    pub fn events_since(&self, engine: usize, since: Nanos, what: impl Fn(Event) -> bool) -> usize {
+        let events = self.events.borrow();
+        events.iter().filter(|(at, i, event)| *at >= since && *i == engine && what(*event)).count()
+    }
+
+    /// The node's last answer to a seat, for people.
+    pub fn answer_text(&self, engine: usize) -> String {
+        match self.seats[engine].answer() {
+            None => "no answer".to_owned(),
+            Some(Ok(accepted)) => format!("{accepted:?}"),
+            Some(Err(why)) => why.to_string(),
+        }
+    }
+
+    /// A time in seconds; infinite where it never came.
+    pub fn or_never(&self, time: Option<Nanos>) -> f64 {
+        time.map_or(f64::INFINITY, |time| time as f64 / 1e9)
+    }
+}
