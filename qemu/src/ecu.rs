@@ -49,6 +49,14 @@ impl Simulated {
         }
     }
 
+    /// Good messages so far, and what was none: broken frames and bytes outside of any.
+    fn heard(&self) -> (u64, u64) {
+        match self {
+            Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
+            Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
+        }
+    }
+
     fn ecu(&mut self) -> &mut dyn Ecu {
         match self {
             Self::Amt(ecu) => &mut **ecu,
@@ -67,6 +75,9 @@ pub struct Attached {
     caption: String,
     /// The turbine's phases, as they came.
     pub phases: Vec<Phase>,
+    /// Broken frames and bytes outside of any, since the first good frame. An ECU that has just got power may
+    /// begin to listen in the middle of one.
+    pub odd: u64,
 }
 
 impl Attached {
@@ -99,7 +110,7 @@ impl Attached {
             }
         };
         let caption = format!("{}, {kind}, {} baud", engine.name, line.baud);
-        Self { engine: *engine, ecu, line, caption, phases: Vec::new() }
+        Self { engine: *engine, ecu, line, caption, phases: Vec::new(), odd: 0 }
     }
 
     /// The UART it hangs on.
@@ -121,6 +132,21 @@ impl Attached {
         std::thread::spawn(move || listen(reader, &sender));
         let thread = std::thread::spawn(move || serve(Wire::new(self), socket, began, &receiver));
         Ok(Served { thread, closer })
+    }
+
+    fn hear(&mut self, now: Nanos, byte: u8) {
+        let (_, before) = self.ecu.heard();
+        self.ecu.ecu().heard(now, Ok::<u8, LineFault>(byte));
+        let (good, after) = self.ecu.heard();
+        if good > 0 && after > before {
+            self.odd += after - before;
+            println!(
+                "{:>11.6} ECU   {}: {byte:#04x} is no part of a command",
+                now as f64 / 1e9,
+                self.engine.name
+            );
+        }
+        self.note_phase(now);
     }
 
     fn note_phase(&mut self, now: Nanos) {
@@ -247,8 +273,7 @@ impl Wire {
     fn advance(&mut self, now: Nanos) {
         while let Some((end, byte)) = self.from_firmware.pop_front_if(|(end, _)| *end <= now) {
             self.told = self.told.max(end);
-            self.attached.ecu.ecu().heard(self.told, Ok::<u8, LineFault>(byte));
-            self.attached.note_phase(self.told);
+            self.attached.hear(self.told, byte);
         }
         if self.attached.ecu.ecu().next_wake() > now {
             return;

@@ -54,12 +54,12 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
             faults.push(format!("{}: {what}", attached.engine.name));
         }
     };
+    check(attached.odd == 0, "bytes that are no part of a command");
     check(attached.phases.contains(&Phase::Running), "its turbine never ran");
     check(attached.phases.last() == Some(&Phase::Standby), "its turbine is not in standby at the end");
     match &attached.ecu {
         Simulated::Amt(ecu) => {
             let stats = &ecu.stats;
-            check(stats.bad.total() + stats.stray_bytes == 0, "bytes that are no reply");
             check(stats.unsolicited == 0, "replies that it did not ask for");
             check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine by itself");
             check(stats.late + stats.none <= UNANSWERED, "too many sets without a reply in time");
@@ -67,7 +67,6 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
         }
         Simulated::Zk(ecu) => {
             let stats = &ecu.stats;
-            check(stats.bad.total() + stats.stray_bytes == 0, "bytes that are no command");
             check(stats.reserved_bits == 0, "reserved bits that are not 0");
             check(stats.ignored == Default::default(), "commands that do not fit its version or state");
             check(stats.control_losses == 0, "it lost its control signal");
