@@ -164,7 +164,8 @@ fn hot_start() {
             if told {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
                 assert_eq!((passed[0].what, passed[0].limit), (Watched::HotStart, 250));
-                assert!((passed[0].value - rate).abs() < 30, "{:?}", passed[0]);
+                // Soon after it passed the limit.
+                assert!((251..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {
                 assert_eq!(passed, [], "{ecu:?} {rate} {says:?}");
             }

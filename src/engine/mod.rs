@@ -139,13 +139,20 @@ impl Engine {
         }
     }
 
+    /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
+    /// does not take its place.
+    pub fn keep(&mut self, kept: Option<Record>) {
+        self.armed = kept.is_some_and(|kept| kept.armed);
+        self.mode = Mode::Listen { kept, until: None };
+    }
+
     /// Begins, after a reset of whatever kind. Listens first; `kept` is what survived the reset.
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
         if matches!(self.mode, Mode::Stop(_)) {
             return;
         }
-        self.armed = kept.is_some_and(|kept| kept.armed);
+        self.armed = kept.map_or(self.armed, |kept| kept.armed);
         match kept {
             // A latched stop does not wait.
             Some(Record { order: Order::EmergencyStop, origin, .. }) => self.stop(now, origin),
@@ -163,9 +170,10 @@ impl Engine {
 
     /// Bytes came from the ECU; see [`Link::receive`].
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        let before = self.link.heard();
+        // Not the time of the last frame: several can come at once.
+        let before = self.link.counters().frames;
         let taken = self.link.receive(now, bytes);
-        if self.link.heard() != before {
+        if self.link.counters().frames != before {
             self.update(now);
             self.look(now);
         }
@@ -533,7 +541,8 @@ impl Engine {
             _ => self.config.start.timeout,
         };
         let phase = self.phase();
-        let runs = !from_standby && matches!(phase, Some(Phase::Running | Phase::Unknown));
+        // An ECU with a fault that does not say what its engine does counts as running here, as it did before.
+        let runs = !from_standby && phase != Some(Phase::Starting);
         self.mode = Mode::Run(Run {
             began: now,
             start_by: from_standby.then(|| now + timeout),
