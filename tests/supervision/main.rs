@@ -32,7 +32,9 @@ fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
         for _ in 0..threads {
             scope.spawn(|| {
                 while done.load(Ordering::Relaxed) < engine_seconds && failure.lock().unwrap().is_none() {
-                    match world::run(seed.fetch_add(1, Ordering::Relaxed), WORLD) {
+                    let seed = seed.fetch_add(1, Ordering::Relaxed);
+                    let world = std::panic::catch_unwind(|| world::run(seed, WORLD));
+                    match world.unwrap_or_else(|_| Err(world::Failure { seed, text: "a panic".into() })) {
                         Ok((seconds, tally)) => {
                             done.fetch_add(seconds, Ordering::Relaxed);
                             total.lock().unwrap().add(&tally);

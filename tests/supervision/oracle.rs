@@ -117,6 +117,8 @@ pub struct Oracle {
     peak_throttle: u16,
     peak_rpm: u32,
 
+    /// What the last ruling source asked for last: with a slew the demand may still be on its way there.
+    last_asked: u16,
     in_force: Option<Origin>,
     waiting: Option<(Origin, u64)>,
     maybe_close: bool,
@@ -171,6 +173,7 @@ impl Oracle {
             factor: 4,
             peak_throttle: 0,
             peak_rpm: 0,
+            last_asked: 0,
             in_force: None,
             waiting: None,
             maybe_close: false,
@@ -212,7 +215,9 @@ impl Oracle {
     fn ruler(&self, at: u64) -> Option<(Origin, Source)> {
         let recover = self.config.supervision.recover_after.as_micros();
         self.each().find(|(origin, source)| {
-            at < source.heard + self.age(*origin) && (!source.was_lost || at >= source.since + recover)
+            // It has spoken for so long; the silence since does not count.
+            let steady = !source.was_lost || source.heard >= source.since + recover;
+            at < source.heard + self.age(*origin) && steady
         })
     }
 
@@ -255,10 +260,19 @@ impl Oracle {
             Some((origin, source)) => {
                 if let Word::Run(demand) = source.word {
                     self.peak(demand);
+                    self.last_asked = self.last_asked.max(self.as_throttle(demand));
                 }
-                if self.in_force == Some(origin) && !self.lost {
+                // Another one may have taken over meanwhile, by being close.
+                let certain = self.waiting.is_none() || !self.maybe_close;
+                if self.in_force == Some(origin) && !self.lost && certain {
+                    if let Word::Run(demand) = source.word {
+                        self.last_asked = self.as_throttle(demand);
+                    }
                     self.waiting = None;
                     return;
+                }
+                if self.waiting.is_some_and(|(before, _)| before != origin) && self.maybe_close {
+                    self.in_force = None;
                 }
                 let since = match self.waiting {
                     // It may have taken over by being close; then another one begins to wait anew.
@@ -340,11 +354,11 @@ impl Oracle {
                 self.silent = None;
             }
             Input::ListenOver => {
-                self.listening = false;
-                if self.wire_run && !self.guard {
+                if self.listening && self.wire_run && !self.guard {
                     self.wire_run = false;
                     self.closed_at = at;
                 }
+                self.listening = false;
             }
             Input::Fault => {
                 self.fault_at = at;
@@ -519,6 +533,8 @@ impl Oracle {
         self.lost = true;
         self.silent = None;
         self.resumed_until = 0;
+        // When an engine was started is not kept.
+        self.other_started = None;
         self.booted = at;
         self.listening = true;
         self.settled = at;
@@ -542,8 +558,9 @@ impl Oracle {
         self.peak_rpm = 0;
         if let (Some((_, source)), true) = (self.ruler(at), self.at >= self.resumed_until)
             && let Word::Run(demand) = source.word
-            && at < source.changed + TOL
+            && (at < source.changed + TOL || self.config.supervision.slew.up.is_some())
         {
+            // It may have moved towards this until another demand came.
             self.peak(demand);
         }
         answer
@@ -673,10 +690,15 @@ impl Oracle {
         let before = self.last_frame;
         let window = before.max(self.booted);
         self.tally.starts += 1;
-        let by = self.each().find(|(origin, source)| {
-            let fresh = source.heard + self.age(*origin) + TOL >= window;
-            matches!(source.word, Word::Run(_)) && fresh
-        });
+        let behind = if at < self.fault_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
+        let idle = |source: &Source| source.idle_at.is_some_and(|idle| idle + behind >= window);
+        let says_run = || {
+            self.each().filter(|(origin, source)| {
+                let fresh = source.heard + self.age(*origin) + TOL >= window;
+                matches!(source.word, Word::Run(_)) && fresh
+            })
+        };
+        let by = says_run().find(|(_, source)| idle(source)).or_else(|| says_run().next());
         let Some((by, source)) = by else {
             return Err("(1) run begins, and no source that is fresh says run".into());
         };
@@ -690,11 +712,10 @@ impl Oracle {
             return Err("(1) run begins, and nobody commanded standby since the last one ended".into());
         }
         let open = |what: &str| Err(format!("(2) a start by {by:?}: {what}"));
-        let behind = if at < self.fault_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
         if rules.start.arming && !self.armed && self.armed_until.is_none_or(|until| until + TOL < window) {
             return open("it is not armed");
         }
-        if source.idle_at.is_none_or(|idle| idle + behind < window) {
+        if !idle(&source) {
             return open("the demand is above idle");
         }
         if window > self.standby_at + behind {
@@ -758,8 +779,14 @@ impl Oracle {
         // (6)
         let before = if at < self.resumed_until { self.throttle.max(self.before_reset.0) } else { self.throttle };
         let asked = self.asked(at);
+        let governed = self.config.supervision.governor.filter(|_| !self.speed_control);
+        let authority = governed.map_or(0, |governor| governor.authority.tenths());
+        let sliding = if self.config.supervision.slew.up.is_some() { self.last_asked } else { 0 };
+        let from = from.max(authority).max(sliding);
         let limit = match self.held(at) {
-            true => before.max(self.peak_throttle).max(asked.map_or(0, |asked| self.as_throttle(asked))),
+            // An rpm that is held is still governed.
+            true if authority > 0 => 1000,
+            true => before.max(self.peak_throttle).max(sliding).max(asked.map_or(0, |asked| self.as_throttle(asked))),
             false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))),
         };
         if throttle > limit && !opens {
@@ -808,7 +835,10 @@ impl Oracle {
             Some(Demand::Rpm(rpm)) => rpm.get(),
             _ => 0,
         };
-        let limit = if self.held(at) { before.max(self.peak_rpm).max(asked) } else { self.peak_rpm.max(asked) };
+        // With a slew it may still be on its way to what was asked before.
+        let sliding = if self.config.supervision.slew.up.is_some() { self.max_rpm } else { 0 };
+        let from = from.max(sliding);
+        let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
         if rpm > limit + slack && !opens && rpm > self.idle_rpm + slack || rpm > self.max_rpm + slack {
             return Err(format!("(6) {rpm} rpm, {:?} asked for {limit} at most", self.in_force));
         }

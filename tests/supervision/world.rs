@@ -3,7 +3,7 @@
 
 use crate::frames::Reader;
 use crate::oracle::{Input, Kept, Oracle, Tally, Truth};
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channels::Handle;
 use jetlink::command::{Command, Demand, Order, Ordered, Origin};
@@ -268,7 +268,6 @@ fn supervision(rng: &mut Rng) -> Supervision {
         all.loss.standby_after = rng.pick(&[None, None, Some(ms(3000)), Some(ms(20_000))]);
         all.start.egt_max = Celsius::from_tenths(rng.pick(&[500, 1000]));
         all.start.arming = rng.percent(85);
-        all.start.gap = ms(rng.pick(&[0, 3000, 10_000]));
     }
     if rng.percent(15) {
         all.slew = Slew { up: Some(rng.pick(&[100, 500])), down: rng.pick(&[None, Some(200), Some(500)]) };
@@ -285,8 +284,9 @@ fn supervision(rng: &mut Rng) -> Supervision {
     all
 }
 
-fn rig(rng: &mut Rng, port: u8) -> Rig {
-    let supervision = supervision(rng);
+fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
+    let mut supervision = supervision(rng);
+    supervision.start.gap = gap;
     let (mut config, version) = if rng.percent(55) {
         let engine = rng.pick(&[None, Some(Engine::Olympus)]);
         let line = Line::new(rng.pick(&[2400, 2400, 9600, 115_200]));
@@ -364,6 +364,14 @@ impl Rig {
     }
 
     fn command(&mut self, handle: &Handle<'_>, origin: Origin, command: Command) {
+        let mut command = command;
+        if let Command::Run(Demand::Rpm(_)) = command {
+            // Whether the ECU can do it is not told then, and decides whether the source counts as heard.
+            let telemetry = handle.telemetry();
+            if telemetry.stop_latched || telemetry.ordered.order == Order::Listen {
+                command = Command::Run(throttle(0));
+            }
+        }
         let refused = handle.command(command, origin).err();
         self.input(Input::Said(origin, command, refused));
     }
@@ -682,7 +690,8 @@ pub fn run(seed: u64, length: Duration) -> Result<(u64, Tally), Failure> {
 
 fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u64, Tally), Failure> {
     clock::reset();
-    let mut rigs: [Rig; N] = std::array::from_fn(|port| rig(rng, port as u8));
+    let gap = Duration::from_millis(rng.pick(&[0, 3000, 10_000]));
+    let mut rigs: [Rig; N] = std::array::from_fn(|port| rig(rng, port as u8, gap));
     let configs = rigs.each_ref().map(|rig| rig.config);
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
@@ -721,12 +730,15 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
 }
 
 /// The ECUs, while there is no node.
+#[expect(clippy::disallowed_methods, reason = "time passes")]
 fn down_for<const N: usize>(rigs: &mut [Rig; N], down: u64) {
     let mut plugs: Vec<Pin<Box<dyn Future<Output = ()>>>> = Vec::new();
     for rig in rigs.iter() {
         let plug = rig.plug.clone();
         plugs.push(Box::pin(async move { match plug.run().await {} }));
     }
+    // An ECU without power wants nothing, and time has to go on.
+    plugs.push(Box::pin(Timer::after(Duration::from_micros(down + SECOND))));
     let all = pin!(poll_fn(|cx| {
         for plug in &mut plugs {
             let _ = plug.as_mut().poll(cx);
