@@ -53,7 +53,8 @@ pub struct Truth {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kept {
-    Valid,
+    /// With the demand in force and whose it is, if there is one.
+    Valid(Option<(Origin, Demand)>),
     Lost,
 }
 
@@ -141,6 +142,7 @@ pub struct Oracle {
 
     booted: u64,
     listening: bool,
+    kept: Option<(Origin, Demand)>,
     /// Highest throttle on the wire or obeyed before the reset.
     before_reset: (u16, u32),
     resumed_until: u64,
@@ -193,6 +195,7 @@ impl Oracle {
             limited: false,
             booted: 0,
             listening: true,
+            kept: None,
             before_reset: (0, 0),
             resumed_until: 0,
             guard: false,
@@ -352,6 +355,17 @@ impl Oracle {
                 self.lost = true;
                 self.waiting = None;
                 self.silent = None;
+                // As if the one that ruled had just spoken.
+                if let Some((origin, demand)) = self.kept {
+                    for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
+                        if place == origin {
+                            let word = Word::Run(demand);
+                            let new =
+                                Source { word, heard: at, since: at, was_lost: false, idle_at: None, changed: at };
+                            *slot = Some(Source { heard: at, ..slot.unwrap_or(new) });
+                        }
+                    }
+                }
             }
             Input::ListenOver => {
                 if self.listening && self.wire_run && !self.guard {
@@ -521,10 +535,13 @@ impl Oracle {
         self.tally.resets_running += u64::from(self.guard);
         self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.gave_up);
         self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
-        if kept == Kept::Lost {
-            // Without memory: a rpm is gone, and what the ECU says of its throttle is where it goes on.
-            self.latched = None;
-            self.armed = false;
+        match kept {
+            Kept::Valid(demand) => self.kept = demand,
+            Kept::Lost => {
+                self.kept = None;
+                self.latched = None;
+                self.armed = false;
+            }
         }
         self.armed_until = self.armed.then_some(at).or(self.armed_until);
         self.sources = [None; 4];

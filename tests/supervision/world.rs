@@ -711,8 +711,13 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
             Ok(End::Reset(kept)) => {
                 let down = if rng.percent(70) { rng.below(300 * MS) } else { rng.below(1_500 * MS) };
                 down_for(&mut rigs, down);
-                for rig in &mut rigs {
+                for (rig, memory) in rigs.iter_mut().zip(memory) {
                     rig.look_at_ecu();
+                    let demand = memory.load().and_then(|record| match record.order {
+                        Order::Run(demand) => Some((record.origin, demand)),
+                        _ => None,
+                    });
+                    let kept = if let Kept::Valid(_) = kept { Kept::Valid(demand) } else { kept };
                     rig.input(Input::Boot { kept, down });
                 }
             }
@@ -887,9 +892,9 @@ fn reset<const N: usize>(
                 }
                 _ => rigs[port].input(Input::Said(origin, command, refused)),
             }
-            Kept::Valid
+            Kept::Valid(None)
         }
-        _ => Kept::Valid,
+        _ => Kept::Valid(None),
     }
 }
 
