@@ -92,6 +92,8 @@ pub struct Audit {
     frame: Vec<u8>,
     frame_start: Nanos,
     frame_end: Nanos,
+    /// What was begun before belongs to a node that is no more.
+    reset_at: Nanos,
     last_frame: Option<Nanos>,
     /// What the node said last that concerns the switch or the demand.
     pub on_wire: Option<Said>,
@@ -137,6 +139,7 @@ impl Audit {
             frame: Vec::new(),
             frame_start: 0,
             frame_end: 0,
+            reset_at: 0,
             last_frame: None,
             frames: 0,
             frames_unheard: 0,
@@ -165,8 +168,10 @@ impl Audit {
     /// The node was reset: it may say again what it said before, and nothing else, until something is ordered.
     pub fn reset(&mut self, at: Nanos) {
         self.frame.clear();
+        self.reset_at = at;
         self.last_frame = None;
-        self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
+        let before = self.on_wire.take();
+        self.allow(at, Allowed::Again(before.unwrap_or(Said::Standby)));
     }
 
     fn allow(&mut self, at: Nanos, allowed: Allowed) {
@@ -192,6 +197,8 @@ impl Audit {
         for entry in entries {
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
+                // The byte that the reset has cut.
+                (Direction::ToEcu, _) if entry.start < self.reset_at => {}
                 (Direction::ToNode, _) => self.ecu_spoke = true,
                 (Direction::ToEcu, _) => self.byte(entry),
             }

@@ -5,6 +5,7 @@ use super::audit::Said;
 use super::desk::Stage;
 use super::quantity::seconds;
 use super::sample::Sample;
+use core::ops::Range;
 use embassy_time::Instant;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -13,6 +14,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 /// Points of a curve; a longer run keeps every second one, and so on.
 const MOST_POINTS: usize = 4000;
 const WIDTH: u32 = 1400;
+/// What is shown before the first mark, in seconds.
+const BEFORE_FIRST_MARK: f64 = 15.0;
 const TITLE_HEIGHT: u32 = 80;
 const PANEL_HEIGHT: u32 = 330;
 
@@ -21,6 +24,8 @@ const DEMAND: RGBColor = RGBColor(0x90, 0x90, 0x90);
 const WIRE: RGBColor = RGBColor(0x2c, 0x8c, 0x3c);
 const MARK: RGBColor = RGBColor(0x7a, 0x1f, 0x7a);
 const EGT: RGBColor = RGBColor(0xc8, 0x3c, 0x1e);
+/// Below zero, as a part of the height: what was said of the switch.
+const RIBBON: f64 = 0.09;
 const INK: RGBColor = RGBColor(0x33, 0x33, 0x33);
 
 /// One engine at one moment.
@@ -33,8 +38,7 @@ struct Point {
     silent: bool,
     throttle: Option<f64>,
     demand_rpm: Option<f64>,
-    wire_throttle: Option<f64>,
-    wire_rpm: Option<f64>,
+    on_wire: Option<Said>,
 }
 
 /// What is needed to draw, gathered while the run goes on.
@@ -74,14 +78,7 @@ impl Plot {
                 silent: sample.silent,
                 throttle: sample.asked_percent(),
                 demand_rpm: sample.asked_rpm().map(f64::from),
-                wire_throttle: match sample.on_wire {
-                    Some(Said::Run(tenths)) => Some(f64::from(tenths) / 10.0),
-                    _ => None,
-                },
-                wire_rpm: match sample.on_wire {
-                    Some(Said::RunRpm(rpm)) => Some(f64::from(rpm)),
-                    _ => None,
-                },
+                on_wire: sample.on_wire,
             });
         }
         if self.points.iter().any(|points| points.len() > MOST_POINTS) {
@@ -116,10 +113,14 @@ impl Plot {
         let (head, body) = root.split_vertically(TITLE_HEIGHT);
         self.head(&head)?;
         let end = self.points.iter().flatten().map(|point| point.t).fold(1.0, f64::max);
+        // A scenario's way to its first event is not what it is about.
+        let begin = self.marks.first().map_or(0.0, |(t, _)| (t - BEFORE_FIRST_MARK).max(0.0));
+        let time = begin..end;
         for ((area, caption), points) in
             body.split_evenly((self.captions.len(), 1)).iter().zip(&self.captions).zip(&self.points)
         {
-            panel(area, caption, points, &self.marks, end)?;
+            let first = points.partition_point(|point| point.t < begin);
+            panel(area, caption, points.get(first..).unwrap_or_default(), &self.marks, time.clone())?;
         }
         root.present().map_err(text)
     }
@@ -133,7 +134,7 @@ impl Plot {
         for (label, color) in [
             ("rpm", RPM),
             ("demand of the source", DEMAND),
-            ("demand on the wire (standby, stop: 0)", WIRE),
+            ("demand on the wire", WIRE),
             ("EGT", EGT),
         ] {
             let line = vec![(x, 60), (x + 40, 60)];
@@ -155,17 +156,19 @@ fn panel(
     caption: &str,
     points: &[Point],
     marks: &[(f64, String)],
-    end: f64,
+    time: Range<f64>,
 ) -> Result<(), String> {
+    // The labels of the marks stand above the curves.
+    let headroom = if marks.is_empty() { 1.15 } else { 1.5 };
     let highest = |value: fn(&Point) -> Option<f64>, least: f64| {
-        points.iter().filter_map(value).fold(least, f64::max) * 1.15
+        points.iter().filter_map(value).fold(least, f64::max) * headroom
     };
     // Engines whose scale is not known report no rpm (AMT-5): the axis is there all the same.
     let top_rpm = highest(|point| point.rpm, 1000.0).max(highest(|point| point.demand_rpm, 0.0));
     let top_egt = highest(|point| point.egt, 100.0);
     let by_rpm = points.iter().any(|point| point.demand_rpm.is_some());
     // A demand in percent is drawn against the same height: 100 % is the highest rpm that was seen.
-    let per_percent = top_rpm / 1.15 / 100.0;
+    let per_percent = top_rpm / headroom / 100.0;
 
     let mut chart = ChartBuilder::on(area)
         .margin_left(10)
@@ -175,11 +178,12 @@ fn panel(
         .x_label_area_size(44)
         .y_label_area_size(90)
         .right_y_label_area_size(80)
-        .build_cartesian_2d(0.0..end, 0.0..top_rpm)
+        .build_cartesian_2d(time.clone(), -RIBBON * top_rpm..top_rpm)
         .map_err(text)?
-        .set_secondary_coord(0.0..end, 0.0..top_egt);
+        .set_secondary_coord(time.clone(), -RIBBON * top_egt..top_egt);
 
-    bands(&mut chart, points, top_rpm)?;
+    bands(&mut chart, points, top_rpm, &time)?;
+    ribbon(&mut chart, points, top_rpm, &time)?;
     let labels = ("sans-serif", 16).into_font().color(&INK);
     chart
         .configure_mesh()
@@ -192,7 +196,7 @@ fn panel(
         .x_label_formatter(&|t| format!("{t:.0}"))
         .y_desc(if by_rpm { "rpm and demand" } else { "rpm; demand: 100 % at the top rpm" })
         .y_labels(6)
-        .y_label_formatter(&|rpm| format!("{rpm:.0}"))
+        .y_label_formatter(&|rpm| not_below_zero(*rpm))
         .label_style(labels.clone())
         .axis_desc_style(labels.clone())
         .draw()
@@ -202,7 +206,7 @@ fn panel(
         .axis_style(EGT)
         .y_desc("EGT in °C")
         .y_labels(6)
-        .y_label_formatter(&|egt| format!("{egt:.0}"))
+        .y_label_formatter(&|egt| not_below_zero(*egt))
         .label_style(("sans-serif", 16).into_font().color(&EGT))
         .axis_desc_style(("sans-serif", 16).into_font().color(&EGT))
         .draw()
@@ -213,8 +217,11 @@ fn panel(
         (!point.silent).then(|| asked.unwrap_or(0.0))
     };
     let wire = |point: &Point| {
-        let said = point.wire_rpm.or(point.wire_throttle.map(|percent| percent * per_percent));
-        Some(said.unwrap_or(0.0))
+        Some(match point.on_wire? {
+            Said::Run(tenths) => f64::from(tenths) / 10.0 * per_percent,
+            Said::RunRpm(rpm) => f64::from(rpm),
+            Said::Stop | Said::Standby | Said::Nothing => 0.0,
+        })
     };
     for curve in steps(points, asked) {
         chart.draw_series(LineSeries::new(curve, DEMAND.stroke_width(5))).map_err(text)?;
@@ -228,7 +235,40 @@ fn panel(
     for curve in curves(points, |point| point.egt) {
         chart.draw_secondary_series(LineSeries::new(curve, EGT.stroke_width(2))).map_err(text)?;
     }
-    draw_marks(&mut chart, marks, top_rpm, end)
+    draw_marks(&mut chart, marks, top_rpm, &time)
+}
+
+fn not_below_zero(value: f64) -> String {
+    if value < 0.0 { String::new() } else { format!("{value:.0}") }
+}
+
+/// What was on the wire: stop, standby or run.
+fn ribbon(
+    chart: &mut Chart<'_, '_>,
+    points: &[Point],
+    top: f64,
+    time: &Range<f64>,
+) -> Result<(), String> {
+    let name = |point: &Point| match point.on_wire {
+        None | Some(Said::Nothing) => None,
+        Some(Said::Stop) => Some(("emergency stop", RGBColor(0xf0, 0x80, 0x70))),
+        Some(Said::Standby) => Some(("standby", RGBColor(0xd4, 0xd4, 0xd4))),
+        Some(Said::Run(_) | Said::RunRpm(_)) => Some(("run", RGBColor(0xa8, 0xdc, 0xa8))),
+    };
+    let pieces: Vec<&[Point]> = points.chunk_by(|a, b| name(a) == name(b)).collect();
+    for (i, piece) in pieces.iter().enumerate() {
+        let (Some(first), Some(last)) = (piece.first(), piece.last()) else { continue };
+        let until = pieces.get(i + 1).and_then(|next| next.first()).map_or(last.t, |next| next.t);
+        let Some((name, color)) = name(first) else { continue };
+        let area = Rectangle::new([(first.t, -RIBBON * top), (until, -0.02 * top)], color.filled());
+        chart.draw_series([area]).map_err(text)?;
+        if (until - first.t) / (time.end - time.start) > 0.008 * (name.len() + 14) as f64 {
+            let style = ("sans-serif", 13).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+            let at = (first.t, -0.055 * top);
+            chart.draw_series([Text::new(format!(" on the wire: {name}"), at, style)]).map_err(text)?;
+        }
+    }
+    Ok(())
 }
 
 /// A line at each marked moment, with its name beside it; the names stand below each other.
@@ -236,16 +276,17 @@ fn draw_marks(
     chart: &mut Chart<'_, '_>,
     marks: &[(f64, String)],
     top: f64,
-    end: f64,
+    time: &Range<f64>,
 ) -> Result<(), String> {
+    let length = time.end - time.start;
     for (i, (t, label)) in marks.iter().enumerate() {
         let line = PathElement::new(vec![(*t, 0.0), (*t, top)], MARK.stroke_width(2));
         chart.draw_series([line]).map_err(text)?;
-        let right = t + 0.0065 * end * label.len() as f64 > end;
+        let right = t + 0.0068 * length * label.chars().count() as f64 > time.end;
         let (side, label) =
-            if right { (HPos::Right, format!("{label} ")) } else { (HPos::Left, format!(" {label}")) };
+            if right { (HPos::Right, format!("{label}\u{a0}")) } else { (HPos::Left, format!("\u{a0}{label}")) };
         let style = ("sans-serif", 16).into_font().color(&MARK).pos(Pos::new(side, VPos::Top));
-        let height = top * (0.86 - 0.07 * (i % 4) as f64);
+        let height = top * (0.92 - 0.065 * (i % 4) as f64);
         chart.draw_series([Text::new(label, (*t, height), style)]).map_err(text)?;
     }
     Ok(())
@@ -259,8 +300,14 @@ type Chart<'a, 'b> = plotters::chart::DualCoordChartContext<
 >;
 
 /// The phases of the run, with their names at the top.
-fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64) -> Result<(), String> {
+fn bands(
+    chart: &mut Chart<'_, '_>,
+    points: &[Point],
+    top: f64,
+    time: &Range<f64>,
+) -> Result<(), String> {
     let end = points.last().map_or(1.0, |point| point.t).max(1.0);
+    let length = time.end - time.start;
     let bands: Vec<&[Point]> = points.chunk_by(|a, b| a.stage == b.stage).collect();
     let mut names = Vec::new();
     for (i, band) in bands.iter().enumerate() {
@@ -274,11 +321,11 @@ fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64) -> Result<(), St
             Stage::Cooling => RGBColor(0xf8, 0xe6, 0xee),
             Stage::Done => RGBColor(0xf4, 0xf4, 0xf4),
             Stage::Failed => RGBColor(0xff, 0xc8, 0xc8),
-            Stage::Event => RGBColor(0xff, 0xf8, 0xb8),
+            Stage::Event => RGBColor(0xfd, 0xfa, 0xe4),
         };
         let area = Rectangle::new([(first.t, 0.0), (until, top)], color.filled());
         // A name that is longer than its band stands a line lower, clear of its neighbour's.
-        let narrow = (until - first.t) / end < 0.008 * first.stage.name().len() as f64;
+        let narrow = (until - first.t) / length < 0.008 * first.stage.name().len() as f64;
         let height = if narrow { top * 0.93 } else { top };
         let style = ("sans-serif", 15).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Top));
         let name = Text::new(format!(" {}", first.stage.name()), (first.t, height), style);

@@ -120,7 +120,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         }));
     }
     if let Some(scenario) = setup.scenario {
-        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(cockpit.seat(i)) }));
+        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(cockpit.sit(i)) }));
         let (script, flown) = (scenario.script(&cockpit), &flown);
         tasks.push(Box::pin(async move {
             let result = script.await;

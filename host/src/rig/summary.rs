@@ -40,6 +40,9 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
         if !outcomes.interrupted && outcome.link != LinkState::Up {
             problem("the link is not up at the end".to_owned());
         }
+        if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > 1) {
+            problem(format!("the ECU heard {} late and {} bad commands", ecu.late, ecu.bad));
+        }
         if outcome.line_was_clean {
             if missed(outcome) > 0 {
                 problem(format!("{} reply windows were missed on a clean line", missed(outcome)));
@@ -105,7 +108,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
     row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
     row("rejected commands", &|o| o.node.commands_rejected.to_string());
     row("stops by themselves", &|o| o.stops.to_string());
-    if engines.iter().any(|outcome| !outcome.line_was_clean) {
+    if outcomes.checks.is_empty() && engines.iter().any(|outcome| !outcome.line_was_clean) {
         row("link up after the faults", &|o| {
             o.recovered_after.map_or_else(dash, |after| format!("{:.2} s", seconds(after)))
         });
@@ -134,7 +137,10 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
     let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
     text += &format!("\n{windows} replies in time, {missed} missed{worst}\n");
     if problems.is_empty() {
-        text += "All engines reached what was asked and are shut down.\n";
+        text += match outcomes.checks.len() {
+            0 => "All engines reached what was asked and are shut down.\n",
+            _ => "All that had to happen did, and all engines are shut down.\n",
+        };
     } else {
         for problem in problems {
             text += &format!("FAILED  {problem}\n");

@@ -88,8 +88,9 @@ pub struct AmtLink {
     outbox: Outbox,
     counters: Counters,
     order: Order,
-    /// What the ECU says it obeys: said back to it while nothing is ordered, which changes nothing.
-    mirror: Option<Control>,
+    /// What the ECU says it obeys, in two sets in a row: said back to it while nothing is ordered, which changes
+    /// nothing. One odd set must not be said back: it could say emergency stop, or run.
+    mirror: Agreed<Control>,
     ctf: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
@@ -117,7 +118,7 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            mirror: None,
+            mirror: Agreed::new(None),
             ctf: false,
             damaged: false,
             sending: None,
@@ -154,7 +155,7 @@ impl AmtLink {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
-                self.mirror = Some(Control {
+                self.mirror.see(Control {
                     ops: match switch {
                         SwitchPosition::EmergencyStop => Ops::EmergencyStop,
                         SwitchPosition::AutoStop => Ops::AutoStop,
@@ -191,7 +192,7 @@ impl AmtLink {
                 self.report.amt_setup = Some(Timed::new(setup, now));
                 // It comes after a power-up only, so its engine stands.
                 self.report.powered_up = Some(now);
-                self.mirror = Some(Control { ops: Ops::AutoStop, throttle: Throttle::IDLE });
+                self.mirror.set(Control { ops: Ops::AutoStop, throttle: Throttle::IDLE });
                 self.outbox.event(Event::EcuStarted);
             }
             Message::Unknown => {
@@ -277,7 +278,7 @@ impl AmtLink {
 
     /// AMT-11: one reply to this frame, right now or not at all.
     fn answer(&mut self, now: Instant) {
-        if self.order == Order::Listen && self.mirror.is_none() {
+        if self.order == Order::Listen && self.mirror.get().is_none() {
             // After a reset, and the ECU has not said yet what it obeys. A wrong answer could stop a running engine;
             // no answer does not, for the ECU's serial delay time.
             return;
@@ -314,7 +315,7 @@ impl AmtLink {
                 // AMT-14: until full operation, the start throttle.
                 (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
             }
-            Order::Listen => match self.mirror {
+            Order::Listen => match self.mirror.get() {
                 Some(Control { ops, throttle }) => (ops, throttle),
                 None => (Ops::AutoStop, Throttle::IDLE),
             },

@@ -123,7 +123,7 @@ impl<'a> Cockpit<'a> {
     }
 
     /// Commands this engine for ever, and writes down what the simulated one does.
-    pub async fn seat(&self, engine: usize) {
+    pub async fn sit(&self, engine: usize) {
         let (Some(seat), Some(desk)) = (self.seats.get(engine), self.desks.get(engine)) else { return };
         desk.audit.borrow_mut().spoken = Some(Vec::new());
         let mut ticker = Ticker::every(LOOK);
@@ -176,7 +176,7 @@ impl<'a> Cockpit<'a> {
     }
 
     /// The source of commands of an engine.
-    pub fn seat_of(&self, engine: usize) -> &Seat<'a> {
+    pub fn seat(&self, engine: usize) -> &Seat<'a> {
         &self.seats[engine]
     }
 
