@@ -1,0 +1,94 @@
+//! Speed control over the throttle on the simulated engines, over the wire. What the turbine does is measured at the
+//! turbine, not in the telemetry.
+#![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
+
+mod bench;
+
+use bench::{Bench, LONG, rpm};
+use embassy_time::{Duration, Instant, Timer};
+use jetlink::command::Origin;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::Engine;
+use jetlink::engine::config::Governor;
+use jetlink::line::Line;
+use sim::amt::{AmtConfig, AmtEcu};
+
+const ENGINES: [(sim::amt::Engine, Engine, u32); 2] =
+    [(sim::amt::Engine::Olympus, Engine::Olympus, 108_500), (sim::amt::Engine::Titan, Engine::Titan, 96_000)];
+
+fn bench(engine: sim::amt::Engine, known: Option<Engine>, baud: u32, governor: Governor) -> Bench<AmtEcu> {
+    let mut config = EngineConfig::amt("amt", 0, Line::new(baud), known);
+    config.supervision.governor = Some(governor);
+    let ecu = AmtConfig::new(engine).on(bench::sim_line(config.line));
+    Bench::new(&config, AmtEcu::new(ecu), 1)
+}
+
+fn true_rpm(bench: &Bench<AmtEcu>) -> f64 {
+    bench.plug.ecu(|ecu| ecu.turbine().rpm())
+}
+
+#[derive(Debug, Default)]
+struct Figures {
+    /// Until it stays within 1.5 % of the target, in s.
+    settled: f64,
+    /// In percent of the step.
+    overshoot: f64,
+    /// How far it strays from the target at the end, in percent of it.
+    rest: f64,
+}
+
+/// Commands a speed for a time, and measures the way there.
+async fn step(bench: &Bench<AmtEcu>, target: u32, time: Duration) -> Figures {
+    let from = true_rpm(bench);
+    let target_rpm = f64::from(target);
+    let way = target_rpm - from;
+    let begin = Instant::now();
+    let mut figures = Figures::default();
+    let mut next = begin;
+    while begin.elapsed() < time {
+        if Instant::now() >= next {
+            bench.handle().command(rpm(target), Origin::Bench).expect("the governor takes it");
+            next += Duration::from_millis(100);
+        }
+        Timer::after(Duration::from_millis(10)).await;
+        let now = true_rpm(bench);
+        let passed = begin.elapsed().as_micros() as f64 / 1e6;
+        figures.overshoot = figures.overshoot.max((now - target_rpm) * way.signum() / way.abs() * 100.0);
+        let off = (now - target_rpm).abs() / target_rpm * 100.0;
+        if off > 1.5 {
+            figures.settled = passed;
+        }
+        if passed > time.as_secs() as f64 - 5.0 {
+            figures.rest = figures.rest.max(off);
+        }
+    }
+    figures
+}
+
+/// Steps between 40 % and 90 % of the maximum, up and down, large and small, on a slow line and a quick one.
+#[test]
+fn it_holds_a_speed_without_overshoot() {
+    let (mut slowest, mut highest, mut rest) = (0.0f64, 0.0f64, 0.0f64);
+    for (engine, known, max) in ENGINES {
+        for baud in [2400, 9600] {
+            let bench = bench(engine, Some(known), baud, Governor::DEFAULT);
+            bench.play(LONG, async {
+                bench.start().await;
+                let mut before = 40;
+                step(&bench, max / 100 * before, Duration::from_secs(30)).await;
+                for percent in [90, 40, 65, 90, 65, 40, 50, 60, 70, 80, 90, 80, 70, 60, 50, 40] {
+                    let figures = step(&bench, max / 100 * percent, Duration::from_secs(25)).await;
+                    println!("{known:?} {baud}: {before} % to {percent} %: {figures:.2?}");
+                    slowest = slowest.max(figures.settled);
+                    highest = highest.max(figures.overshoot);
+                    rest = rest.max(figures.rest);
+                    before = percent;
+                }
+            });
+        }
+    }
+    println!("settled within {slowest:.2} s, overshoot {highest:.2} %, then within {rest:.2} %");
+    assert!(highest <= 3.0, "overshoot {highest:.2} %");
+    assert!(slowest <= 15.0, "settled within {slowest:.2} s");
+    assert!(rest <= 1.5, "strays by {rest:.2} %");
+}
