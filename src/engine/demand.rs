@@ -24,8 +24,8 @@ pub(super) enum Plan {
     Hold,
     /// To what the ruling source asks.
     To(Demand),
-    /// To the fail-safe throttle, by its ramp.
-    FailSafe,
+    /// To the fail-safe throttle, by its ramp, and never above what a source that rules asks.
+    FailSafe(Option<Demand>),
 }
 
 /// What is known of the engine when its demand is shaped.
@@ -121,7 +121,8 @@ impl Run {
 
     pub fn plan(&self) -> Plan {
         if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
-            Plan::FailSafe
+            let ruled = self.stage == LossStage::None && self.taking_over.is_none();
+            Plan::FailSafe(ruled.then_some(self.demand))
         } else if self.taking_over.is_some() {
             Plan::Hold
         } else {
@@ -191,7 +192,10 @@ impl Shaper {
         let (target, rates) = match plan {
             Plan::Hold => (self.moving.demand(), Rates::AT_ONCE),
             Plan::To(demand) => (reduced(demand, shape.reduced_to), slew),
-            Plan::FailSafe => {
+            Plan::FailSafe(asked) => {
+                if let Some(asked) = asked.filter(|asked| self.is_above(reduced(*asked, shape.reduced_to))) {
+                    self.moving.follow(now, reduced(asked, shape.reduced_to), slew, shape);
+                }
                 let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
                 (self.fail_safe(now, shape, config), down)
             }
@@ -212,6 +216,15 @@ impl Shaper {
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
         self.governed = throttle;
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
+    }
+
+    /// Whether the demand in force is above this one.
+    fn is_above(&self, demand: Demand) -> bool {
+        match (self.moving.demand(), demand) {
+            (Demand::Throttle(now), Demand::Throttle(demand)) => now > demand,
+            (Demand::Rpm(now), Demand::Rpm(demand)) => now > demand,
+            _ => false,
+        }
     }
 
     /// Where the fail-safe takes the demand. It only ever lowers.

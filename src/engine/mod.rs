@@ -388,6 +388,10 @@ impl Engine {
     }
 
     fn release(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
+        if let Mode::Listen { kept: Some(Record { order: Order::EmergencyStop, .. }), .. } = self.mode {
+            // The stop that was kept comes into force when the engine begins.
+            return Err(Rejected::Listening);
+        }
         if let Mode::Stop(by) = self.mode {
             if origin.priority() < by.priority() {
                 return Err(Rejected::NotYours(by));
@@ -688,9 +692,13 @@ impl Engine {
         let stopped = run.came_alive && run.stopped_reports >= STOPPED_REPORTS;
         let gone = !run.came_alive && link == LinkState::Lost;
         let late = run.start_by.filter(|by| now >= *by);
-        if ran && link == LinkState::Lost {
+        // With a fault an AMT ECU says no more what its engine does (AMT-8).
+        let old = phase.is_none_or(|phase| phase.age(now) > STATE_MAX_AGE);
+        let only_faults = old && self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
+        let said_lately = phase.is_some_and(|phase| self.up_since.is_some_and(|since| phase.at > since));
+        if ran && (link == LinkState::Lost || only_faults) {
             self.failed = true;
-        } else if ran && !stopped {
+        } else if ran && said_lately && run.stopped_reports == 0 {
             self.failed = false;
         }
         if stopped || gone {

@@ -806,6 +806,11 @@ impl Oracle {
             true => before.max(self.peak_throttle).max(sliding).max(asked.map_or(0, |asked| self.as_throttle(asked))),
             false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))),
         };
+        // At the fail-safe of a limit a demand of the other kind cannot be compared.
+        let limit = match asked {
+            Some(Demand::Rpm(_)) if self.limited => limit.max(before),
+            _ => limit,
+        };
         if throttle > limit && !opens {
             return Err(format!(
                 "(6) throttle {throttle}, {:?} asked for {limit} at most (held {}, before {before})",
@@ -856,6 +861,10 @@ impl Oracle {
         let sliding = if self.config.supervision.slew.up.is_some() { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
+        let limit = match self.asked(at) {
+            Some(Demand::Throttle(_)) if self.limited => limit.max(before),
+            _ => limit,
+        };
         if rpm > limit + slack && !opens && rpm > self.idle_rpm + slack || rpm > self.max_rpm + slack {
             return Err(format!("(6) {rpm} rpm, {:?} asked for {limit} at most", self.in_force));
         }
