@@ -30,20 +30,20 @@ const CTF_OPS: u8 = 0x91;
 const EVERY: u64 = 125_000;
 const SLOW: Line = Line::new(2400);
 
+/// Standby is ordered.
 fn amt(config: Config, line: Line) -> Bench<AmtLink> {
-    Bench::new(AmtLink::new(config, line, Config::TIMING), line)
+    let mut bench = Bench::new(AmtLink::new(config, line, Config::TIMING), line);
+    bench.order(0, Order::Standby).unwrap();
+    bench
 }
 
 /// Nothing is ordered yet, as after a reset.
 fn listening() -> Bench<AmtLink> {
-    amt(Config::DEFAULT, SLOW)
+    Bench::new(AmtLink::new(Config::DEFAULT, SLOW, Config::TIMING), SLOW)
 }
 
-/// Standby is ordered.
 fn default() -> Bench<AmtLink> {
-    let mut bench = listening();
-    bench.order(0, Order::Standby).unwrap();
-    bench
+    amt(Config::DEFAULT, SLOW)
 }
 
 fn throttle(tenths: u16) -> Order {
@@ -320,6 +320,9 @@ fn nothing_ordered_says_back_what_the_ecu_obeys() {
         let mut frame = normal(state, switch, 100);
         for half_percents in [131, 0, 200] {
             frame[4] = half_percents;
+            // In two sets in a row.
+            bench.rx(bench.now() + EVERY, &frame);
+            bench.frames();
             assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{state:#b} {switch:#b}");
         }
         // An error set in between says nothing of it: the last word counts.
@@ -339,7 +342,24 @@ fn a_damaged_frame_is_not_said_back() {
     bench.machine.line_error(LineError::Framing);
     bench.rx(EVERY, &normal(FULL_OPERATION, EMERGENCY, 100));
     assert_eq!(bench.frames(), vec![]);
-    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 100)), (RUN_OPS, 0));
+    let good = normal(FULL_OPERATION, RUN, 100);
+    bench.rx(2 * EVERY, &good);
+    assert_eq!(bench.frames(), vec![], "one alone may be odd");
+    assert_eq!(ops_thr(&mut bench, &good), (RUN_OPS, 0));
+}
+
+/// There is no checksum: one odd set that says emergency stop, or run to a standing engine, is not said back.
+#[test]
+fn one_odd_set_is_not_said_back() {
+    let (good, odd) = (normal(FULL_OPERATION, RUN, 100), normal(NO_CLEARANCE, EMERGENCY, 0));
+    let mut bench = listening();
+    for frame in [&odd, &good] {
+        bench.rx(bench.now() + EVERY, frame);
+        assert_eq!(bench.frames(), vec![]);
+    }
+    for frame in [&good, &odd, &good, &odd, &good] {
+        assert_eq!(ops_thr(&mut bench, frame), (RUN_OPS, 0));
+    }
 }
 
 /// An AMT ECU has no speed control.
@@ -410,7 +430,9 @@ fn amt_13_no_order_sends_ctf() {
     for order in [Order::Listen, Order::Standby, Order::EmergencyStop, throttle(700)] {
         let mut bench = default();
         // Something to say back where nothing is ordered.
-        reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+        for _ in 0..2 {
+            reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
+        }
         bench.order(bench.now(), order).unwrap();
         for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
             assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
