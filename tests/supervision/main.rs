@@ -12,8 +12,8 @@ mod world;
 
 use embassy_time::Duration;
 use oracle::Tally;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 /// Virtual time of one world.
@@ -81,7 +81,8 @@ fn replay() {
 #[ignore = "hours; JETLINK_HOURS says how many"]
 fn campaign() {
     let hours = number("JETLINK_HOURS").unwrap_or(1000);
-    let (first, threads) = (number("JETLINK_SEED").unwrap_or(1_000_000), number("JETLINK_THREADS").unwrap_or(2));
+    let (first, threads) =
+        (number("JETLINK_SEED").unwrap_or(1_000_000), number("JETLINK_THREADS").unwrap_or(2));
     let began = Instant::now();
     let tally = worlds(first, hours * 3600, threads);
     println!("{hours} engine-hours in {:.0} s of real time: {tally:?}", began.elapsed().as_secs_f64());

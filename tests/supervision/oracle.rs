@@ -64,7 +64,10 @@ pub enum Input {
     Said(Origin, Command, Option<Rejected>),
     Truth(Truth),
     /// The node was reset; it was down for so long.
-    Boot { kept: Kept, down: u64 },
+    Boot {
+        kept: Kept,
+        down: u64,
+    },
     WentOn,
     ListenOver,
     /// The line or the ECU was disturbed, or is no longer.
@@ -226,7 +229,11 @@ impl Oracle {
 
     /// From when on every source is silent.
     fn silent_from(&self) -> u64 {
-        self.each().map(|(origin, source)| source.heard + self.age(origin)).max().unwrap_or(0).max(self.resumed_until)
+        self.each()
+            .map(|(origin, source)| source.heard + self.age(origin))
+            .max()
+            .unwrap_or(0)
+            .max(self.resumed_until)
     }
 
     /// Time goes on: who rules may change with nothing said.
@@ -252,6 +259,10 @@ impl Oracle {
     fn look(&mut self) {
         let at = self.at;
         if at < self.resumed_until {
+            if let Some((_, Source { word: Word::Run(demand), .. })) = self.ruler(at) {
+                self.peak(demand);
+                self.last_asked = self.last_asked.max(self.as_throttle(demand));
+            }
             return;
         }
         let takeover = self.config.supervision.takeover;
@@ -315,7 +326,8 @@ impl Oracle {
             Demand::Rpm(rpm) if self.speed_control => self.peak_rpm = self.peak_rpm.max(rpm.get()),
             // The governor's throttle follows the shaft, within its authority.
             Demand::Rpm(_) => {
-                let authority = self.config.supervision.governor.map_or(0, |governor| governor.authority.tenths());
+                let authority =
+                    self.config.supervision.governor.map_or(0, |governor| governor.authority.tenths());
                 self.peak_throttle = self.peak_throttle.max(authority);
             }
         }
@@ -341,7 +353,8 @@ impl Oracle {
             Input::WentOn => {
                 self.tally.went_on += 1;
                 self.listening = false;
-                let alive = at.saturating_sub(self.live_at) <= BEHIND_FAULTY || self.truth.odd || self.wire_run;
+                let alive =
+                    at.saturating_sub(self.live_at) <= BEHIND_FAULTY || self.truth.odd || self.wire_run;
                 if !alive {
                     return Err("(1) it went on with an engine that does not run".into());
                 }
@@ -360,8 +373,14 @@ impl Oracle {
                     for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
                         if place == origin {
                             let word = Word::Run(demand);
-                            let new =
-                                Source { word, heard: at, since: at, was_lost: false, idle_at: None, changed: at };
+                            let new = Source {
+                                word,
+                                heard: at,
+                                since: at,
+                                was_lost: false,
+                                idle_at: None,
+                                changed: at,
+                            };
                             *slot = Some(Source { heard: at, ..slot.unwrap_or(new) });
                         }
                     }
@@ -393,9 +412,9 @@ impl Oracle {
     ) -> Result<(), String> {
         let word = match command {
             Command::EmergencyStop => {
-                let by = self.latched.map_or(origin, |(by, _)| {
-                    if by.priority() > origin.priority() { by } else { origin }
-                });
+                let by = self
+                    .latched
+                    .map_or(origin, |(by, _)| if by.priority() > origin.priority() { by } else { origin });
                 let since = self.latched.map_or(at, |(_, since)| since);
                 self.latched = Some((by, since));
                 self.guard = false;
@@ -496,7 +515,9 @@ impl Oracle {
             && at < self.booted + 5 * SECOND
             && truth.gave_up > before
         {
-            return Err("(5) after a reset the ECU stopped a running engine, because the node left it alone".into());
+            return Err(
+                "(5) after a reset the ECU stopped a running engine, because the node left it alone".into()
+            );
         }
         if !truth.live || truth.odd {
             self.guard = false;
@@ -571,9 +592,13 @@ impl Oracle {
         self.tally.frames += 1;
         let answer = self.judge(at, frame);
         self.last_frame = at;
-        self.peak_throttle = 0;
-        self.peak_rpm = 0;
-        if let (Some((_, source)), true) = (self.ruler(at), self.at >= self.resumed_until)
+        match frame {
+            Frame::Full(..) => self.peak_throttle = 0,
+            Frame::RpmCode(_) => self.peak_rpm = 0,
+            // It shows no demand.
+            _ => return answer,
+        }
+        if let Some((_, source)) = self.ruler(at)
             && let Word::Run(demand) = source.word
             && (at < source.changed + TOL || self.config.supervision.slew.up.is_some())
         {
@@ -608,10 +633,9 @@ impl Oracle {
         };
         if self.listening {
             return match frame {
-                Frame::Full(Switch::Run, throttle) if throttle > self.before_reset.0 => Err(format!(
-                    "(6) the mirror shows {throttle}, the ECU obeyed {}",
-                    self.before_reset.0
-                )),
+                Frame::Full(Switch::Run, throttle) if throttle > self.before_reset.0 => {
+                    Err(format!("(6) the mirror shows {throttle}, the ECU obeyed {}", self.before_reset.0))
+                }
                 Frame::Full(..) | Frame::Mode(..) | Frame::Other(_) => Ok(false),
                 _ => Err(format!("(1) {frame:?} while the node listens")),
             };
@@ -633,9 +657,9 @@ impl Oracle {
         let asked = at <= self.booted + TOL;
         if self.guard && !asked && at < self.booted + 10 * SECOND {
             let loss = self.config.supervision.loss;
-            let by_loss = loss.standby_after.is_some_and(|after| {
-                at + TOL >= self.booted + loss.hold.as_micros() + after.as_micros()
-            });
+            let by_loss = loss
+                .standby_after
+                .is_some_and(|after| at + TOL >= self.booted + loss.hold.as_micros() + after.as_micros());
             if !by_loss {
                 return Err(format!("(5) {frame:?} after a reset, with an engine that runs"));
             }
@@ -659,7 +683,8 @@ impl Oracle {
         self.tally.run_frames += 1;
         if self.listening {
             // AMT says back what the ECU says it obeys.
-            let obeyed = self.amt && (self.truth.obeys_run || self.wire_run || at < self.fault_at + BEHIND_FAULTY);
+            let obeyed =
+                self.amt && (self.truth.obeys_run || self.wire_run || at < self.fault_at + BEHIND_FAULTY);
             if obeyed {
                 return Ok(false);
             }
@@ -794,16 +819,20 @@ impl Oracle {
         let (from, _) = self.silent_base(at);
         let loss = self.config.supervision.loss;
         // (6)
-        let before = if at < self.resumed_until { self.throttle.max(self.before_reset.0) } else { self.throttle };
+        let before =
+            if at < self.resumed_until { self.throttle.max(self.before_reset.0) } else { self.throttle };
         let asked = self.asked(at);
         let governed = self.config.supervision.governor.filter(|_| !self.speed_control);
         let authority = governed.map_or(0, |governor| governor.authority.tenths());
-        let sliding = if self.config.supervision.slew.up.is_some() { self.last_asked } else { 0 };
+        let sliding = if self.on_its_way(at) { self.last_asked } else { 0 };
         let from = from.max(authority).max(sliding);
         let limit = match self.held(at) {
             // An rpm that is held is still governed.
             true if authority > 0 => 1000,
-            true => before.max(self.peak_throttle).max(sliding).max(asked.map_or(0, |asked| self.as_throttle(asked))),
+            true => before
+                .max(self.peak_throttle)
+                .max(sliding)
+                .max(asked.map_or(0, |asked| self.as_throttle(asked))),
             false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))),
         };
         // At the fail-safe of a limit a demand of the other kind cannot be compared.
@@ -858,7 +887,7 @@ impl Oracle {
             _ => 0,
         };
         // With a slew it may still be on its way to what was asked before.
-        let sliding = if self.config.supervision.slew.up.is_some() { self.max_rpm } else { 0 };
+        let sliding = if self.on_its_way(at) { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
         let limit = match self.asked(at) {
@@ -885,6 +914,13 @@ impl Oracle {
         Ok(())
     }
 
+    /// The demand may still rise to what the last ruling source asked last: by a slew, or because the engine has just
+    /// come to run.
+    fn on_its_way(&self, at: u64) -> bool {
+        self.config.supervision.slew.up.is_some()
+            || self.running_since.is_none_or(|since| at < since + BEHIND)
+    }
+
     fn resumed_recently(&self, at: u64) -> bool {
         at < self.resumed_until + TOL
     }
@@ -893,7 +929,9 @@ impl Oracle {
         match demand {
             Demand::Throttle(throttle) => throttle.tenths(),
             Demand::Rpm(_) if self.speed_control => 0,
-            Demand::Rpm(_) => self.config.supervision.governor.map_or(0, |governor| governor.authority.tenths()),
+            Demand::Rpm(_) => {
+                self.config.supervision.governor.map_or(0, |governor| governor.authority.tenths())
+            }
         }
     }
 
@@ -908,7 +946,11 @@ impl Oracle {
     /// The demand in force may be held: nobody rules, or another source is about to take over.
     fn held(&self, at: u64) -> bool {
         let sliding = self.config.supervision.slew.down.is_some();
-        self.lost || self.waiting.is_some() || at < self.resumed_until + TOL || sliding || at < self.settled + TOL
+        self.lost
+            || self.waiting.is_some()
+            || at < self.resumed_until + TOL
+            || sliding
+            || at < self.settled + TOL
     }
 
     /// What has to be on the wire exactly, where nothing stands in the way.

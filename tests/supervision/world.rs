@@ -537,7 +537,8 @@ impl Rig {
                     "errors"
                 }
                 _ => {
-                    let state = rng.pick(&[state::STOP, state::STANDBY, state::RUNNING, state::COOLING, 7, 25]);
+                    let state =
+                        rng.pick(&[state::STOP, state::STANDBY, state::RUNNING, state::COOLING, 7, 25]);
                     self.plug.ecu(|ecu| {
                         if let AnyEcu::Zk(ecu) = ecu {
                             ecu.set_state(Some(state));
@@ -897,7 +898,6 @@ fn reset<const N: usize>(
         _ => Kept::Valid(None),
     }
 }
-
 
 impl Tally {
     pub fn add(&mut self, other: &Self) {
