@@ -165,8 +165,7 @@ fn orders_are_told_when_they_change_in_kind() {
                 _ => None,
             })
             .collect();
-        let expected =
-            [(Order::Run(percent(9)), Origin::Emergency), (Order::Standby, Origin::Emergency)];
+        let expected = [(Order::Run(percent(9)), Origin::Emergency), (Order::Standby, Origin::Emergency)];
         assert_eq!(told, expected, "{ecu:?}");
     }
 }

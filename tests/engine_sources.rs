@@ -50,7 +50,11 @@ fn the_highest_fresh_source_rules() {
         for lower in [Origin::Mavlink, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
             for command in [run(20), Command::Standby, Command::HandOverToPwm] {
-                assert_eq!(scenario.command_from(command, lower), Ok(Accepted::Behind(Origin::Rc)), "{command:?}");
+                assert_eq!(
+                    scenario.command_from(command, lower),
+                    Ok(Accepted::Behind(Origin::Rc)),
+                    "{command:?}"
+                );
             }
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             assert_eq!(scenario.telemetry().ruler, Origin::Rc);

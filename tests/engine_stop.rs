@@ -103,7 +103,11 @@ fn a_stop_is_released_by_the_source_that_may() {
                 scenario.command_from(Command::EmergencyStop, by).unwrap();
                 let may = releases.priority() >= by.priority();
                 let expected = if may { Ok(Accepted::InForce) } else { Err(Rejected::NotYours(by)) };
-                assert_eq!(scenario.command_from(Command::ReleaseStop, releases), expected, "{by:?} {releases:?}");
+                assert_eq!(
+                    scenario.command_from(Command::ReleaseStop, releases),
+                    expected,
+                    "{by:?} {releases:?}"
+                );
                 assert_eq!(scenario.wire(), if may { Wire::Standby } else { Wire::Stop }, "{ecu:?}");
             }
         }
@@ -230,7 +234,10 @@ fn after_a_reset_it_listens() {
         let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
         zk.pass(20 * EVERY);
         let sent = zk.bench.bytes();
-        assert!(sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()), "{sent:02x?}");
+        assert!(
+            sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()),
+            "{sent:02x?}"
+        );
         let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
         amt.pass(20 * EVERY);
         assert_eq!(amt.bench.bytes(), Vec::<Vec<u8>>::new());
@@ -355,7 +362,11 @@ fn an_engine_that_does_not_run_is_in_standby() {
                 scenario.introduce();
                 scenario.says(says);
                 let ordered = scenario.telemetry().ordered;
-                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?} {says:?}");
+                assert_eq!(
+                    (ordered.order, ordered.origin),
+                    (Order::Standby, Origin::Node),
+                    "{ecu:?} {says:?}"
+                );
                 scenario.fly(run(0), Origin::Rc, 3 * SECOND);
                 assert_eq!(scenario.wire(), Wire::Standby);
             }

@@ -143,11 +143,9 @@ fn the_engines_own_figures_serve() {
 fn hot_start() {
     for ecu in BOTH {
         // °C per second, and whether that is told: the default is 250.
-        for (rate, says, told) in [
-            (200, Says::Starting, false),
-            (320, Says::Starting, true),
-            (320, Says::Running, false),
-        ] {
+        for (rate, says, told) in
+            [(200, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
+        {
             let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
             let mut scenario = Scenario::ready(ecu, config);
             scenario.command(run(0)).unwrap();

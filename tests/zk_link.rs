@@ -505,7 +505,6 @@ fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
 
 /// ZK-8: ID 6 lets go when it said so on the wire, and not before: a transmission that failed is made up for.
 #[test]
-#[ignore = "bug: an ID 6 with SW 0 that was not sent is never sent again, and the ECU goes on obeying ID 6"]
 fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
@@ -638,7 +637,6 @@ fn an_emergency_stop_pre_empts_everything() {
 /// ZK-8, ZK-9: from version 4 on a stop goes by ID 1 and ID 6 in turns: ID 6 first if the switch went there, else
 /// ID 1. Below, and while the version is not known, ID 1 is all there is.
 #[test]
-#[ignore = "bug: a stop that begins with ID 1 goes 1, 6, 6, 1: the order of the two turns over with the first ID 6"]
 fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
     for (before, first) in [(throttle(500), [1, 6]), (Order::Standby, [1, 6]), (rpm(80_000), [6, 1])] {
         for version in [4, 5] {
@@ -734,7 +732,6 @@ fn zk_9_which_frame_goes_first() {
 
 /// ZK-9: nothing comes between an ID 6 with a new RPM_X and its partner, whatever is due.
 #[test]
-#[ignore = "bug: a pressure, rate or service command that is due takes the place of the partner of an ID 6"]
 fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
     let mut bench = running(4);
     bench.receive(&zk::idle(30, true)); // asks for pressure

@@ -43,6 +43,7 @@ const STOPPED_REPORTS: u8 = 3;
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one for each engine, and there is no heap")]
 enum Mode {
     /// After a reset: until the ECU has said what its engine does.
     Listen {

@@ -167,12 +167,13 @@ impl Watch {
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
             self.fault_seen = Some(faults.at);
-            let fault = Some(faults.value.number()).filter(|_| !faults.value.is_empty());
+            let fault = (!faults.value.is_empty()).then(|| faults.value.number());
             let agreed = core::mem::replace(&mut self.fault_before, fault) == fault;
-            if agreed && core::mem::replace(&mut self.fault, fault) != fault {
-                if let Some(number) = fault {
-                    self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
-                }
+            if agreed
+                && core::mem::replace(&mut self.fault, fault) != fault
+                && let Some(number) = fault
+            {
+                self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
             }
         }
         self.sample(now);

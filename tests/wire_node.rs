@@ -1,0 +1,265 @@
+//! Resets and groups over the wire: the firmware's node on one end, simulated ECUs on the other, in virtual time.
+#![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
+
+mod bench;
+
+use bench::{LONG, heard, sim_line, throttle};
+use embassy_futures::join::join;
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer};
+use jetlink::channels::{Channel, Handle};
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::keep::Memory;
+use jetlink::engine::state::EngineState;
+use jetlink::line::Line;
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use jetlink::telemetry::{Event, Phase};
+use sim::amt::{AmtConfig, AmtEcu};
+use sim::clock;
+use sim::ecu::Ecu;
+use sim::wire::{Direction, Plug, Settings, WireRx, WireTx, connect_with};
+use sim::zk::{ZkConfig, ZkEcu};
+
+static ERRORS: LineErrors = LineErrors::new();
+
+fn wire<E: Ecu>(config: &EngineConfig, ecu: E, seed: u64) -> (WireRx, WireTx, Plug<E>) {
+    let line = sim_line(config.line);
+    connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) })
+}
+
+fn amt(baud: u32) -> (EngineConfig, AmtEcu) {
+    let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
+    let ecu = AmtConfig::new(sim::amt::Engine::Olympus).on(sim_line(config.line));
+    (config, AmtEcu::new(ecu))
+}
+
+fn zk() -> (EngineConfig, ZkEcu) {
+    let config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
+    (config, ZkEcu::new(ZkConfig::new(5).on(sim_line(config.line))))
+}
+
+fn in_phase(handle: &Handle<'_>, phase: Phase) -> bool {
+    handle.telemetry().report.phase.is_some_and(|now| now.value == phase)
+}
+
+/// Repeats a command, as a source does, until `done`.
+async fn fly(handle: &Handle<'_>, command: Command, mut done: impl FnMut(&Handle<'_>) -> bool) {
+    loop {
+        let _ = handle.command(command, Origin::Rc);
+        if done(handle) {
+            return;
+        }
+        Timer::after(Duration::from_millis(100)).await;
+    }
+}
+
+async fn fly_for(handle: &Handle<'_>, command: Command, time: Duration) {
+    let end = Instant::now() + time;
+    fly(handle, command, |_| Instant::now() >= end).await;
+}
+
+async fn start(handle: &Handle<'_>) {
+    handle.command(Command::Arm, Origin::Rc).expect("always accepted");
+    fly(handle, Command::Standby, |handle| in_phase(handle, Phase::Standby)).await;
+    fly(handle, throttle(0), |handle| in_phase(handle, Phase::Running)).await;
+}
+
+/// One life of a node on a line: from its start-up to whatever ends `scenario`.
+async fn life<T>(
+    channel: &Channel,
+    (rx, tx): (WireRx, WireTx),
+    scenario: impl AsyncFnOnce(Handle<'_>) -> T,
+) -> T {
+    match select(channel.runner().run(rx, tx, &ERRORS), scenario(channel.handle())).await {
+        Either::First(never) => never,
+        Either::Second(output) => output,
+    }
+}
+
+/// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine goes on, the
+/// throttle does not move, and the first reply is in the window of the first whole frame.
+#[test]
+fn a_reset_in_flight_goes_on() {
+    // A frame every 125 ms at any baud rate.
+    const PERIOD: u64 = 125;
+    for baud in [2400, 9600] {
+        let mut slowest = Duration::from_ticks(0);
+        for with_memory in [true, false] {
+            for phase in 0..10 {
+                clock::reset();
+                let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+                let (config, ecu) = amt(baud);
+                let (rx, tx, plug) = wire(&config, ecu, phase);
+                let channel = |memory| match memory {
+                    Some(memory) => Channel::with_memory(&config, memory),
+                    None => Channel::new(&config),
+                };
+                let memory = with_memory.then_some(memory);
+                let scenario = async {
+                    let before = channel(memory);
+                    life(&before, (rx, tx), async |handle| {
+                        start(&handle).await;
+                        fly_for(&handle, throttle(60), Duration::from_secs(8)).await;
+                        Timer::after(Duration::from_millis(phase * 13)).await;
+                    })
+                    .await;
+                    // Start-up of the firmware: nobody reads or writes for 20 ms.
+                    Timer::after(Duration::from_millis(20)).await;
+                    plug.record(true);
+                    let begin = clock::now_ns();
+                    let after = channel(memory);
+                    life(&after, plug.reset_node(), async |handle| {
+                        assert_eq!(handle.telemetry().ordered.order, Order::Listen);
+                        fly_for(&handle, throttle(60), Duration::from_secs(3)).await;
+                        let telemetry = handle.telemetry();
+                        assert_eq!(telemetry.state, EngineState::Running, "{baud} {phase}");
+                        assert!(matches!(telemetry.ordered.order, Order::Run(_)));
+                        assert_eq!(telemetry.ordered.origin, Origin::Rc);
+                    })
+                    .await;
+                    begin
+                };
+                let begin = match clock::run_for(select(plug.run(), scenario), LONG) {
+                    Some(Either::Second(begin)) => begin,
+                    _ => panic!("the scenario did not end"),
+                };
+                let log = plug.take_log();
+                let sent: Vec<_> = log.iter().filter(|entry| entry.direction == Direction::ToEcu).collect();
+                let first = sent.iter().find(|entry| entry.start >= begin).expect("a reply").start - begin;
+                slowest = slowest.max(Duration::from_nanos(first));
+                // Every third byte of a message is the throttle: 2 × 60 + 32.
+                let late: Vec<_> = sent.iter().filter(|entry| entry.start >= begin).collect();
+                for message in late.chunks_exact(5) {
+                    let bytes: Vec<u8> = message.iter().map(|entry| entry.byte).collect();
+                    assert_eq!(bytes, [0xFF, 0x14, 152, 0x14, 152], "{baud} {with_memory} {phase}");
+                }
+            }
+        }
+        println!("{baud} baud: first reply within {} ms of start-up", slowest.as_millis());
+        // A frame that was under way at start-up is lost, 25 ms of it at 2400 baud; one of the next two says what the
+        // ECU obeys.
+        assert!(slowest <= Duration::from_millis(2 * PERIOD + 25), "{} ms", slowest.as_millis());
+    }
+}
+
+/// A reset while the emergency stop is latched: still latched, and on the wire in the first reply.
+#[test]
+fn a_latched_stop_survives_a_reset_in_flight() {
+    clock::reset();
+    let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+    let (config, ecu) = amt(2400);
+    let (rx, tx, plug) = wire(&config, ecu, 1);
+    let scenario = async {
+        let before = Channel::with_memory(&config, memory);
+        life(&before, (rx, tx), async |handle| {
+            start(&handle).await;
+            handle.command(Command::EmergencyStop, Origin::Rc).expect("never refused");
+        })
+        .await;
+        // The byte under way is cut short.
+        let halves = plug.reset_node();
+        Timer::after(Duration::from_millis(20)).await;
+        plug.record(true);
+        let after = Channel::with_memory(&config, memory);
+        life(&after, halves, async |handle| {
+            fly_for(&handle, throttle(60), Duration::from_secs(3)).await;
+            assert!(handle.telemetry().stop_latched);
+        })
+        .await;
+    };
+    clock::run_for(select(plug.run(), scenario), LONG).expect("it ends");
+    let sent: Vec<u8> = plug
+        .take_log()
+        .iter()
+        .filter(|entry| entry.direction == Direction::ToEcu)
+        .map(|entry| entry.byte)
+        .collect();
+    assert!(sent.len() > 50);
+    for message in sent.chunks_exact(5) {
+        assert_eq!(message, [0xFF, 0x11, 32, 0x11, 32]);
+    }
+}
+
+/// One command to all engines: they start one after the other; one of two is lost: the other is told, and left alone
+/// or reduced; and its timing is not touched.
+#[test]
+fn a_group_of_two() {
+    for (option, expected) in [(None, 600), (Some(500), 300)] {
+        clock::reset();
+        let (mut left, left_ecu) = amt(2400);
+        let (mut right, right_ecu) = zk();
+        (left.port, right.port) = (0, 1);
+        right.supervision.when_other_fails = option;
+        let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
+        let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
+        let node = Node::new(&[left, right]).expect("a good table");
+        let [run_left, run_right] = node.runners();
+        let world = join(
+            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
+            join(plug_left.run(), plug_right.run()),
+        );
+        let scenario = async {
+            let [l, r] = node.handles();
+            let all = |command| node.command_all(command, Origin::Rc);
+            let say = |command| {
+                let _ = all(command);
+            };
+            assert_eq!(all(Command::Arm), [Ok(Accepted::InForce); 2]);
+            let both = |phase| in_phase(&l, phase) && in_phase(&r, phase);
+            while !both(Phase::Standby) {
+                say(Command::Standby);
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            for _ in 0..15 {
+                say(Command::Standby);
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            let began = Instant::now();
+            let waits = Err(Rejected::Start(Interlock::OtherStarting));
+            assert_eq!(all(throttle(0)), [Ok(Accepted::InForce), waits]);
+            let mut second = None;
+            while !both(Phase::Running) {
+                let answers = all(throttle(0));
+                if second.is_none() && answers[1] != waits {
+                    assert_eq!(answers[1], Ok(Accepted::InForce));
+                    assert!(in_phase(&l, Phase::Running), "one at a time");
+                    second = Some(began.elapsed());
+                }
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            assert!(second.is_some_and(|after| after >= Duration::from_secs(10)), "the gap");
+            for _ in 0..100 {
+                say(throttle(60));
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            assert_eq!(r.telemetry().report.throttle.expect("reported").value.tenths(), 600);
+            // The left one is lost.
+            let mut events = r.events().expect("a free place");
+            let turns_before = r.telemetry().counters;
+            plug_left.ecu(|ecu| ecu.turbine_mut().flame_out());
+            for _ in 0..100 {
+                say(throttle(60));
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            let events = heard(&mut events);
+            let (l, r) = (l.telemetry(), r.telemetry());
+            // Its ECU says nothing but its error.
+            assert_eq!(l.state, EngineState::Fault);
+            assert!(events.contains(&Event::OtherFailed(1)), "{events:?}");
+            assert_eq!(r.state, EngineState::Running);
+            assert_eq!(r.report.throttle.expect("reported").value.tenths(), expected, "{option:?}");
+            // 20 turns a second, none missed, each on its beat.
+            let counters = r.counters;
+            assert_eq!((counters.turns_missed, counters.given_up), (turns_before.turns_missed, 0));
+            assert!(counters.sent - turns_before.sent >= 199);
+            assert_eq!(l.counters.replies_missed, 0);
+        };
+        match clock::run_for(select(world, scenario), LONG) {
+            Some(Either::Second(())) => {}
+            _ => panic!("the scenario did not end"),
+        }
+    }
+}
