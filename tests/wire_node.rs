@@ -132,7 +132,7 @@ fn a_reset_in_flight_goes_on() {
                 slowest = slowest.max(Duration::from_nanos(first));
                 // Every third byte of a message is the throttle: 2 × 60 + 32.
                 let late: Vec<_> = sent.iter().filter(|entry| entry.start >= begin).collect();
-                for message in late.chunks_exact(5) {
+                for message in late.as_chunks::<5>().0 {
                     let bytes: Vec<u8> = message.iter().map(|entry| entry.byte).collect();
                     assert_eq!(bytes, [0xFF, 0x14, 152, 0x14, 152], "{baud} {with_memory} {phase}");
                 }
@@ -178,8 +178,8 @@ fn a_latched_stop_survives_a_reset_in_flight() {
         .map(|entry| entry.byte)
         .collect();
     assert!(sent.len() > 50);
-    for message in sent.chunks_exact(5) {
-        assert_eq!(message, [0xFF, 0x11, 32, 0x11, 32]);
+    for message in sent.as_chunks::<5>().0 {
+        assert_eq!(*message, [0xFF, 0x11, 32, 0x11, 32]);
     }
 }
 
