@@ -124,7 +124,7 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
     assert_eq!(
         heads.join(","),
         "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,sent,\
-         missed,decode_errors,rejected"
+         missed,decode_errors,rejected,engine_state,rules,loss,armed,order,wire_throttle_pct,wire_rpm"
     );
     let help = String::from_utf8(rig(&["--help"]).stdout).unwrap();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
@@ -143,6 +143,12 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
         assert!(thirds.is_sorted() && thirds[0] < 1000.0 && *start.last().unwrap() > 25_000.0, "{thirds:?}");
         assert!(*of_engine("done").last().unwrap() < 1000.0);
     }
+    // Who rules and what is on the wire, while all goes well.
+    for row in rows.iter().filter(|row| ["idle", "steps"].contains(&row[column("phase")])) {
+        let cells = ["engine_state", "rules", "loss", "armed", "order"].map(|head| row[column(head)]);
+        assert_eq!(cells, ["running", "bench", "none", "yes", "run"], "{row:?}");
+    }
+    assert!(rows.iter().any(|row| row[column("wire_throttle_pct")] == row[column("demand_throttle_pct")]));
     let times: Vec<f64> = rows.iter().map(|row| row[column("t_s")].parse().unwrap()).collect();
     assert!(times.is_sorted() && rows.iter().all(|row| row.len() == heads.len()));
     // Four engines, every 0.1 s.
@@ -208,6 +214,7 @@ fn a_wrong_option_is_one_sentence_and_status_2() {
         ["--faults", "noise=3"],
         ["--faults", "cut=tail@1s+1s"],
         ["--faults", "heavy,until=1000s"],
+        ["--scenario", "fire"],
     ] {
         let args = [args[0].to_owned() + "=" + args[1]];
         let output = fast(&args.each_ref().map(String::as_str));
@@ -217,15 +224,108 @@ fn a_wrong_option_is_one_sentence_and_status_2() {
         assert!(error.starts_with("jetlink rig: "), "{args:?}: {error}");
     }
     assert_eq!(rig(&["--no-such-option"]).status.code(), Some(2));
+    assert_eq!(rig(&["--scenario", "hot-start", "--faults", "light"]).status.code(), Some(2));
 }
 
 #[test]
 fn the_duration_stretches_the_run() {
-    for (duration, least, most) in [("150s", 140.0, 160.0), ("400s", 390.0, 410.0)] {
+    for (duration, least, most) in [("190s", 180.0, 200.0), ("400s", 390.0, 410.0)] {
         let text = status(&fast(&["--duration", duration]), 0);
         let line = text.lines().find(|line| line.starts_with("Summary after")).unwrap();
         let seconds: f64 = line.split_whitespace().nth(2).unwrap().parse().unwrap();
         assert!((least..most).contains(&seconds), "{line}");
+    }
+}
+
+const SCENARIOS: [&str; 6] =
+    ["source-loss", "hot-start", "flame-out", "reset-in-flight", "engine-lost", "emergency-stop"];
+
+/// Plays a scenario, and gives what is left of each line that says what happened.
+#[track_caller]
+fn scenario(name: &str, least: usize) -> Vec<String> {
+    let text = status(&fast(&["--scenario", name]), 0);
+    assert!(text.contains("All that had to happen did, and all engines are shut down."), "{text}");
+    assert!(!text.contains("DID NOT HAPPEN") && !text.contains("FAILED  "), "{text}");
+    let (_, list) = text.split_once("What had to happen").expect("the list");
+    let happened: Vec<String> = list
+        .lines()
+        .filter_map(|line| line.strip_prefix("  yes"))
+        .map(|what| what.trim().to_owned())
+        .collect();
+    assert!(happened.len() >= least, "{} of {least}: {text}", happened.len());
+    happened
+}
+
+#[test]
+fn the_source_is_lost_in_flight() {
+    scenario("source-loss", 18);
+}
+
+#[test]
+fn a_hot_start() {
+    scenario("hot-start", 8);
+}
+
+#[test]
+fn a_flame_out() {
+    scenario("flame-out", 13);
+}
+
+#[test]
+fn a_reset_in_flight() {
+    let happened = scenario("reset-in-flight", 21);
+    let gap = |of: &str| -> (f64, f64) {
+        let line =
+            happened.iter().find(|line| line.starts_with(of) && line.contains("to the next")).expect(of);
+        let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        (numbers[0], numbers[1])
+    };
+    // The watchdog takes 1.05 s of the gap. The simulated AMT ECU stops its engine after 2 s.
+    for (of, away) in
+        [("left, watchdog", 1.05), ("right, watchdog", 1.05), ("left, supply", 0.3), ("right, supply", 0.3)]
+    {
+        let (whole, after) = gap(of);
+        assert!(whole > away && whole < away + 0.6 && after < 0.6, "{of}: {whole} s, {after} s");
+    }
+}
+
+#[test]
+fn one_of_two_engines_is_lost() {
+    scenario("engine-lost", 8);
+}
+
+#[test]
+fn an_emergency_stop_during_a_start() {
+    scenario("emergency-stop", 20);
+}
+
+#[test]
+fn scenarios_are_listed_drawn_and_the_same_every_time() {
+    let list = status(&rig(&["--list-scenarios"]), 0);
+    let names: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names, SCENARIOS);
+    assert!(list.lines().all(|line| line.len() > 40 && line.len() < 130), "{list}");
+    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let page = std::fs::read_to_string(docs.join("failsafe.md")).unwrap();
+    for name in SCENARIOS {
+        let path = file(&format!("{name}.svg"));
+        let args = ["--scenario", name, "--plot", path.to_str().unwrap()];
+        assert_eq!(out(&fast(&args)), out(&fast(&args)), "{name}");
+        let picture = std::fs::read_to_string(&path).unwrap();
+        let committed = std::fs::read_to_string(docs.join(format!("scenarios/{name}.svg"))).unwrap();
+        assert!(page.contains(&format!("scenarios/{name}.svg")), "{name} is not in docs/failsafe.md");
+        for picture in [picture, committed] {
+            let xml = roxmltree::Document::parse(&picture).expect("well-formed XML");
+            let texts: Vec<&str> =
+                xml.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
+            let has = |what: &str| texts.iter().any(|text| text.contains(what));
+            // The marks are set off by a space of their own.
+            assert!(
+                texts.iter().any(|text| text.trim_matches('\n').starts_with('\u{a0}')),
+                "{name}: {texts:?}"
+            );
+            assert!(has("on the wire") && has("event"), "{name}: {texts:?}");
+        }
     }
 }
 

@@ -131,12 +131,9 @@ impl Plot {
             .map_err(text)?;
         let style = ("sans-serif", 18).into_font().color(&INK);
         let mut x = 22;
-        for (label, color) in [
-            ("rpm", RPM),
-            ("demand of the source", DEMAND),
-            ("demand on the wire", WIRE),
-            ("EGT", EGT),
-        ] {
+        for (label, color) in
+            [("rpm", RPM), ("demand of the source", DEMAND), ("demand on the wire", WIRE), ("EGT", EGT)]
+        {
             let line = vec![(x, 60), (x + 40, 60)];
             area.draw(&PathElement::new(line, color.stroke_width(3))).map_err(text)?;
             area.draw(&Text::new(label, (x + 50, 50), style.clone())).map_err(text)?;
@@ -243,12 +240,7 @@ fn not_below_zero(value: f64) -> String {
 }
 
 /// What was on the wire: stop, standby or run.
-fn ribbon(
-    chart: &mut Chart<'_, '_>,
-    points: &[Point],
-    top: f64,
-    time: &Range<f64>,
-) -> Result<(), String> {
+fn ribbon(chart: &mut Chart<'_, '_>, points: &[Point], top: f64, time: &Range<f64>) -> Result<(), String> {
     let name = |point: &Point| match point.on_wire {
         None | Some(Said::Nothing) => None,
         Some(Said::Stop) => Some(("emergency stop", RGBColor(0xf0, 0x80, 0x70))),
@@ -283,8 +275,11 @@ fn draw_marks(
         let line = PathElement::new(vec![(*t, 0.0), (*t, top)], MARK.stroke_width(2));
         chart.draw_series([line]).map_err(text)?;
         let right = t + 0.0068 * length * label.chars().count() as f64 > time.end;
-        let (side, label) =
-            if right { (HPos::Right, format!("{label}\u{a0}")) } else { (HPos::Left, format!("\u{a0}{label}")) };
+        let (side, label) = if right {
+            (HPos::Right, format!("{label}\u{a0}"))
+        } else {
+            (HPos::Left, format!("\u{a0}{label}"))
+        };
         let style = ("sans-serif", 16).into_font().color(&MARK).pos(Pos::new(side, VPos::Top));
         let height = top * (0.92 - 0.065 * (i % 4) as f64);
         chart.draw_series([Text::new(label, (*t, height), style)]).map_err(text)?;
@@ -300,12 +295,7 @@ type Chart<'a, 'b> = plotters::chart::DualCoordChartContext<
 >;
 
 /// The phases of the run, with their names at the top.
-fn bands(
-    chart: &mut Chart<'_, '_>,
-    points: &[Point],
-    top: f64,
-    time: &Range<f64>,
-) -> Result<(), String> {
+fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64, time: &Range<f64>) -> Result<(), String> {
     let end = points.last().map_or(1.0, |point| point.t).max(1.0);
     let length = time.end - time.start;
     let bands: Vec<&[Point]> = points.chunk_by(|a, b| a.stage == b.stage).collect();

@@ -3,8 +3,8 @@
 
 mod cockpit;
 
-pub use self::cockpit::{Check, Cockpit};
 use self::cockpit::Seat;
+pub use self::cockpit::{Check, Cockpit};
 use super::audit::{Said, Spoken};
 use super::desk::Stage;
 use super::node::Reset;
@@ -17,7 +17,8 @@ use sim::ecu::{MILLIS, Nanos, SECOND};
 use std::pin::Pin;
 
 /// An AMT engine and a ZK engine whose ECU goes on by itself.
-const PAIR: &[&str] = &["name=left,ecu=amt,engine=olympus,baud=2400", "name=right,ecu=zk,version=5,baud=9600"];
+const PAIR: &[&str] =
+    &["name=left,ecu=amt,engine=olympus,baud=2400", "name=right,ecu=zk,version=5,baud=9600"];
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
@@ -257,10 +258,14 @@ async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
         "left: no throttle above the minimum was on the wire during the start",
     );
     let withdrawn = c.spoken(0, tripped, allowed);
-    let withdrawn = withdrawn.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - tripped);
+    let withdrawn =
+        withdrawn.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - tripped);
     c.must(
         withdrawn.is_some_and(|after| after <= SEES_STOP),
-        format!("left: standby is on the wire within 1.5 s of the ECU's stop ({:.2} s)", c.or_never(withdrawn)),
+        format!(
+            "left: standby is on the wire within 1.5 s of the ECU's stop ({:.2} s)",
+            c.or_never(withdrawn)
+        ),
     );
     c.must(
         all(&c.spoken(0, tripped + SEES_STOP, allowed), Said::Standby),
@@ -286,7 +291,8 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(12.0).await;
     let end = c.now();
     c.look();
-    let told = c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
+    let told =
+        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("left: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
@@ -304,10 +310,7 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
         "left: and stays, although run goes on being commanded",
     );
-    c.must(
-        c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()),
-        "left: no relight and no restart",
-    );
+    c.must(c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()), "left: no relight and no restart");
     c.must(
         c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("left: the source is told why ({})", c.answer_text(0)),
@@ -326,7 +329,8 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(8.0).await;
     let end = c.now();
     c.look();
-    let told = c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
+    let told =
+        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("right: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
@@ -343,6 +347,14 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
         "right: its ECU does not relight, although run stays on the wire",
     );
+    let other = c.when_told(0, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(stopped));
+    c.must(
+        other.is_some_and(|after| after <= 4 * SECOND),
+        format!(
+            "left: told that the other engine has failed, when its state is 3 s old ({:.2} s)",
+            c.or_never(other)
+        ),
+    );
     c.must(
         c.node().telemetry(1).state == EngineState::Fault,
         format!("right: the node says `{}`", c.node().telemetry(1).state.name()),
@@ -358,10 +370,9 @@ async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
     // The watchdog bites 1 s after a task has hung; then the chip starts.
     let watchdog = Reset { away: Duration::from_millis(1050), forgets: false };
     let supply = Reset { away: Duration::from_millis(300), forgets: true };
-    for (reset, label) in [
-        (watchdog, "the node hangs, its watchdog resets it"),
-        (supply, "the node's supply fails for 0.3 s"),
-    ] {
+    for (reset, label) in
+        [(watchdog, "the node hangs, its watchdog resets it"), (supply, "the node's supply fails for 0.3 s")]
+    {
         c.event();
         c.mark(label);
         let what = if reset.forgets { "supply" } else { "watchdog" };
@@ -397,7 +408,9 @@ async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
             );
             let near = |tenths: u16| tenths.abs_diff(throttle) <= if reset.forgets { GRAIN } else { 0 };
             let same = after.iter().all(|frame| match frame.said {
-                Said::Run(tenths) => near(tenths) || frame.from < back + 300 * MILLIS && tenths.abs_diff(throttle) <= GRAIN,
+                Said::Run(tenths) => {
+                    near(tenths) || frame.from < back + 300 * MILLIS && tenths.abs_diff(throttle) <= GRAIN
+                }
                 said => said == Said::Nothing,
             });
             c.must(
@@ -441,12 +454,19 @@ async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         stopped - cut <= 2300 * MILLIS,
-        format!("left: its ECU stops it by itself, after its serial delay time ({:.2} s)", seconds(stopped - cut)),
+        format!(
+            "left: its ECU stops it by itself, after its serial delay time ({:.2} s)",
+            seconds(stopped - cut)
+        ),
     );
     let other = c.when_told(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
     c.must(
         other.is_some_and(|after| after <= 1400 * MILLIS),
         format!("right: told that the other engine has failed ({:.2} s)", c.or_never(other)),
+    );
+    c.must(
+        c.events_since(1, cut, |event| matches!(event, Event::OtherFailed(_))) == 1,
+        "right: told once, and not that all is well when the line is joined",
     );
     c.must(
         all(&c.spoken(1, cut, end), Said::Run(600)),
@@ -487,8 +507,7 @@ async fn emergency_stop(c: &Cockpit<'_>) -> Result<(), String> {
     }
     c.sleep(8.0).await;
     c.mark("released by the bench: refused");
-    let refused: Vec<_> =
-        (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Bench)).collect();
+    let refused: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Bench)).collect();
     let streams: Vec<_> = (0..c.count()).map(|i| c.seat(i).answer()).collect();
     c.sleep(4.0).await;
     c.mark("released by who stopped");

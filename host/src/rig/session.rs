@@ -130,8 +130,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         }));
     } else {
         for ((desk, plan), flown) in desks.iter().zip(&setup.plan.engines).zip(&flown) {
-            let pilot =
-                Pilot::new(desk, &node, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
+            let pilot = Pilot::new(desk, &node, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 let result = pilot.fly().await;
                 flown.replace(Some(result));

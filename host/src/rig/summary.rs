@@ -152,3 +152,23 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
 fn missed(outcome: &Outcome) -> u64 {
     outcome.ecu.late + outcome.ecu.unanswered
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenario::Check;
+    use super::*;
+
+    #[test]
+    fn what_did_not_happen_fails_the_run() {
+        let check = |held| Check { what: "it stops".to_owned(), held };
+        let outcomes =
+            |checks| Outcomes { engines: Vec::new(), length: Duration::MIN, interrupted: false, checks };
+        let good = outcomes(vec![check(true)]);
+        assert_eq!(problems(&good), Vec::<String>::new());
+        let bad = outcomes(vec![check(true), check(false)]);
+        let found = problems(&bad);
+        assert_eq!(found, ["this did not happen: it stops"]);
+        let text = text(&bad, &found);
+        assert!(text.contains("  NO     it stops") && text.contains("FAILED  this did not"), "{text}");
+    }
+}
