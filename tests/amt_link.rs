@@ -1011,3 +1011,15 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
     }
     Ok(())
 }
+
+/// AMT-14, AMT-8: going on after a reset with an ECU that sends nothing but error sets does not dip its throttle. The
+/// control: where nothing speaks for a running engine, the start throttle goes out.
+#[test]
+fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
+    for (first, thr) in [(error(0x20), 128), (normal(0b11111, RUN, 100), 0)] {
+        let mut bench = listening();
+        bench.receive(&first);
+        bench.order(bench.now(), throttle(640)).unwrap();
+        assert_eq!(ops_thr(&mut bench, &first), (RUN_OPS, thr));
+    }
+}

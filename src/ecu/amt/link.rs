@@ -363,6 +363,10 @@ impl Link for AmtLink {
             Order::Pwm => return Err(Rejected::NotSupported),
             Order::EmergencyStop | Order::Standby | Order::Listen | Order::Run(Demand::Throttle(_)) => {}
         }
+        // Going on after a reset with an ECU that sends nothing but error sets: it runs as far as anybody knows, and
+        // the start throttle would be a dip.
+        let only_faults = self.report.faults.is_some_and(|faults| !faults.value.is_empty());
+        self.released |= self.order == Order::Listen && self.phase.get().is_none() && only_faults;
         self.order = order;
         // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
         if !matches!(order, Order::Run(_)) {
