@@ -290,7 +290,7 @@ impl Oracle {
                 }
                 let since = match self.waiting {
                     // It may have taken over by being close; then another one begins to wait anew.
-                    Some((before, _)) if before != origin && self.maybe_close => at,
+                    Some((before, _)) if before != origin && (self.maybe_close || self.in_force.is_none()) => at,
                     Some((_, since)) => since,
                     None => at,
                 };
@@ -505,7 +505,8 @@ impl Oracle {
         } else {
             self.live_since = None;
         }
-        if truth.running && !truth.odd {
+        // An AMT ECU with a fault does not say that its engine runs.
+        if truth.running && !truth.odd && !truth.faulty {
             self.running_since.get_or_insert(at);
         } else {
             self.running_since = None;
