@@ -142,9 +142,9 @@ fn the_engines_own_figures_serve() {
 #[test]
 fn hot_start() {
     for ecu in BOTH {
-        // °C per second, and whether that is told: the default is 250.
+        // °C per second, and whether that is told: the default is 200.
         for (rate, says, told) in
-            [(200, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
+            [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
         {
             let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
             let mut scenario = Scenario::ready(ecu, config);
@@ -161,9 +161,9 @@ fn hot_start() {
             let passed = scenario.passed();
             if told {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
-                assert_eq!((passed[0].what, passed[0].limit), (Watched::HotStart, 250));
+                assert_eq!((passed[0].what, passed[0].limit), (Watched::HotStart, 200));
                 // Soon after it passed the limit.
-                assert!((251..=rate).contains(&passed[0].value), "{:?}", passed[0]);
+                assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {
                 assert_eq!(passed, [], "{ecu:?} {rate} {says:?}");
             }
