@@ -107,7 +107,9 @@ pub struct Oracle {
     latched: Option<(Origin, u64)>,
     armed: bool,
     armed_until: Option<u64>,
+    /// Standby that came into force, and that was said at all.
     last_standby: Option<u64>,
+    standby_said: Option<u64>,
     closed_at: u64,
 
     at: u64,
@@ -168,6 +170,7 @@ impl Oracle {
             armed: false,
             armed_until: None,
             last_standby: None,
+            standby_said: None,
             closed_at: 0,
             at: 0,
             wire_run: false,
@@ -290,7 +293,11 @@ impl Oracle {
                 }
                 let since = match self.waiting {
                     // It may have taken over by being close; then another one begins to wait anew.
-                    Some((before, _)) if before != origin && (self.maybe_close || self.in_force.is_none()) => at,
+                    Some((before, _))
+                        if before != origin && (self.maybe_close || self.in_force.is_none()) =>
+                    {
+                        at
+                    }
                     Some((_, since)) => since,
                     None => at,
                 };
@@ -353,8 +360,12 @@ impl Oracle {
             Input::WentOn => {
                 self.tally.went_on += 1;
                 self.listening = false;
-                let alive =
-                    at.saturating_sub(self.live_at) <= BEHIND_FAULTY || self.truth.odd || self.wire_run;
+                // An AMT ECU with a fault does not say what its engine does: what was kept is all there is.
+                let alive = self.truth.live
+                    || self.live_at >= self.booted
+                    || self.truth.odd
+                    || at < self.fault_at + BEHIND_FAULTY
+                    || self.amt && self.truth.faulty && self.kept.is_some();
                 if !alive {
                     return Err("(1) it went on with an engine that does not run".into());
                 }
@@ -448,7 +459,11 @@ impl Oracle {
             }
             Command::Standby => {
                 self.guard = false;
-                self.last_standby = Some(at);
+                self.standby_said = Some(at);
+                let behind = self.ruler(at).is_some_and(|(ruler, _)| ruler.priority() > origin.priority());
+                if refused.is_none() && !behind {
+                    self.last_standby = Some(at);
+                }
                 Word::Standby
             }
             Command::Run(demand) => {
@@ -541,7 +556,7 @@ impl Oracle {
     fn boot(&mut self, at: u64, kept: Kept, down: u64) {
         let loss = self.config.supervision.loss;
         let silent = at > self.silent_from() + loss.hold.as_micros();
-        let recent = self.last_standby.is_some_and(|said| at < said + down + 2 * SECOND);
+        let recent = self.standby_said.is_some_and(|said| at < said + down + 2 * SECOND);
         self.guard = self.wire_run
             && self.latched.is_none()
             && self.truth.live
@@ -567,6 +582,7 @@ impl Oracle {
         }
         self.armed_until = self.armed.then_some(at).or(self.armed_until);
         self.sources = [None; 4];
+        self.last_standby = None;
         self.in_force = None;
         self.waiting = None;
         self.lost = true;
@@ -717,9 +733,9 @@ impl Oracle {
 
     /// Standby of the source in force, or of one above it, comes at once; of another it takes over first.
     fn standby_counts(&self, origin: Origin) -> bool {
+        // While it is not certain who that is, it waits as long as any.
         self.in_force.is_some_and(|before| {
-            before == origin && !self.lost
-                || origin.priority() >= before.priority() && (self.waiting.is_none() || !self.maybe_close)
+            !self.lost && self.waiting.is_none() && origin.priority() >= before.priority()
         })
     }
 

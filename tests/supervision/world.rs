@@ -144,12 +144,22 @@ impl AnyEcu {
                 }
             }
             Self::Zk(ecu) => {
-                let load = (turbine.load() * 1000.0).clamp(0.0, 1000.0) as u16;
                 let commands = || ecu.commands.iter().rev().map(|(_, command)| *command);
                 let throttle = commands().find_map(|command| match command {
                     ZkCommand::Control { throttle, .. } => Some(throttle),
                     _ => None,
                 });
+                let factor = commands().find_map(|command| match command {
+                    ZkCommand::Switch { factor, .. } if factor != 0 => Some(factor),
+                    _ => None,
+                });
+                let rpm = commands().find_map(|command| match command {
+                    ZkCommand::Rpm(code) => Some(u32::from(code) * 10 * u32::from(factor.unwrap_or(4))),
+                    _ => None,
+                });
+                // In rpm mode it tells the load that it is to reach.
+                let load = ecu.config().turbine.load(f64::from(rpm.unwrap_or(0)));
+                let load = (load * 1000.0).clamp(0.0, 1000.0) as u16;
                 let run = commands().find_map(|command| match command {
                     ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
                     _ => None,
@@ -157,7 +167,7 @@ impl AnyEcu {
                 Truth {
                     standby: ecu.state() == state::STANDBY,
                     faulty: ecu.error() != 0,
-                    // In rpm mode it tells its load, rounded to whole percents.
+                    // It tells whole percents.
                     obeyed: throttle.unwrap_or(0).max(load) + 10,
                     obeys_run: run == Some(true),
                     gave_up: ecu.stats.control_losses,
@@ -169,7 +179,7 @@ impl AnyEcu {
 }
 
 /// What a source is doing for a while.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 enum Program {
     Silent,
     Standby,
@@ -569,6 +579,9 @@ impl Rig {
             self.next_stop = now + rng.wait(400 * SECOND);
             let origin = rng.pick(&Origin::SOURCES);
             self.command(handle, origin, Command::EmergencyStop);
+            if rng.percent(30) {
+                self.command(handle, origin, Command::ReleaseStop);
+            }
         }
         if now >= self.next_arm {
             self.next_arm = now + rng.wait(5 * SECOND);
@@ -584,7 +597,8 @@ impl Rig {
             if now >= self.sources[index].changes {
                 let program = self.program(rng, index);
                 let source = &mut self.sources[index];
-                let mean = if matches!(program, Program::Fly(_)) { 60 } else { 12 };
+                let long = matches!(program, Program::Fly(_)) || program == Program::Run(throttle(0));
+                let mean = if long { 60 } else { 12 };
                 source.changes = now + rng.wait(mean * SECOND);
                 source.program = program;
                 source.period = rng.pick(&[50, 100, 100, 200]) * MS;
@@ -607,7 +621,8 @@ impl Rig {
             return Program::Silent;
         }
         match rng.below(100) {
-            0..55 => Program::Fly(demand),
+            0..8 => Program::Run(throttle(0)),
+            8..55 => Program::Fly(demand),
             55..75 => Program::Run(demand),
             75..87 => Program::Flap(demand, rng.between(100, 3000) * MS, rng.between(200, 3000) * MS),
             87..97 => Program::Nonsense,
