@@ -53,7 +53,7 @@ fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
 
 #[test]
 fn the_invariants_hold_in_random_worlds() {
-    let seconds = number("JETLINK_SECONDS").unwrap_or(4 * 3600);
+    let seconds = number("JETLINK_SECONDS").unwrap_or(6 * 3600);
     let tally = worlds(number("JETLINK_SEED").unwrap_or(1), seconds, 2);
     println!("{tally:?}");
     // What the invariants are about did happen.

@@ -839,7 +839,9 @@ impl Oracle {
         let before =
             if at < self.resumed_until { self.throttle.max(self.before_reset.0) } else { self.throttle };
         let asked = self.asked(at);
-        let governed = self.config.supervision.governor.filter(|_| !self.speed_control);
+        // Until the ECU has told its version after a reset, the governor holds an rpm for it.
+        let version_known = at > self.booted + BEHIND_FAULTY && at > self.fault_at + BEHIND_FAULTY;
+        let governed = self.config.supervision.governor.filter(|_| !self.speed_control || !version_known);
         let authority = governed.map_or(0, |governor| governor.authority.tenths());
         let sliding = if self.on_its_way(at) { self.last_asked } else { 0 };
         let from = from.max(authority).max(sliding);

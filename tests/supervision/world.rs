@@ -224,6 +224,9 @@ struct Rig {
     next_ecu: u64,
     next_stop: u64,
     next_arm: u64,
+    /// Every source is silent then, and until then.
+    next_silence: u64,
+    silent_until: u64,
     odd_until: u64,
     truth: Truth,
     trace: VecDeque<(u64, Trace)>,
@@ -352,6 +355,8 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         next_ecu: rng.wait(200 * SECOND),
         next_stop: rng.wait(300 * SECOND),
         next_arm: SECOND,
+        next_silence: rng.wait(120 * SECOND),
+        silent_until: 0,
         odd_until: 0,
         truth: Truth::default(),
         trace: VecDeque::new(),
@@ -593,6 +598,10 @@ impl Rig {
                 self.command(handle, origin, Command::ReleaseStop);
             }
         }
+        if now >= self.next_silence {
+            self.silent_until = now + rng.wait(12 * SECOND);
+            self.next_silence = self.silent_until + rng.wait(120 * SECOND);
+        }
         for index in 0..self.sources.len() {
             if now >= self.sources[index].changes {
                 let program = self.program(rng, index);
@@ -606,7 +615,9 @@ impl Rig {
                 source.on_since = now;
             }
             if now >= self.sources[index].next {
-                self.speak(rng, handle, index, now);
+                if now >= self.silent_until {
+                    self.speak(rng, handle, index, now);
+                }
                 let source = &mut self.sources[index];
                 source.next = now + source.period + rng.below(source.period / 5);
             }
