@@ -913,8 +913,9 @@ fn reset<const N: usize>(
             match copy {
                 Some(copy) if written < 5 => {
                     // The reset came before the command was answered: it was never given.
-                    for word in copy * 5 + written..copy * 5 + 5 {
-                        words(&memory[port])[word].store(before[word], Ordering::Relaxed);
+                    let kept = words(&memory[port]).iter().zip(before);
+                    for (word, old) in kept.skip(copy * 5 + written).take(5 - written) {
+                        word.store(old, Ordering::Relaxed);
                     }
                 }
                 _ => rigs[port].input(Input::Said(origin, command, refused)),
