@@ -379,6 +379,7 @@ impl Oracle {
                 self.lost = true;
                 self.waiting = None;
                 self.silent = None;
+                self.last_asked = self.before_reset.0;
                 // As if the one that ruled had just spoken.
                 if let Some((origin, demand)) = self.kept {
                     for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
@@ -438,7 +439,10 @@ impl Oracle {
                     if origin.priority() < by.priority() {
                         return Err(format!("(4) {origin:?} released the emergency stop of {by:?}"));
                     }
-                    let stood = !self.truth.live || self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
+                    // An AMT ECU with a fault does not say what its engine does; standby is no start.
+                    let untold = self.amt && self.truth.faulty;
+                    let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
+                    let stood = !self.truth.live || untold || disturbed;
                     if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {
                         return Err("(4) an emergency stop was released while the engine runs".into());
                     }
@@ -937,6 +941,8 @@ impl Oracle {
     /// come to run.
     fn on_its_way(&self, at: u64) -> bool {
         self.config.supervision.slew.up.is_some()
+            // It is reduced for as long as another engine has failed.
+            || self.config.supervision.when_other_fails.is_some()
             || self.running_since.is_none_or(|since| at < since + BEHIND)
     }
 
