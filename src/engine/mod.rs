@@ -429,7 +429,7 @@ impl Engine {
             // Whose demand is in force is for `update`.
             self.update(now);
             let in_force = matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.lost.is_none());
-            return Ok(if in_force { Accepted::InForce } else { Accepted::Held });
+            return Ok(if rules && in_force { Accepted::InForce } else { Accepted::Held });
         }
         if !rules {
             return Ok(Accepted::Held);

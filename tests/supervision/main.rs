@@ -6,8 +6,15 @@
 //! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo test --release --test supervision campaign --
 //! --ignored --nocapture`.
 
+#[path = "../support/bench.rs"]
+mod bench;
+#[path = "../support/frames.rs"]
 mod frames;
 mod oracle;
+mod regressions;
+#[path = "../support/scenario.rs"]
+mod scenario;
+mod wire;
 mod world;
 
 use embassy_time::Duration;

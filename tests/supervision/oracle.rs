@@ -2,7 +2,7 @@
 //! configuration, never from the engine's own code. It sees what the sources said, what the ECU really does, and
 //! every frame on the wire. The invariants and their tolerances are in docs/invariants.md.
 
-use crate::frames::{Frame, Switch};
+use crate::wire::{Frame, Switch};
 use jetlink::command::{Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::Action;
@@ -31,6 +31,8 @@ struct Source {
     /// The last demand that would do for a start, and when the word last changed.
     idle_at: Option<u64>,
     changed: u64,
+    /// The word before that.
+    before: Word,
 }
 
 /// What the ECU really does and says, sampled.
@@ -391,6 +393,7 @@ impl Oracle {
                                 since: at,
                                 was_lost: false,
                                 idle_at: None,
+                                before: word,
                                 changed: at,
                             };
                             *slot = Some(Source { heard: at, ..slot.unwrap_or(new) });
@@ -499,12 +502,14 @@ impl Oracle {
                 was_lost: false,
                 idle_at: None,
                 changed: at,
+                before: word,
             });
             if gap && slot.is_some() {
                 source.since = at;
                 source.was_lost = true;
             }
             if source.word != word {
+                source.before = source.word;
                 source.changed = at;
             }
             if idle {
@@ -630,6 +635,12 @@ impl Oracle {
     }
 
     fn judge(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
+        // A frame and a command at the same instant: the demand before may still be in it.
+        if let Some((_, Source { changed, before: Word::Run(demand), .. })) = self.ruler(at)
+            && at < changed + TOL
+        {
+            self.peak(demand);
+        }
         let switch = match frame {
             Frame::Bad(raw) => return Err(format!("(0) {raw:02x?} is no control frame")),
             Frame::Full(switch, _) | Frame::Mode(switch, _) => Some(switch),

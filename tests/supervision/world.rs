@@ -1,8 +1,8 @@
 //! Random worlds: one or two engines with simulated ECUs on a node that is reset now and then, and sources that
 //! command them well and badly. Everything comes from one seed.
 
-use crate::frames::Reader;
 use crate::oracle::{Input, Kept, Oracle, Tally, Truth};
+use crate::wire::Reader;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channels::Handle;
@@ -214,7 +214,7 @@ struct Rig {
     oracle: Oracle,
     sources: [Source; 4],
     inputs: VecDeque<(u64, Input)>,
-    frames: VecDeque<(u64, crate::frames::Frame)>,
+    frames: VecDeque<(u64, crate::wire::Frame)>,
     told: Rc<RefCell<Vec<(u64, Event)>>>,
     /// A disturbance of the line, and of the ECU, until then.
     line_until: Option<u64>,
@@ -236,7 +236,7 @@ struct Rig {
 #[expect(dead_code, reason = "only ever shown")]
 enum Trace {
     Input(Input),
-    Frame(crate::frames::Frame),
+    Frame(crate::wire::Frame),
     Told(Event),
     Line(&'static str),
     Ecu(&'static str),

@@ -1,0 +1,98 @@
+//! What random worlds have found, each as the shortest schedule that shows it.
+
+use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, percent, run};
+use embassy_time::Duration;
+use jetlink::channels::Channel;
+use jetlink::command::{Accepted, Command, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::engine::config::{Action, Limit};
+use jetlink::engine::keep::{Memory, Record};
+use jetlink::line::Line;
+use jetlink::units::{Celsius, Throttle};
+
+/// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
+#[test]
+fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started_with(
+            ecu,
+            ecu.with(|s| s.ages.mavlink = Duration::from_millis(500)),
+            percent(80),
+        );
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        // RC is silent from here on; its age limit of 0.5 s, then 2 s. First MAVLink waits, then the bench.
+        scenario.fly(run(10), Origin::Mavlink, 1_500_000);
+        assert_eq!(scenario.tenths(), 800);
+        scenario.fly(run(10), Origin::Bench, 1_200_000);
+        assert_eq!(scenario.tenths(), 100, "{ecu:?}");
+    }
+}
+
+/// A source that was lost and speaks again does not rule yet, so its new demand is not the one that is held when
+/// the ruling source falls silent.
+#[test]
+fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
+    for ecu in BOTH {
+        let mut scenario =
+            Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
+        scenario.fly(run(30), Origin::Rc, SECOND);
+        // RC is lost; the bench waits to take over.
+        scenario.fly(run(10), Origin::Bench, SECOND);
+        // RC speaks again, with another demand, and both fall silent.
+        assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
+        for _ in 0..30 {
+            scenario.pass(PERIOD);
+            assert!(scenario.tenths() <= 300, "{ecu:?}: {}", scenario.tenths());
+        }
+    }
+}
+
+/// A source that flaps may not start an engine against a steady one below it.
+#[test]
+fn a_source_that_is_not_there_yet_starts_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.fly(Command::Standby, Origin::Bench, 2 * SECOND);
+        assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        assert_eq!(scenario.order(), Order::Standby);
+        // The control: it has spoken for a second, and starts it.
+        scenario.says(Says::Standby);
+        scenario.fly(run(0), Origin::Rc, 1_200_000);
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// At the fail-safe throttle of a limit a source may still ask for less.
+#[test]
+fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| {
+            s.limits.over_temperature =
+                Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
+            s.loss.throttle = Throttle::from_percent(20).unwrap();
+        });
+        let mut scenario = Scenario::started_with(ecu, config, percent(80));
+        scenario.values.egt = 720;
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.tenths(), 200);
+        scenario.command(run(5)).unwrap();
+        assert_eq!(scenario.tenths(), 50, "{ecu:?}");
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.tenths(), 50, "it only lowers");
+    }
+}
+
+/// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
+/// that is kept is released by it.
+#[test]
+fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
+    let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+    memory.store(&Record { order: Order::EmergencyStop, origin: Origin::Rc, armed: true });
+    let channel = Channel::with_memory(&EngineConfig::amt("a", 0, Line::new(2400), None), memory);
+    let handle = channel.handle();
+    assert_eq!(handle.command(Command::Disarm, Origin::Bench), Ok(Accepted::InForce));
+    assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::Listening));
+    let kept = Record { order: Order::EmergencyStop, origin: Origin::Rc, armed: false };
+    assert_eq!(memory.load(), Some(kept));
+}
