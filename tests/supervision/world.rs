@@ -387,6 +387,10 @@ impl Rig {
                 command = Command::Run(throttle(0));
             }
         }
+        if matches!(command, Command::Run(_)) && !self.truth.live {
+            // It may start the engine: what the ECU is like at this instant.
+            self.look_at_ecu();
+        }
         let refused = handle.command(command, origin).err();
         self.input(Input::Said(origin, command, refused));
     }
