@@ -2,13 +2,17 @@
 //! at a bench sees an engine controller react. It is a source of commands like any other: it speaks ten times
 //! a second, and what it asks can be refused.
 
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Command, Demand, Origin};
 use jetlink::node::Node;
 use jetlink::units::Throttle;
 
 /// Between two commands; well within the 0.5 s for which a source may be silent.
 const PERIOD: Duration = Duration::from_millis(100);
+
+/// So long after a reset nothing is commanded: one sees engines that ran go on, and what becomes of them without a
+/// source.
+const SILENCE: Duration = Duration::from_secs(5);
 
 const fn run_at(percent: u8) -> Command {
     match Throttle::from_percent(percent) {
@@ -30,6 +34,7 @@ const CYCLE: [(Command, u64); 6] = [
 /// Commands all engines of the node, for ever.
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
+    Timer::after(SILENCE).await;
     let mut tick = Ticker::every(PERIOD);
     loop {
         let _ = node.command_all(Command::Arm, Origin::Bench);

@@ -10,10 +10,16 @@ use crate::board::{Board, Pin};
 use crate::run::Report;
 use crate::wire::{Fate, Tx, Wire};
 
+/// What belongs to a run.
+pub(crate) struct Expected {
+    pub resets: usize,
+    pub errors: bool,
+}
+
 /// Everything that is not in order.
-pub(crate) fn of(report: &mut Report, resets_expected: usize, errors_expected: bool) -> Vec<String> {
+pub(crate) fn of(report: &mut Report, expected: &Expected) -> Vec<String> {
     let mut complaints = unmodelled(report);
-    complaints.extend(crashes(report, resets_expected, errors_expected));
+    complaints.extend(crashes(report, expected));
     for (port, wire) in report.wires() {
         complaints.extend(byte_times(report.board, port, wire));
     }
@@ -33,18 +39,19 @@ fn unmodelled(report: &Report) -> Vec<String> {
     complaints
 }
 
-fn crashes(report: &Report, resets_expected: usize, errors_expected: bool) -> Vec<String> {
+fn crashes(report: &Report, expected: &Expected) -> Vec<String> {
     let mut complaints = Vec::new();
-    if report.resets.len() != resets_expected {
-        complaints.push(format!("{resets_expected} resets are right here, not {:?}", report.resets));
+    let resets = expected.resets;
+    if report.resets.len() != resets {
+        complaints.push(format!("{resets} resets are right here, not {:?}", report.resets));
     }
     complaints.extend(report.faults.iter().map(|at| format!("a hard fault at {at} ns")));
     let hello = format!("on {}, last reset", report.board.title);
     let boots = report.lines(&hello).count();
-    if boots != resets_expected + 1 {
+    if boots != resets + 1 {
         complaints.push(format!("the firmware said \"{hello}\" {boots} times"));
     }
-    if !errors_expected {
+    if !expected.errors {
         let bad = report.logs.iter().filter(|log| log.level == "error" || log.level == "warn");
         complaints.extend(bad.map(|log| format!("logged at {} ns: {} {}", log.at, log.level, log.text)));
     }

@@ -86,10 +86,17 @@ pub struct Board {
     pub telemetry: Port,
     /// Flash.
     pub flash: Range<u64>,
+    /// Where in it an application begins behind ArduPilot's bootloader (FLASH_BOOTLOADER_LOAD_KB of the board's
+    /// `hwdef-bl.dat`).
+    pub behind_bootloader: u64,
     /// The RAM that the firmware uses.
     pub ram: Range<u64>,
     /// Registers of GPIO port A; 0x400 for each further one.
     pub gpio: u64,
+    /// Registers of the independent watchdog.
+    pub watchdog: u64,
+    /// The first backup register.
+    pub backup: u64,
     /// Offset of the register that received bytes are read from.
     pub receive_register: u64,
     /// Offset of the register that bytes to be sent are written to.
@@ -139,8 +146,11 @@ pub static MATEK_H743: Board = Board {
     ],
     telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
     flash: 0x0800_0000..0x0820_0000,
+    behind_bootloader: 0x0802_0000,
     ram: 0x2400_0000..0x2408_0000,
     gpio: 0x5802_0000,
+    watchdog: 0x5800_4800,
+    backup: 0x5800_4050,
     receive_register: 0x24,
     transmit_register: 0x28,
 };
@@ -161,8 +171,11 @@ pub static PIXRACER: Board = Board {
     ],
     telemetry: port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
     flash: 0x0800_0000..0x0820_0000,
+    behind_bootloader: 0x0800_4000,
     ram: 0x2000_0000..0x2003_0000,
     gpio: 0x4002_0000,
+    watchdog: 0x4000_3000,
+    backup: 0x4000_2850,
     receive_register: 0x04,
     transmit_register: 0x04,
 };

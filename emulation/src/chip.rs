@@ -13,7 +13,7 @@ use rigless::soc::{Bus, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::{Board, Part, Uart};
-use crate::quirks::Iwdg;
+use crate::quirks::{Iwdg, Rtc};
 use crate::wire::Wire;
 
 #[derive(Debug)]
@@ -48,6 +48,9 @@ pub struct Chip {
     iwdg: Iwdg,
     /// Where the part's description has a watchdog without a model.
     iwdg_slot: Option<usize>,
+    rtc: Rtc,
+    /// The same of the real-time clock.
+    rtc_slot: Option<usize>,
 }
 
 impl Mcu for Chip {
@@ -71,6 +74,9 @@ impl Mcu for Chip {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         if Some(slot) == self.iwdg_slot {
             return (each!(&mut self.part, b => b.mcu.bus_mut()), Some(&mut self.iwdg));
+        }
+        if Some(slot) == self.rtc_slot {
+            return (each!(&mut self.part, b => b.mcu.bus_mut()), Some(&mut self.rtc));
         }
         each!(&mut self.part, b => b.mcu.split(slot))
     }
@@ -100,9 +106,10 @@ impl Rig {
             b.hse = Crystal(board.crystal);
             b.mcu.rcc.attach_crystals(board.crystal, 0);
         });
-        let mut chip = Chip { part, iwdg: Iwdg::default(), iwdg_slot: None };
+        let mut chip = Chip { part, iwdg: Iwdg::default(), iwdg_slot: None, rtc: Rtc, rtc_slot: None };
         if board.part == Part::H743 {
             chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
+            chip.rtc_slot = Some(chip.bus().slot("RTC").expect("the H743's description has a clock"));
         }
         Self { chip, kind: board.part, instructions_per_second, wired: Vec::new() }
     }

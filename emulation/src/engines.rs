@@ -6,6 +6,7 @@ use crate::image::Image;
 use crate::wire::Far;
 use sim::amt::{self, AmtConfig, AmtEcu};
 use sim::line::Line;
+use sim::turbine::Parameters;
 use sim::zk::{Rate, ZkConfig, ZkEcu};
 
 /// Which protocol an ECU speaks.
@@ -36,6 +37,22 @@ impl Engine {
         match self.protocol {
             Protocol::Amt(engine) => Box::new(AmtEcu::new(AmtConfig::new(engine).on(self.line))),
             Protocol::Zk(_, version) => Box::new(ZkEcu::new(ZkConfig::new(version).on(self.line))),
+        }
+    }
+
+    /// The same, with a turbine that is started within 5 s: to have engines that run, soon.
+    pub fn quick_ecu(&self) -> Box<dyn Far> {
+        let quick =
+            |turbine| Parameters { ignition_s: 0.5, preheat_s: 0.5, ramp_s: 2.0, learn_s: 0.5, ..turbine };
+        match self.protocol {
+            Protocol::Amt(engine) => {
+                let config = AmtConfig::new(engine).on(self.line);
+                Box::new(AmtEcu::new(AmtConfig { turbine: quick(config.turbine), ..config }))
+            }
+            Protocol::Zk(_, version) => {
+                let config = ZkConfig::new(version).on(self.line);
+                Box::new(ZkEcu::new(ZkConfig { turbine: quick(config.turbine), ..config }))
+            }
         }
     }
 }

@@ -15,11 +15,13 @@ pub enum Image {
     AllPorts,
     /// With a task that stands still after 5 s (feature `wedge`).
     Wedge,
+    /// Linked behind an ArduPilot bootloader (feature `ardupilot-bootloader`).
+    Ardupilot,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge];
+    pub const ALL: [Self; 5] = [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::Ardupilot];
 
     /// The feature that makes it, besides the board's.
     pub const fn feature(self) -> Option<&'static str> {
@@ -28,7 +30,13 @@ impl Image {
             Self::Demo => Some("demo"),
             Self::AllPorts => Some("all-ports"),
             Self::Wedge => Some("wedge"),
+            Self::Ardupilot => Some("ardupilot-bootloader"),
         }
+    }
+
+    /// Where in the flash it begins.
+    pub fn start(self, board: &Board) -> u64 {
+        if self == Self::Ardupilot { board.behind_bootloader } else { board.flash.start }
     }
 
     /// Its file, whether it is there or not.
@@ -76,11 +84,45 @@ pub fn symbol(image: &[u8], name: &str) -> Option<u64> {
     rigless::symbols::Symbols::read(image, |value| value & !1).ok()?.get(name).ok()
 }
 
+/// The address of the symbol of an image that ends so; a mangled name begins with what changes at every build.
+pub fn symbol_ending(image: &[u8], end: &str) -> Option<u64> {
+    let word =
+        |at: usize| u32::from_le_bytes([image[at], image[at + 1], image[at + 2], image[at + 3]]) as usize;
+    let half = |at: usize| usize::from(u16::from_le_bytes([image[at], image[at + 1]]));
+    // ELF32: the section headers' place, size and count; in each, kind, place, length and the section of its names.
+    let header = |i: usize| word(32) + i * half(46);
+    let table = (0..half(48)).map(header).find(|&at| word(at + 4) == 2)?;
+    let names = word(header(word(table + 24)) + 16);
+    let symbols = (0..word(table + 20) / 16).map(|i| word(table + 16) + i * 16);
+    let named = |at: usize| image[names + word(at)..].split(|&byte| byte == 0).next();
+    symbols
+        .into_iter()
+        .find(|&at| named(at).is_some_and(|name| name.ends_with(end.as_bytes())))
+        .map(|at| word(at + 4) as u64)
+}
+
 /// Other instructions at an address of an image's flash.
 ///
 /// # Panics
 /// If nothing of the image lies there.
 pub(crate) fn patch(elf: &mut [u8], address: u64, halfwords: &[u16]) {
+    let at = offset(elf, address);
+    for (i, halfword) in halfwords.iter().enumerate() {
+        elf[at + 2 * i..at + 2 * i + 2].copy_from_slice(&halfword.to_le_bytes());
+    }
+}
+
+/// The first two words of a vector table: initial stack and where the firmware starts.
+///
+/// # Panics
+/// If nothing of the image lies there.
+pub(crate) fn vectors(elf: &[u8], table: u64) -> Vec<u8> {
+    let at = offset(elf, table);
+    elf[at..at + 8].to_vec()
+}
+
+/// Where in the file the bytes for an address of the flash are.
+fn offset(elf: &[u8], address: u64) -> usize {
     let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]) as u64;
     let half = |at: usize| usize::from(u16::from_le_bytes([elf[at], elf[at + 1]]));
     // ELF32: the program headers' place, size and count; in each, where its bytes are and where they go.
@@ -88,8 +130,5 @@ pub(crate) fn patch(elf: &mut [u8], address: u64, halfwords: &[u16]) {
     let mut segments = headers.map(|at| (word(at + 4), word(at + 12), word(at + 16)));
     let (file, physical, _) =
         segments.find(|(_, from, length)| (*from..from + length).contains(&address)).expect("in the image");
-    let at = (file + address - physical) as usize;
-    for (i, halfword) in halfwords.iter().enumerate() {
-        elf[at + 2 * i..at + 2 * i + 2].copy_from_slice(&halfword.to_le_bytes());
-    }
+    (file + address - physical) as usize
 }

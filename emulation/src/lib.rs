@@ -41,5 +41,5 @@ mod wire;
 pub use board::{BOARDS, Board, MATEK_H743, PIXRACER};
 pub use image::Image;
 pub use log::Log;
-pub use run::{Bench, Report, Run, Tap};
+pub use run::{Bench, Report, Run, Tap, Written};
 pub use wire::{Far, Fate, Rx, Tx, Wire};

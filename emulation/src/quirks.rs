@@ -11,13 +11,16 @@
 //!    [`Iwdg`] is the smallest one that bites: start, reload, prescaler, reset at zero (RM0433, chapter 45).
 //!    Left out: the time that a new prescaler takes to cross over (its status reads 0, that is: done), the
 //!    write lock and the window. The F427's own watchdog model is used as it is.
+//! 3. **The H743 has no real-time clock**, so no backup registers. [`Rtc`] holds what is written, over a reset
+//!    too, as the backup domain does, and does nothing else. That writes need `PWR_CR1.DBP` rigless knows by
+//!    itself. The F427's own model is used as it is.
 
 use std::collections::HashMap;
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Width;
-use rigless::soc::stm32h743::generated::iwdg::Register;
+use rigless::soc::stm32h743::generated::{iwdg::Register, rtc};
 use rigless::soc::stm32h743::peripherals::rcc::IWDG_STARTED;
 use rigless::time::{EventId, VirtualNanos};
 
@@ -109,4 +112,12 @@ impl Device for Iwdg {
     fn reset(&mut self) {
         *self = Self::default();
     }
+}
+
+/// The backup registers of an STM32H743.
+#[derive(Debug, Default)]
+pub struct Rtc;
+
+impl Device for Rtc {
+    type Register = rtc::Register;
 }

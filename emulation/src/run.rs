@@ -8,6 +8,7 @@ use defmt_decoder::Table;
 use rigless::chip::uart::TcpPeer;
 use rigless::device::ResetCause;
 use rigless::emulator::{self, AccessKind, Driver, HitKind, Host, Settled, Start, Stop, Watch};
+use rigless::mcu::Operate;
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::symbols::Symbols;
@@ -34,6 +35,7 @@ pub struct Run {
     tcp: Option<(&'static str, TcpPeer)>,
     acts: Vec<(Nanos, Act)>,
     taps: Vec<&'static str>,
+    registers: Vec<u64>,
     until: Nanos,
     live: bool,
     patch: Option<(u64, &'static [u16])>,
@@ -52,6 +54,7 @@ impl Run {
             tcp: None,
             acts: Vec::new(),
             taps: Vec::new(),
+            registers: Vec::new(),
             until: SECOND,
             live: false,
             patch: None,
@@ -64,6 +67,14 @@ impl Run {
     pub fn engines(mut self) -> Self {
         for engine in engines::of(self.board, self.image) {
             self.wires.insert(engine.port, Wire::new(engine.ecu(), engine.line, 0));
+        }
+        self
+    }
+
+    /// The same, with turbines that are started within 5 s.
+    pub fn quick_engines(mut self) -> Self {
+        for engine in engines::of(self.board, self.image) {
+            self.wires.insert(engine.port, Wire::new(engine.quick_ecu(), engine.line, 0));
         }
         self
     }
@@ -95,6 +106,12 @@ impl Run {
     /// Records every access to the data registers of this port's UART.
     pub fn tap(mut self, port: &'static str) -> Self {
         self.taps.push(port);
+        self
+    }
+
+    /// Records every write to this register.
+    pub fn record(mut self, register: u64) -> Self {
+        self.registers.push(register);
         self
     }
 
@@ -145,9 +162,9 @@ impl Run {
 
     /// Runs; gives what is not in order.
     pub fn go_unchecked(self) -> (Report, Vec<String>) {
-        let expectations = (self.resets_expected, self.errors_expected);
+        let expected = audit::Expected { resets: self.resets_expected, errors: self.errors_expected };
         let mut report = self.emulate();
-        let complaints = audit::of(&mut report, expectations.0, expectations.1);
+        let complaints = audit::of(&mut report, &expected);
         (report, complaints)
     }
 
@@ -169,7 +186,16 @@ impl Run {
         let table = Table::parse(&bytes).expect("the image's table of log lines");
         let table = Arc::new(table.expect("the image has a table of log lines"));
         let symbols = Symbols::read(&bytes, |value| value & !1).expect("the image's symbols");
-        let elf = rigless::image::Image::new(&path, bytes, None).expect("an ELF file");
+        let start = self.image.start(board);
+        let mut images = Vec::new();
+        if start != board.flash.start {
+            // A bootloader, as far as the application can tell: it takes stack and start from the application's
+            // table and jumps. The part itself starts at the beginning of the flash, at every reset.
+            let jump = image::vectors(&bytes, start);
+            let stub = rigless::image::Image::new(&path, jump, Some(board.flash.start));
+            images.push(stub.expect("eight bytes"));
+        }
+        images.push(rigless::image::Image::new(&path, bytes, None).expect("an ELF file"));
 
         let mut rig = Rig::new(board, self.instructions_per_second);
         for (port, wire) in core::mem::take(&mut self.wires) {
@@ -199,6 +225,8 @@ impl Run {
             timers,
             taps,
             tapped: Vec::new(),
+            registers: self.registers,
+            written: Vec::new(),
             rtt,
             chunks: Vec::new(),
             faults: Vec::new(),
@@ -208,7 +236,6 @@ impl Run {
                 bytes: Vec::new(),
             }),
         };
-        let images = [elf];
         let finished = emulator::run(session, &Start::new(&images), hand).expect("the run");
 
         let hand = finished.driver;
@@ -230,6 +257,7 @@ impl Run {
             wires,
             logs,
             taps: hand.tapped,
+            written: hand.written,
             resets,
             faults: hand.faults,
             at,
@@ -312,9 +340,29 @@ impl Bench<'_> {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
     }
 
+    /// The watchdog runs out at once, as if it had not been fed.
+    pub fn watchdog_runs_out(&mut self) {
+        let (now, base) = (VirtualNanos(self.now), self.board.watchdog);
+        // Unlock, shortest prescaler, reload with 0, feed.
+        for (register, value) in [(0x00, 0x5555), (0x04, 0), (0x08, 0), (0x00, 0xAAAA)] {
+            let chip = &mut self.session.board_mut().chip;
+            chip.write(now, base + register, Width::W32, value).expect("the part has a watchdog");
+        }
+    }
+
     /// A word of memory.
     pub fn word(&mut self, address: u64) -> Option<u32> {
         self.host.read(address, Width::W32).ok().map(|word| word as u32)
+    }
+
+    /// Another word in memory.
+    pub fn set_word(&mut self, address: u64, word: u32) {
+        self.host.write(address, Width::W32, word.into()).expect("there is memory");
+    }
+
+    /// A register of a peripheral, without the effects of reading it.
+    pub fn register(&mut self, address: u64) -> Option<u32> {
+        self.session.board_mut().peek(self.now, address).map(|word| word as u32)
     }
 }
 
@@ -331,6 +379,17 @@ pub struct Tap {
     pub write: bool,
 }
 
+/// One write of the core to a recorded register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Written {
+    /// When.
+    pub at: Nanos,
+    /// The register.
+    pub register: u64,
+    /// What.
+    pub value: u64,
+}
+
 /// What a run leaves behind.
 pub struct Report {
     /// The board.
@@ -345,6 +404,8 @@ pub struct Report {
     pub logs: Vec<Log>,
     /// What the core did with the tapped UARTs.
     pub taps: Vec<Tap>,
+    /// What the core wrote to the recorded registers.
+    pub written: Vec<Written>,
     /// When and why the part was reset.
     pub resets: Vec<(Nanos, ResetCause)>,
     /// When the core took a fault.
@@ -461,6 +522,8 @@ struct Hand {
     timers: TimerFlags,
     taps: HashMap<u64, &'static str>,
     tapped: Vec<Tap>,
+    registers: Vec<u64>,
+    written: Vec<Written>,
     rtt: u64,
     chunks: Vec<(Nanos, Vec<u8>)>,
     faults: Vec<Nanos>,
@@ -488,6 +551,10 @@ impl Driver<Rig> for Hand {
                         port,
                         write,
                     });
+                }
+                if write && self.registers.contains(&access.address) {
+                    let (at, register) = (access.virtual_time.0, access.address);
+                    self.written.push(Written { at, register, value: access.value });
                 }
                 if write {
                     let part = &mut session.board_mut().chip;

@@ -26,7 +26,8 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
         no_window_missed(&report, &left);
         // What the ECU's first frames say, in the order in which they say it.
         let events: Vec<_> = report.events(left.name).into_iter().map(|(_, event)| event).collect();
-        assert_eq!(events, ["EngineIdentified(Olympus)", "EcuStarted", "LinkUp", "Phase(Standby)"]);
+        let standby = "Ordered(Ordered { order: Standby, origin: Node })";
+        assert_eq!(events, [standby, "EngineIdentified(Olympus)", "EcuStarted", "LinkUp", "Phase(Standby)"]);
     });
 }
 

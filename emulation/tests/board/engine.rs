@@ -1,65 +1,201 @@
-//! Engines that start and run, commanded by the demonstration image.
+//! Engines that start, run and go on after a reset, commanded by the demonstration image.
+//!
+//! The demonstration is silent for 5 s after a reset, then commands 10 s of standby, 180 s of idle, 15 s of 20 %.
 
-use crate::support::{on_each_board, others_are_well};
-use emulation::{Image, Run};
+use crate::support::{engines, on_each_board, others_are_well, symbol};
+use emulation::engines::{Engine, Protocol};
+use emulation::{Bench, Board, Image, Report, Run};
 use sim::amt::{AmtEcu, Ops};
-use sim::ecu::{MILLIS, SECOND};
+use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::zk::{Sw, ZkCommand, ZkEcu};
 
+/// What an ECU was told to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    /// ZK only: nothing, but the node is there.
+    Nothing,
+    Standby,
+    /// With this demand in 0.1 %.
+    Run(u16),
+}
+
+/// What an ECU was told, and when.
+fn told(report: &Report, engine: &Engine) -> Vec<(Nanos, Told)> {
+    match engine.protocol {
+        Protocol::Amt(_) => {
+            let commands = report.ecu::<AmtEcu>(engine.port).commands.iter();
+            let told = commands.map(|(at, command)| match command.ops {
+                Ops::AutoStop => (*at, Told::Standby),
+                Ops::Run => (*at, Told::Run(5 * u16::from(command.throttle_half_percent))),
+                other => panic!("{} was told {other:?}", engine.name),
+            });
+            told.collect()
+        }
+        Protocol::Zk(..) => {
+            let commands = report.ecu::<ZkEcu>(engine.port).commands.iter();
+            let told = commands.map(|(at, command)| match command {
+                ZkCommand::Empty => (*at, Told::Nothing),
+                ZkCommand::Control { sw: Sw::Standby, .. } => (*at, Told::Standby),
+                ZkCommand::Control { sw: Sw::Run, throttle } => (*at, Told::Run(*throttle)),
+                ZkCommand::Switch { sw: Sw::Standby, .. } => (*at, Told::Standby),
+                // The throttle rules, not the speed; and the questions and settings of a link that comes up.
+                ZkCommand::Switch { sw: Sw::Run, factor: 0 } | ZkCommand::Action(_) => (*at, Told::Nothing),
+                other => panic!("{} was told {other:?}", engine.name),
+            });
+            told.collect()
+        }
+    }
+}
+
+fn phase(report: &Report, engine: &Engine) -> Phase {
+    match engine.protocol {
+        Protocol::Amt(_) => report.ecu::<AmtEcu>(engine.port).turbine().phase(),
+        Protocol::Zk(..) => report.ecu::<ZkEcu>(engine.port).turbine().phase(),
+    }
+}
+
 #[test]
-fn four_engines_start_and_run() {
+fn four_engines_start_one_after_the_other_and_run() {
     on_each_board(|board| {
-        let report = Run::new(board, Image::Demo).engines().until(95 * SECOND).go();
-        for port in ["SERIAL2", "SERIAL3"] {
-            let ecu = report.ecu::<AmtEcu>(port);
-            assert_eq!(ecu.turbine().phase(), Phase::Running, "{port}");
-            assert_eq!(ecu.commands.last().map(|(_, command)| command.ops), Some(Ops::Run));
-        }
-        for port in ["SERIAL4", "SERIAL5"] {
-            assert_eq!(report.ecu::<ZkEcu>(port).turbine().phase(), Phase::Running, "{port}");
-        }
-        for engine in ["left", "right", "centre", "booster"] {
-            assert!(report.logged(&format!("{engine}: Phase(Running)")), "{}", report.log_text());
+        let report = Run::new(board, Image::Demo).quick_engines().until(56 * SECOND).go();
+        let mut running = 0;
+        for engine in engines(&report) {
+            assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
+            assert_eq!(told(&report, &engine).last().expect("commands").1, Told::Run(0), "{}", engine.name);
+            let start = report.when(&format!("{}: Ordered(Ordered {{ order: Run", engine.name));
+            assert!(start > running, "{} starts before the one before runs", engine.name);
+            running = report.when(&format!("{}: Phase(Running)", engine.name));
+            println!(
+                "{}: {} starts at {:.1} s, runs at {:.1} s",
+                board.name,
+                engine.name,
+                start as f64 / 1e9,
+                running as f64 / 1e9
+            );
         }
         others_are_well(&report, &[]);
     });
 }
 
-/// A reset in flight shuts the engines down at present. A firmware that goes on where it was fails this test;
-/// then it is this test that has to change.
+/// The memory that start-up leaves alone is full of something, as after a power-up.
+fn scramble(bench: &mut Bench<'_>, board: &Board) {
+    let mut word = 0x9E37_79B9_u32;
+    let kept = symbol(board, Image::Demo, "__suninit")..symbol(board, Image::Demo, "__euninit");
+    for at in kept.step_by(4) {
+        word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        bench.set_word(at, word);
+    }
+}
+
+/// The supervisor's task, which runs every 250 ms, begins with a jump to the handler of interrupts that nobody
+/// expects: the firmware says so and resets itself.
+fn crash(bench: &mut Bench<'_>, board: &Board) {
+    let image = Image::Demo.read(board).expect("an image");
+    let task = emulation::image::symbol_ending(&image, "10supervisor4POOL").expect("a task");
+    let handler = symbol(board, Image::Demo, "DefaultHandler") as u32 | 1;
+    // One address of code is in the task's header: where it runs.
+    let is_code =
+        |word: &Option<u32>| word.is_some_and(|word| word & 1 == 1 && board.flash.contains(&word.into()));
+    let header = (task..task + 64).step_by(4);
+    let code = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
+    bench.set_word(code, handler);
+}
+
+/// A reset that belongs to a run.
+struct Reset {
+    at: Nanos,
+    /// What the firmware has to say of it.
+    cause: &'static str,
+}
+
+/// While four engines run at 20 %: the watchdog bites; then the firmware crashes, some time within 250 ms; then
+/// somebody presses reset, and the RAM is arbitrary, as after a dip of the supply.
+const RESETS: [Reset; 3] = [
+    Reset { at: 200 * SECOND, cause: "Watchdog" },
+    Reset { at: 201_200 * MILLIS, cause: "Software" },
+    Reset { at: 202_600 * MILLIS, cause: "Pin" },
+];
+
 #[test]
-fn at_present_a_reset_while_engines_run_shuts_them_down() {
+fn engines_that_run_go_on_after_any_reset() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Demo)
-            .engines()
-            .at(65 * SECOND, |bench| {
-                assert_eq!(bench.ecu::<AmtEcu>("SERIAL2").turbine().phase(), Phase::Running);
-                assert_eq!(bench.ecu::<ZkEcu>("SERIAL5").turbine().phase(), Phase::Running);
+            .quick_engines()
+            .at(RESETS[0].at, |bench| bench.watchdog_runs_out())
+            .at(RESETS[1].at, move |bench| crash(bench, board))
+            .at(RESETS[2].at, move |bench| {
+                scramble(bench, board);
                 bench.press_reset();
             })
-            .resets(1)
-            .until(68 * SECOND)
+            .resets(3)
+            .with_errors()
+            .until(207 * SECOND)
             .go();
-        assert!(report.logged("last reset: Pin"), "{}", report.log_text());
-        // The first thing each ECU hears after the reset is standby, soon, and never anything but an order that
-        // the node meant.
-        let after = |at: u64| at > 65 * SECOND;
-        let left = report.ecu::<AmtEcu>("SERIAL2");
-        let (at, first) = left.commands.iter().find(|(at, _)| after(*at)).expect("a reply after the reset");
-        assert_eq!(first.ops, Ops::AutoStop);
-        assert!(at - 65 * SECOND < 300 * MILLIS, "{at}");
-        assert_eq!(left.stats.bad.total() + left.stats.late, 0, "{:?}", left.stats);
-        let booster = report.ecu::<ZkEcu>("SERIAL5");
-        let mut heard = booster.commands.iter().filter(|(at, _)| after(*at));
-        let switch = heard.find_map(|(at, command)| match command {
-            ZkCommand::Control { sw, .. } => Some((*at, *sw)),
-            _ => None,
-        });
-        let (at, sw) = switch.expect("an order after the reset");
-        assert_eq!(sw, Sw::Standby);
-        assert!(at - 65 * SECOND < 100 * MILLIS, "{at}");
-        assert_eq!(left.turbine().phase(), Phase::Cooling);
-        assert_eq!(booster.turbine().phase(), Phase::Cooling);
+
+        let causes: Vec<_> =
+            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
+        assert_eq!(causes, ["PowerOn", RESETS[0].cause, RESETS[1].cause, RESETS[2].cause]);
+        for engine in engines(&report) {
+            let told = told(&report, &engine);
+            assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
+            let (_, before) = *told.iter().rfind(|(at, _)| *at < report.resets[0].0).expect("commands");
+            assert_eq!(before, Told::Run(200), "{}", engine.name);
+            for (reset, cause) in &report.resets {
+                let after: Vec<_> =
+                    told.iter().filter(|(at, _)| (*reset..reset + SECOND).contains(at)).collect();
+                let (first, _) = after.first().expect("commands after the reset");
+                let (order, _) = after.iter().find(|(_, told)| *told != Told::Nothing).expect("an order");
+                println!(
+                    "{}, {}, {cause:?}: first command {:.1} ms, first order {:.1} ms after the reset",
+                    board.name,
+                    engine.name,
+                    (first - reset) as f64 / 1e6,
+                    (order - reset) as f64 / 1e6
+                );
+                // The time for which an AMT ECU waits for replies is not printed anywhere; 2 s here.
+                assert!(order - reset < 500 * MILLIS, "{}", engine.name);
+                let wrong = after.iter().find(|(_, told)| *told != Told::Nothing && *told != before);
+                assert!(wrong.is_none(), "{} after {cause:?} was told {wrong:?}", engine.name);
+            }
+            // No source speaks: the demand is held for a time, then goes down to idle, and the engine still runs.
+            let (_, last) = told.iter().rfind(|(_, told)| *told != Told::Nothing).expect("orders");
+            assert_eq!(*last, Told::Run(0), "{}", engine.name);
+            assert!(told.iter().all(|(at, told)| *at < report.resets[0].0 || *told != Told::Standby));
+            assert_eq!(
+                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("WentOn")).count(),
+                3
+            );
+            if let Protocol::Amt(_) = engine.protocol {
+                let stats = report.ecu::<AmtEcu>(engine.port).stats;
+                assert_eq!((stats.late, stats.serial_delay_stops), (0, 0), "{stats:?}");
+                println!("{}, {}: {} frames in all without a reply", board.name, engine.name, stats.none);
+            }
+        }
+    });
+}
+
+#[test]
+fn after_a_reset_where_no_engine_runs_there_is_standby() {
+    on_each_board(|board| {
+        let reset = 3 * SECOND;
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .at(reset, |bench| bench.watchdog_runs_out())
+            .resets(1)
+            .until(6 * SECOND)
+            .go();
+        assert!(report.logged("last reset: Watchdog") && !report.logged("WentOn"), "{}", report.log_text());
+        for engine in engines(&report) {
+            let told = told(&report, &engine);
+            assert!(
+                told.iter().all(|(_, told)| matches!(told, Told::Standby | Told::Nothing)),
+                "{}",
+                engine.name
+            );
+            let (at, _) =
+                told.iter().find(|(at, told)| *at > reset && *told == Told::Standby).expect("standby");
+            assert!(at - reset < 500 * MILLIS, "{} at {at}", engine.name);
+        }
     });
 }

@@ -1,6 +1,6 @@
 //! The checks that every run makes do find what they look for.
 
-use crate::support::on_each_board;
+use crate::support::{on_each_board, symbol};
 use emulation::{Board, Image, Run};
 use sim::amt::{AmtConfig, AmtEcu, Engine};
 use sim::ecu::{MILLIS, SECOND};
@@ -10,13 +10,9 @@ fn complaints(run: Run) -> String {
     run.go_unchecked().1.join("\n")
 }
 
-fn symbol(board: &Board, name: &str) -> u64 {
-    emulation::image::symbol(&Image::Release.read(board).expect("an image"), name).expect("a symbol")
-}
-
 /// A run in which the handler of the first port's interrupt is replaced by other instructions.
 fn with_broken_handler(board: &'static Board, halfwords: &'static [u16]) -> Run {
-    let handler = symbol(board, &format!("{:?}", board.ports[0].uart).to_uppercase());
+    let handler = symbol(board, Image::Release, &format!("{:?}", board.ports[0].uart).to_uppercase());
     // The first byte on that port comes at 500 ms.
     Run::new(board, Image::Release).engines().patch(handler, halfwords).until(520 * MILLIS)
 }
@@ -76,7 +72,7 @@ fn a_fault_is_found_and_the_firmware_says_where_and_resets() {
         let complaints = complaints.join("\n");
         assert!(complaints.contains("a hard fault at"), "{complaints}");
         assert!(complaints.contains("resets are right here"), "{complaints}");
-        let handler = symbol(board, &format!("{:?}", board.ports[0].uart).to_uppercase());
+        let handler = symbol(board, Image::Release, &format!("{:?}", board.ports[0].uart).to_uppercase());
         assert!(report.logged(&format!("hard fault at {handler:#010x}")), "{}", report.log_text());
         assert!(report.logged("last reset: Software"), "{}", report.log_text());
     });

@@ -4,6 +4,7 @@ mod support;
 
 mod all_ports;
 mod amt_frames;
+mod ardupilot;
 mod babble;
 mod boot;
 mod cut;

@@ -1,44 +1,62 @@
 //! Where the image lies in the part's memory, and how deep its stack gets.
 
-use crate::support::on_each_board;
-use emulation::{Board, Image, Run};
+use crate::support::{on_each_board, symbol};
+use emulation::{Bench, Image, Run};
 use sim::ecu::SECOND;
 use std::sync::mpsc;
 
-/// The addresses that the linker has settled.
-fn symbol(board: &Board, name: &str) -> u64 {
-    let bytes = Image::Release.read(board).expect("an image");
-    emulation::image::symbol(&bytes, name).unwrap_or_else(|| panic!("the image has no symbol {name}"))
-}
+/// Of the stack while the firmware runs, and while it starts.
+const RUNNING: u64 = 8 * 1024;
+const STARTING: u64 = 64 * 1024;
 
 #[test]
 fn stack_statics_and_vectors_are_where_they_should_be() {
     on_each_board(|board| {
-        let (vectors, reset) = (symbol(board, "__vector_table"), symbol(board, "Reset"));
+        let symbol = |name| symbol(board, Image::Release, name);
+        let (vectors, reset) = (symbol("__vector_table"), symbol("Reset"));
         assert_eq!(vectors, board.flash.start, "the part boots from there");
-        assert_eq!(symbol(board, "_stack_start"), board.ram.end, "the stack has the top of the RAM");
-        assert_eq!(symbol(board, "__sdata"), board.ram.start);
-        let statics_end = symbol(board, "__euninit");
+        assert_eq!(symbol("_stack_start"), board.ram.end, "the stack has the top of the RAM");
+        assert_eq!(symbol("__sdata"), board.ram.start);
+        let statics_end = symbol("__euninit");
         assert!(board.ram.contains(&statics_end), "{statics_end:#x}");
 
         let (sender, receiver) = mpsc::channel();
-        Run::new(board, Image::Release)
+        let first = sender.clone();
+        let stack = move |bench: &mut Bench<'_>| -> Vec<_> {
+            (statics_end..board.ram.end).step_by(4).map(|at| bench.word(at)).collect()
+        };
+        let report = Run::new(board, Image::Release)
             .engines()
+            .at(SECOND, move |bench| {
+                let words = stack(bench);
+                // What the start has left there goes, so that what is used from now on shows.
+                for at in (statics_end..board.ram.end - RUNNING).step_by(4) {
+                    bench.set_word(at, 0);
+                }
+                first.send((words, stack(bench))).expect("the test waits");
+            })
             .at(10 * SECOND, move |bench| {
-                let stack = (statics_end..board.ram.end).step_by(4);
-                let deepest = stack.clone().find(|&at| bench.word(at) != Some(0));
                 let first_words = [0, 4].map(|offset| bench.word(vectors + offset));
-                sender.send((deepest, first_words)).expect("the test waits");
+                assert_eq!(first_words, [Some(board.ram.end as u32), Some(reset as u32 | 1)]);
+                sender.send((stack(bench), Vec::new())).expect("the test waits");
             })
             .until(10 * SECOND + 1)
             .go();
-        let (deepest, first_words) = receiver.recv().expect("the run came by");
-        assert_eq!(first_words, [Some(board.ram.end as u32), Some(reset as u32 | 1)]);
-        let used = board.ram.end - deepest.expect("a stack");
-        let free = deepest.expect("a stack") - statics_end;
-        let statics = statics_end - board.ram.start;
-        println!("{}: {statics} bytes of statics, {used} of stack used, {free} never touched", board.name);
-        assert!(used > 100 && used < 64 * 1024, "{used} bytes of stack");
+        assert_eq!(report.lines("left: link").count(), 9);
+        let (starting, wiped) = receiver.recv().expect("the run came by");
+        let (running, _) = receiver.recv().expect("the run came by");
+        let size = |words: usize| 4 * (running.len() - words) as u64;
+        let starting = size(starting.iter().position(|&word| word != Some(0)).expect("a stack"));
+        let running =
+            size(running.iter().zip(wiped).position(|(after, before)| *after != before).expect("a stack"));
+        let (statics, free) = (statics_end - board.ram.start, board.ram.end - statics_end - starting);
+        println!(
+            "{}: {statics} bytes of statics; {starting} of stack used at the start, {running} afterwards; {free} never \
+             touched",
+            board.name
+        );
+        assert!((100..RUNNING).contains(&running), "{running} bytes of stack");
+        assert!((100..STARTING).contains(&starting), "{starting} bytes of stack at the start");
         assert!(free > 64 * 1024, "{free} bytes free");
     });
 }

@@ -1,7 +1,7 @@
 //! What several tests ask of a run.
 
 use emulation::engines::{self, Engine, Protocol};
-use emulation::{BOARDS, Board, Report};
+use emulation::{BOARDS, Board, Image, Report};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos};
 use sim::zk::ZkEcu;
@@ -22,6 +22,12 @@ pub fn on_each_board(test: impl Fn(&'static Board) + Sync) {
             }
         }
     });
+}
+
+/// An address that the linker has settled.
+pub fn symbol(board: &Board, image: Image, name: &str) -> u64 {
+    let bytes = image.read(board).expect("an image");
+    emulation::image::symbol(&bytes, name).unwrap_or_else(|| panic!("the image has no symbol {name}"))
 }
 
 /// The engines of an image, each with the port it is on.

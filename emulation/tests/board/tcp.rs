@@ -11,6 +11,13 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
+/// A normal set of an AMT ECU in standby. The second one of a kind is answered.
+fn say(ecu: &mut TcpStream) {
+    ecu.write_all(&[0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00]).expect("the board takes it");
+    // Sockets keep real time: let it arrive before virtual time goes on.
+    std::thread::sleep(Duration::from_millis(100));
+}
+
 #[test]
 fn bytes_go_both_ways_over_tcp() {
     on_each_board(|board| {
@@ -19,15 +26,12 @@ fn bytes_go_both_ways_over_tcp() {
         let mut stream = TcpStream::connect(address).expect("the board is there");
         stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a time limit");
         let mut ecu = stream.try_clone().expect("a second handle");
+        let mut second = stream.try_clone().expect("a third handle");
         let report = Run::new(board, Image::Release)
             .engines()
             .tcp("SERIAL2", peer)
-            .at(SECOND / 2, move |_| {
-                // A normal set of an AMT ECU.
-                ecu.write_all(&[0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00]).expect("the board takes it");
-                // Sockets keep real time: let it arrive before virtual time goes on.
-                std::thread::sleep(Duration::from_millis(100));
-            })
+            .at(SECOND / 2, move |_| say(&mut ecu))
+            .at(SECOND / 2 + SECOND / 8, move |_| say(&mut second))
             .until(SECOND)
             .go();
         let mut reply = [0; 5];
