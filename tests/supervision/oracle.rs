@@ -76,6 +76,8 @@ pub enum Input {
     Fault,
     /// The node's transmitter hung until now: what lay in its ring comes out late.
     HungUntil(u64),
+    /// The ECU is heard again, after it was silent for so long that the link was lost.
+    LinkBack,
     /// Another engine of the group was started, as seen on its wire.
     OtherStarted,
 }
@@ -145,6 +147,7 @@ pub struct Oracle {
     fault_at: u64,
     hung: (u64, u64),
     other_started: Option<u64>,
+    link_back: u64,
     limited: bool,
 
     booted: u64,
@@ -200,6 +203,7 @@ impl Oracle {
             fault_at: 0,
             hung: (0, 0),
             other_started: None,
+            link_back: 0,
             limited: false,
             booted: 0,
             listening: true,
@@ -413,6 +417,7 @@ impl Oracle {
                 self.guard = false;
             }
             Input::HungUntil(until) => self.hung = (self.last_frame, until),
+            Input::LinkBack => self.link_back = at,
             Input::OtherStarted => self.other_started = Some(at),
         }
         Ok(())
@@ -801,7 +806,7 @@ impl Oracle {
         if window > self.cool_at + behind {
             return open("the exhaust is too hot");
         }
-        if at < self.booted + rules.start.link_stable.as_micros() {
+        if at < self.booted.max(self.link_back) + rules.start.link_stable.as_micros() {
             return open("the link is not up for long enough");
         }
         if self.other_started.is_some_and(|other| at + 1_500_000 < other + rules.start.gap.as_micros()) {

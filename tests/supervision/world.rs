@@ -21,7 +21,7 @@ use sim::amt::{AmtConfig, AmtEcu, Ops};
 use sim::clock;
 use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::turbine::{Phase, Turbine};
-use sim::wire::{Babble, Faults, Plug, Settings, WireRx, WireTx, connect_with};
+use sim::wire::{Babble, Direction, Fate, Faults, Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{Sw, ZkCommand, ZkConfig, ZkEcu, state};
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -230,6 +230,8 @@ struct Rig {
     odd_until: u64,
     truth: Truth,
     trace: VecDeque<(u64, Trace)>,
+    /// When a byte of the ECU came last.
+    byte_at: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -360,6 +362,7 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         odd_until: 0,
         truth: Truth::default(),
         trace: VecDeque::new(),
+        byte_at: 0,
     }
 }
 
@@ -387,7 +390,7 @@ impl Rig {
                 command = Command::Run(throttle(0));
             }
         }
-        if matches!(command, Command::Run(_)) && !self.truth.live {
+        if matches!(command, Command::Run(_)) && !self.truth.running {
             // It may start the engine: what the ECU is like at this instant.
             self.look_at_ecu();
         }
@@ -400,7 +403,18 @@ impl Rig {
     fn judge(&mut self, all: bool) -> Result<bool, String> {
         let frames = &mut self.frames;
         let seen = frames.len();
-        self.reader.read(&self.plug.take_log(), |at, frame| frames.push_back((at, frame)));
+        let log = self.plug.take_log();
+        self.reader.read(&log, |at, frame| frames.push_back((at, frame)));
+        let lost_after = self.config.timing.lost_after.as_micros();
+        for byte in
+            log.iter().filter(|byte| byte.direction == Direction::ToNode && byte.fate == Fate::Delivered)
+        {
+            let at = byte.end / 1000;
+            if at > core::mem::replace(&mut self.byte_at, at) + lost_after {
+                let place = self.inputs.partition_point(|(before, _)| *before <= at);
+                self.inputs.insert(place, (at, Input::LinkBack));
+            }
+        }
         for index in seen..self.frames.len() {
             let (at, frame) = self.frames[index];
             if self.trace.len() == 160 {
