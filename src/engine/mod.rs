@@ -277,7 +277,18 @@ impl Engine {
             // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
             // the rest back.
             Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
-            Mode::Run(run) => Order::Run(run.demand),
+            // A demand that has not come to pass, by a slew or because another source takes over, is none to jump to.
+            Mode::Run(run) => match (run.demand, self.ordered.order) {
+                (Demand::Throttle(asked), Order::Run(Demand::Throttle(now)))
+                    if now < asked && run.running =>
+                {
+                    self.ordered.order
+                }
+                (Demand::Rpm(asked), Order::Run(Demand::Rpm(now))) if now < asked && run.running => {
+                    self.ordered.order
+                }
+                _ => Order::Run(run.demand),
+            },
             Mode::Pwm => Order::Pwm,
         };
         let origin = match &self.mode {

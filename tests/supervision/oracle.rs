@@ -447,8 +447,9 @@ impl Oracle {
                     if origin.priority() < by.priority() {
                         return Err(format!("(4) {origin:?} released the emergency stop of {by:?}"));
                     }
-                    // An AMT ECU with a fault does not say what its engine does; standby is no start.
-                    let untold = self.amt && self.truth.faulty;
+                    // An AMT ECU with a fault does not say what its engine does, and no ECU has right after a
+                    // reset; standby is no start.
+                    let untold = self.amt && self.truth.faulty || at < self.booted + BEHIND;
                     let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
                     let stood = !self.truth.live || untold || disturbed;
                     if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {

@@ -1,6 +1,6 @@
 //! What random worlds have found, each as the shortest schedule that shows it.
 
-use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, percent, run};
+use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, percent, run, tenths};
 use embassy_time::Duration;
 use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Order, Origin, Rejected};
@@ -95,4 +95,17 @@ fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
     assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::Listening));
     let kept = Record { order: Order::EmergencyStop, origin: Origin::Rc, armed: false };
     assert_eq!(memory.load(), Some(kept));
+}
+
+/// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
+#[test]
+fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.slew.up = Some(100));
+        let mut scenario = Scenario::started_with(ecu, config, percent(0));
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        let (kept, now) = (scenario.bench.machine.record(), scenario.tenths());
+        assert!(now < 150, "{ecu:?}: {now}");
+        assert_eq!(kept.order, Order::Run(tenths(now)), "{ecu:?}");
+    }
 }
