@@ -390,8 +390,9 @@ impl Rig {
                 command = Command::Run(throttle(0));
             }
         }
-        if matches!(command, Command::Run(_)) && !self.truth.running {
-            // It may start the engine: what the ECU is like at this instant.
+        let may_start = matches!(command, Command::Run(_)) && !self.truth.running;
+        if may_start || command == Command::ReleaseStop && self.truth.live {
+            // What the ECU is like at this instant decides.
             self.look_at_ecu();
         }
         let refused = handle.command(command, origin).err();
