@@ -277,16 +277,13 @@ impl Engine {
             // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
             // the rest back.
             Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
-            // A demand that has not come to pass, by a slew or because another source takes over, is none to jump to.
+            // A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
+            // source takes over, is none to jump to.
             Mode::Run(run) => match (run.demand, self.ordered.order) {
-                (Demand::Throttle(asked), Order::Run(Demand::Throttle(now)))
-                    if now < asked && run.running =>
-                {
+                (Demand::Throttle(asked), Order::Run(Demand::Throttle(now))) if now < asked => {
                     self.ordered.order
                 }
-                (Demand::Rpm(asked), Order::Run(Demand::Rpm(now))) if now < asked && run.running => {
-                    self.ordered.order
-                }
+                (Demand::Rpm(asked), Order::Run(Demand::Rpm(now))) if now < asked => self.ordered.order,
                 _ => Order::Run(run.demand),
             },
             Mode::Pwm => Order::Pwm,

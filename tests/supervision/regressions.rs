@@ -109,3 +109,15 @@ fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
         assert_eq!(kept.order, Order::Run(tenths(now)), "{ecu:?}");
     }
 }
+
+/// A start that a reset interrupts goes on at idle: what its source asked for meanwhile was never on the wire.
+#[test]
+fn a_start_goes_on_at_idle() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        scenario.fly(run(72), Origin::Rc, SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+    }
+}
