@@ -1006,9 +1006,10 @@ impl Oracle {
             && self.waiting.is_none()
             && at > self.settled + moving
             && at > source.changed + moving
-            && at > self.booted + 8 * SECOND
+            // After a reset, too, a slew goes on from what was on the wire.
+            && at > self.booted + moving.max(8 * SECOND)
             && at > self.fault_at + BEHIND_FAULTY
-            && self.running_since.is_some_and(|since| at > since + 3 * SECOND)
+            && self.running_since.is_some_and(|since| at > since + moving.max(3 * SECOND))
             && !self.limited
             && self.config.supervision.when_other_fails.is_none();
         let able = matches!(demand, Demand::Throttle(_)) || self.speed_control;
