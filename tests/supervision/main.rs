@@ -30,15 +30,17 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Plays worlds from this seed on until `engine_seconds` are over, on `threads` threads. Panics with the first
-/// failure.
+/// Plays worlds from this seed on until `engine_seconds` are over, on `threads` threads. Panics with the first failure,
+/// or when JETLINK_FINDINGS of them are there.
 fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
     let (seed, done) = (AtomicU64::new(first), AtomicU64::new(0));
-    let (total, failure) = (Mutex::new(Tally::default()), Mutex::new(None));
+    let (total, failures) = (Mutex::new(Tally::default()), Mutex::new(Vec::new()));
+    let enough = usize::try_from(number("JETLINK_FINDINGS").unwrap_or(1)).unwrap();
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                while done.load(Ordering::Relaxed) < engine_seconds && failure.lock().unwrap().is_none() {
+                while done.load(Ordering::Relaxed) < engine_seconds && failures.lock().unwrap().len() < enough
+                {
                     let seed = seed.fetch_add(1, Ordering::Relaxed);
                     let world = std::panic::catch_unwind(|| world::run(seed, WORLD));
                     match world.unwrap_or_else(|_| Err(world::Failure { seed, text: "a panic".into() })) {
@@ -46,14 +48,17 @@ fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
                             done.fetch_add(seconds, Ordering::Relaxed);
                             total.lock().unwrap().add(&tally);
                         }
-                        Err(found) => *failure.lock().unwrap() = Some(found),
+                        Err(found) => failures.lock().unwrap().push(found),
                     }
                 }
             });
         }
     });
-    if let Some(found) = failure.into_inner().unwrap() {
-        panic!("{}\nseed {}", found.text, found.seed);
+    let failures = failures.into_inner().unwrap();
+    if let Some(last) = failures.last() {
+        let seeds: Vec<u64> = failures.iter().map(|found| found.seed).collect();
+        let played = done.into_inner() / 3600;
+        panic!("{}\nseed {}; in {played} engine-hours these failed: {seeds:?}", last.text, last.seed);
     }
     total.into_inner().unwrap()
 }

@@ -291,7 +291,10 @@ impl Oracle {
                     if let Word::Run(demand) = source.word {
                         self.last_asked = self.as_throttle(demand);
                     }
-                    self.waiting = None;
+                    if self.waiting.take().is_some() {
+                        // The demand was held until now.
+                        self.settled = at;
+                    }
                     return;
                 }
                 if self.waiting.is_some_and(|(before, _)| before != origin) && self.maybe_close {
@@ -775,16 +778,21 @@ impl Oracle {
         let says_run = || {
             self.each().filter(|(origin, source)| {
                 let fresh = source.heard + self.age(*origin) + TOL >= window;
-                matches!(source.word, Word::Run(_)) && fresh
+                // It may have changed its mind since, when another one had already taken over.
+                let said = matches!(source.before, Word::Run(_)) && source.changed >= window;
+                (matches!(source.word, Word::Run(_)) || said) && fresh
             })
         };
         let by = says_run().find(|(_, source)| idle(source)).or_else(|| says_run().next());
         let Some((by, source)) = by else {
             return Err("(1) run begins, and no source that is fresh says run".into());
         };
+        // Ordered while the transmitter hung: who rules now, and says standby, may still have to take over.
+        let hung = self.hung.1 > before;
         if let Some((ruler, ruling)) = self.ruler(at)
             && ruling.word == Word::Standby
             && at > ruling.changed + TOL
+            && !(hung && ruling.changed > before)
         {
             return Err(format!("(1) run begins by {by:?}, and {ruler:?} rules and says standby"));
         }
