@@ -102,15 +102,19 @@ impl Channel {
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Engine) -> T) -> T {
         self.engine.lock(|engine| {
             let engine = &mut *engine.borrow_mut();
-            let Some(memory) = self.memory else { return act(engine) };
-            let before = engine.record();
             let result = act(engine);
-            let after = engine.record();
-            if after != before {
-                memory.store(&after);
+            if let Some(memory) = self.memory
+                && let Some(record) = engine.to_keep()
+            {
+                memory.store(&record);
             }
             result
         })
+    }
+
+    /// Looks at the engine. As short.
+    pub(crate) fn see<T>(&self, look: impl FnOnce(&Engine) -> T) -> T {
+        self.engine.lock(|engine| look(&engine.borrow()))
     }
 
     pub(crate) fn made_progress(&self) {
@@ -146,7 +150,7 @@ impl<'a> Handle<'a> {
         let answer = critical_section::with(|_| {
             let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
             let free = matches!(command, Command::Run(_))
-                && others.all(|other| !other.with(|engine| engine.keeps_others_from_start(now)));
+                && others.all(|other| !other.see(|engine| engine.keeps_others_from_start(now)));
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });
         self.channel.poke.signal(());
@@ -162,7 +166,7 @@ impl<'a> Handle<'a> {
     /// What is known of the engine now.
     pub fn telemetry(&self) -> Telemetry {
         let now = self.now();
-        self.channel.with(|engine| engine.telemetry(now))
+        self.channel.see(|engine| engine.telemetry(now))
     }
 
     /// Waits for telemetry, one snapshot for each frame of the ECU or change of order.

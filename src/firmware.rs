@@ -156,6 +156,7 @@ async fn status(node: &'static Node<N>, mut led: Led) {
 fn needs_a_look(engine: &Telemetry) -> bool {
     engine.link != LinkState::Up
         || engine.loss != LossStage::None
+        || engine.limited
         || engine.stop_latched
         || engine.report.faults.is_some_and(|faults| !faults.value.is_empty())
 }
@@ -165,7 +166,8 @@ struct StatusLine<'a>(&'a Telemetry);
 
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
-        let Telemetry { link, state, report, ordered, ruler, loss, stop_latched, counters, .. } = self.0;
+        let Telemetry { link, state, report, ordered, ruler, waiting, loss, .. } = self.0;
+        let Telemetry { limited, stop_latched, counters, .. } = self.0;
         defmt::write!(f, "link {}, {}", link, state);
         if let Some(rpm) = report.rpm {
             defmt::write!(f, ", {=u32} rpm", rpm.value.get());
@@ -184,6 +186,12 @@ impl defmt::Format for StatusLine<'_> {
         defmt::write!(f, "; ordered {} by {}, {} rules", ordered.order, ordered.origin, ruler);
         if *loss != LossStage::None {
             defmt::write!(f, ", source lost: {}", loss);
+        }
+        if let Some(waiting) = waiting {
+            defmt::write!(f, ", {} takes over", waiting);
+        }
+        if *limited {
+            defmt::write!(f, ", held at the fail-safe throttle by a limit");
         }
         if *stop_latched {
             defmt::write!(f, ", emergency stop latched");

@@ -210,7 +210,7 @@ impl<'a> Runner<'a> {
     /// Tells the other engines of the group when this one has failed, or no longer has.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     fn tell_group(&self) {
-        let failed = self.channel.with(|engine| engine.failed());
+        let failed = self.channel.see(|engine| engine.failed());
         if self.failed.replace(failed) == failed {
             return;
         }
@@ -225,7 +225,7 @@ impl<'a> Runner<'a> {
     fn publish(&self) {
         if self.changed.take() {
             let now = Instant::now();
-            let telemetry = self.channel.with(|engine| engine.telemetry(now));
+            let telemetry = self.channel.see(|engine| engine.telemetry(now));
             self.channel.telemetry.sender().send(telemetry);
         }
     }

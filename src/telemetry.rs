@@ -397,8 +397,12 @@ pub struct Telemetry {
     pub source_heard: Option<Instant>,
     /// What it asked a running engine for, before ramps, slew and limits.
     pub asked: Option<Demand>,
+    /// A source that is about to take over, or the one that was lost and speaks again: the demand is held meanwhile.
+    pub waiting: Option<Origin>,
     /// How far the loss of that source has gone.
     pub loss: LossStage,
+    /// A limit has lowered the demand to the fail-safe throttle, where it stays until standby is commanded.
+    pub limited: bool,
     /// The engine is armed.
     pub armed: bool,
     /// An emergency stop is latched.

@@ -159,8 +159,12 @@ fn a_lost_source_brings_the_governors_throttle_down() {
 /// After a reset it goes on at the throttle that the ECU obeys.
 #[test]
 fn it_goes_on_after_a_reset() {
-    let kept =
-        jetlink::engine::keep::Record { order: Order::Run(rpm(80_000)), origin: Origin::Rc, armed: true };
+    let kept = jetlink::engine::keep::Record {
+        order: Order::Run(rpm(80_000)),
+        origin: Origin::Rc,
+        armed: true,
+        limited: false,
+    };
     let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(kept));
     scenario.values.rpm = Some(80_000);
     scenario.values.half_percents = 120;

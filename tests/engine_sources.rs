@@ -124,9 +124,15 @@ fn taking_over_is_bumpless() {
             assert_eq!(scenario.command_from(run(far), Origin::Emergency), Ok(Accepted::Held));
             scenario.fly(run(far), Origin::Emergency, SECOND);
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
-            assert_eq!(scenario.telemetry().ruler, Origin::Rc, "{ecu:?}: not yet");
+            let telemetry = scenario.telemetry();
+            assert_eq!(
+                (telemetry.ruler, telemetry.waiting),
+                (Origin::Rc, Some(Origin::Emergency)),
+                "{ecu:?}"
+            );
             scenario.command_from(run(close), Origin::Emergency).unwrap();
             assert_eq!(scenario.order(), Order::Run(percent(close)));
+            assert_eq!(scenario.telemetry().waiting, None);
             assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
             scenario.command_from(run(far), Origin::Emergency).unwrap();
             assert_eq!(scenario.order(), Order::Run(percent(far)), "it rules now");
@@ -660,7 +666,21 @@ fn a_limit_can_lower_the_throttle() {
         assert_eq!((scenario.tenths(), scenario.wire()), (200, Wire::Run(200)), "{ecu:?}");
         scenario.fly(run(90), Origin::Rc, 10 * SECOND);
         assert_eq!(scenario.tenths(), 200);
+        assert!(scenario.telemetry().limited, "{ecu:?}");
+
+        // A reset does not lift it.
+        let kept = Some(scenario.bench.machine.record());
+        let mut scenario = Scenario::after_reset(ecu, config, kept);
+        scenario.introduce();
+        scenario.says(Says::Running);
+        scenario.fly(run(90), Origin::Rc, 10 * SECOND);
+        assert_eq!(scenario.tenths(), 200, "{ecu:?}");
+        assert!(scenario.telemetry().limited);
+
+        // Standby does.
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.wire(), Wire::Standby);
+        assert!(!scenario.telemetry().limited);
+        assert!(!scenario.bench.machine.record().limited);
     }
 }

@@ -549,7 +549,26 @@ fn the_ecus_own_start_up_time_counts_twice() {
     assert_eq!(passed[0].at, us(start + twice));
 }
 
-/// Sources that ask for a start while the node still listens are told so.
+/// Not for shorter than an engine can start in, and not without end: the range of the configured time.
+#[test]
+fn the_ecus_own_start_up_time_has_bounds() {
+    for (tenths_of_a_second, seconds) in [(5u16, 5), (40, 8), (0xFFF, 600)] {
+        let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+        let [high, low] = tenths_of_a_second.to_be_bytes();
+        scenario.bench.receive(&zk_frames::status(8, 0, [5, high, low]));
+        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        scenario.command(run(0)).unwrap();
+        scenario.says = Some(Says::Starting);
+        scenario.fly(run(0), Origin::Rc, seconds * SECOND - 1);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
+        scenario.pass(1);
+        assert_eq!(scenario.order(), Order::Standby, "{tenths_of_a_second}");
+    }
+}
+
+/// Sources that ask for a start while the node still listens are told so, or that there is nothing to be heard.
 #[test]
 fn nobody_commands_while_it_listens() {
     for ecu in BOTH {
@@ -558,6 +577,9 @@ fn nobody_commands_while_it_listens() {
             assert_eq!(scenario.command(command), Err(Rejected::Listening), "{ecu:?}");
         }
         scenario.pass(5 * SECOND);
+        for command in [Command::Standby, run(0)] {
+            assert_eq!(scenario.command(command), Err(Rejected::NoLink), "{ecu:?}");
+        }
         assert_eq!(scenario.sent(), [], "nothing but ID 0");
         scenario.introduce();
         scenario.says(Says::Standby);

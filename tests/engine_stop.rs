@@ -12,7 +12,7 @@ mod bench;
 mod frames;
 #[path = "support/scenario.rs"]
 mod scenario;
-use bench::micros;
+use bench::{micros, us};
 use frames::{amt as amt_frames, zk as zk_frames};
 use scenario::{ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, Wire, percent, rpm, run};
 
@@ -50,6 +50,33 @@ fn a_stop_goes_out_at_once() {
             let stops = bytes == zk_frames::throttle(1, 0) || bytes == zk_frames::mode(0, 1);
             assert!(stops, "{bytes:02x?} at {at}");
         }
+    }
+}
+
+/// Nothing stands before a stop: not commands without number, and not events that nobody takes out.
+#[test]
+fn a_stop_waits_for_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.pass(EVERY - 1);
+        let now = us(scenario.now());
+        // Nobody takes anything out meanwhile.
+        let machine = &mut scenario.bench.machine;
+        for percent in (0..=100).cycle().take(10_000) {
+            machine.command(now, run(percent), Origin::Rc, true).unwrap();
+            let refused = machine.command(now, drain(), Origin::Bench, true);
+            assert!(refused.is_err() || refused == Ok(Accepted::Behind(Origin::Rc)));
+            machine
+                .command(now, if percent % 2 == 0 { Command::Arm } else { Command::Disarm }, Origin::Rc, true)
+                .unwrap();
+        }
+        machine.command(now, Command::EmergencyStop, Origin::Bench, true).unwrap();
+        for percent in (0..=100).cycle().take(10_000) {
+            assert_eq!(machine.command(now, run(percent), Origin::Rc, true), Err(Rejected::StopLatched));
+        }
+        scenario.pass(20 * EVERY);
+        let sent = scenario.sent();
+        assert!(sent.len() >= 10 && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
     }
 }
 
@@ -220,7 +247,7 @@ fn a_stop_while_it_listens() {
 // ---------------------------------------------------------------------------------------------
 
 fn record(order: Order, origin: Origin) -> Option<Record> {
-    Some(Record { order, origin, armed: true })
+    Some(Record { order, origin, armed: true, limited: false })
 }
 
 fn kept_run(demand: Demand) -> Option<Record> {

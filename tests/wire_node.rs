@@ -7,7 +7,7 @@ use bench::{LONG, heard, sim_line, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::channels::{Channel, Handle};
+use jetlink::channels::{Channel, Handle, LISTENERS};
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
@@ -22,6 +22,7 @@ use sim::clock;
 use sim::ecu::Ecu;
 use sim::wire::{Direction, Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{ZkConfig, ZkEcu};
+use std::cell::Cell;
 
 static ERRORS: LineErrors = LineErrors::new();
 
@@ -261,5 +262,74 @@ fn a_group_of_two() {
             Some(Either::Second(())) => {}
             _ => panic!("the scenario did not end"),
         }
+    }
+}
+
+/// An emergency stop gets through: with listeners that read nothing, a source that floods, another that hangs in the
+/// middle of its stream, and the transmitter of the other engine stuck.
+#[test]
+fn an_emergency_stop_gets_through() {
+    for flooded in [false, true] {
+        clock::reset();
+        let (mut left, left_ecu) = amt(2400);
+        let (mut right, right_ecu) = zk();
+        (left.port, right.port) = (0, 1);
+        let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
+        let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
+        let node = Node::new(&[left, right]).expect("a good table");
+        let [run_left, run_right] = node.runners();
+        let world = join(
+            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
+            join(plug_left.run(), plug_right.run()),
+        );
+        let [l, r] = node.handles();
+        let deaf: Vec<_> = (0..LISTENERS).map(|_| (l.events(), l.telemetry_receiver())).collect();
+        assert!(deaf.iter().all(|(events, telemetry)| events.is_some() && telemetry.is_some()));
+        let stopped = Cell::new(None);
+        let flood = async {
+            loop {
+                // Bad commands as well as good ones.
+                for command in [throttle(60), Command::HandOverToPwm, Command::Disarm, throttle(61)] {
+                    let _ = l.command(command, Origin::Rc);
+                }
+                Timer::after(if flooded { Duration::from_micros(200) } else { Duration::from_millis(100) })
+                    .await;
+            }
+        };
+        let scenario = async {
+            start(&l).await;
+            // The emergency input takes over, and hangs.
+            for _ in 0..30 {
+                let _ = l.command(throttle(20), Origin::Emergency);
+                Timer::after(Duration::from_millis(100)).await;
+            }
+            plug_right.stall_tx(true);
+            plug_left.record(true);
+            let ends = Instant::now() + Duration::from_secs(5);
+            let pulling = async {
+                Timer::after(Duration::from_millis(2_013)).await;
+                assert_eq!(l.command(Command::EmergencyStop, Origin::Mavlink), Ok(Accepted::InForce));
+                stopped.set(Some(clock::now_ns()));
+                Timer::at(ends).await;
+            };
+            select(flood, pulling).await;
+            assert!(r.telemetry().counters.given_up > 10, "the other one is stuck");
+            let counters = l.telemetry().counters;
+            assert_eq!((counters.replies_missed, counters.replies_late), (0, 0));
+            assert!(!flooded || counters.commands_rejected > 10_000);
+        };
+        clock::run_for(select(world, scenario), LONG).expect("it ends");
+        let stopped = stopped.get().expect("it was commanded");
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        let log = plug_left.take_log();
+        let sent: Vec<_> = log.iter().filter(|entry| entry.direction == Direction::ToEcu).collect();
+        for message in sent.as_chunks::<5>().0 {
+            let list = if message[0].start < stopped { &mut before } else { &mut after };
+            list.push((message[0].start, message[1].byte));
+        }
+        assert!(before.len() >= 10 && before.iter().all(|(_, ops)| *ops == 0x14), "{before:?}");
+        assert!(after.len() >= 20 && after.iter().all(|(_, ops)| *ops == 0x11), "{after:?}");
+        // In the reply to the very next frame.
+        assert!(after[0].0 - stopped <= 125_100_000, "{} ns", after[0].0 - stopped);
     }
 }

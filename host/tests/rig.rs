@@ -124,7 +124,7 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
     assert_eq!(
         heads.join(","),
         "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,sent,\
-         missed,decode_errors,rejected,engine_state,rules,loss,armed,order,wire_throttle_pct,wire_rpm"
+         missed,decode_errors,rejected,engine_state,rules,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm"
     );
     let help = String::from_utf8(rig(&["--help"]).stdout).unwrap();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
@@ -145,8 +145,9 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
     }
     // Who rules and what is on the wire, while all goes well.
     for row in rows.iter().filter(|row| ["idle", "steps"].contains(&row[column("phase")])) {
-        let cells = ["engine_state", "rules", "loss", "armed", "order"].map(|head| row[column(head)]);
-        assert_eq!(cells, ["running", "bench", "none", "yes", "run"], "{row:?}");
+        let cells = ["engine_state", "rules", "waiting", "loss", "limited", "armed", "order"]
+            .map(|head| row[column(head)]);
+        assert_eq!(cells, ["running", "bench", "", "none", "no", "yes", "run"], "{row:?}");
     }
     assert!(rows.iter().any(|row| row[column("wire_throttle_pct")] == row[column("demand_throttle_pct")]));
     let times: Vec<f64> = rows.iter().map(|row| row[column("t_s")].parse().unwrap()).collect();

@@ -100,11 +100,15 @@ pub struct StartRules {
     /// The supply has at least so much, where the ECU gives it. Default `None`: not checked.
     pub supply_min: Option<Millivolts>,
     /// The engine has to run so long after the start was asked for, unless the ECU gives a start-up time of its
-    /// own, which then counts twice. Default 120 s, 5 s to 600 s.
+    /// own, which then counts twice, within the same range. Default 120 s, 5 s to 600 s.
     pub timeout: Duration,
     /// Between the starts of two engines of a group. Default 10 s, at most 600 s.
     pub gap: Duration,
 }
+
+/// Range of [`StartRules::timeout`].
+pub(super) const START_TIMEOUT_MIN: Duration = Duration::from_secs(5);
+pub(super) const START_TIMEOUT_MAX: Duration = Duration::from_secs(600);
 
 /// How fast the demand may change, in tenths of a percent of throttle a second; an rpm demand in the same share of
 /// the engine's maximum rpm. At least 10 where given. A stop and a fail-safe are never delayed by it.
@@ -282,7 +286,9 @@ impl Supervision {
         if above(self.start.link_stable, 60_000) {
             return Err(Field::LinkStable);
         }
-        if above(self.start.timeout, 600_000) || below(self.start.timeout, 5_000) {
+        if self.start.timeout.as_ticks() > START_TIMEOUT_MAX.as_ticks()
+            || self.start.timeout.as_ticks() < START_TIMEOUT_MIN.as_ticks()
+        {
             return Err(Field::StartTimeout);
         }
         if above(self.start.gap, 600_000) {

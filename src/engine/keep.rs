@@ -9,7 +9,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Changes with the layout, so that an older firmware's memory is not believed.
-const LAYOUT: u32 = 0x4A4C_0001;
+const LAYOUT: u32 = 0x4A4C_0002;
 const WORDS: usize = 5;
 
 /// What is kept of one engine.
@@ -22,6 +22,8 @@ pub struct Record {
     pub origin: Origin,
     /// Whether the engine was armed.
     pub armed: bool,
+    /// A limit was passed whose action is the fail-safe throttle: it stays there until standby is commanded.
+    pub limited: bool,
 }
 
 /// Memory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
@@ -109,7 +111,10 @@ fn pack(record: &Record, sequence: u32) -> [u32; WORDS] {
         Order::Pwm => (5, 0),
         Order::Listen => (6, 0),
     };
-    let flags = order | u32::from(record.origin.priority()) << 8 | u32::from(record.armed) << 16;
+    let flags = order
+        | u32::from(record.origin.priority()) << 8
+        | u32::from(record.armed) << 16
+        | u32::from(record.limited) << 17;
     let mut words = [LAYOUT, sequence, flags, value, 0];
     words[WORDS - 1] = checksum(&words);
     words
@@ -127,7 +132,7 @@ fn unpack([_, _, flags, value, _]: [u32; WORDS]) -> Option<Record> {
     };
     let priority = flags >> 8 & 0xFF;
     let origin = Origin::ALL.into_iter().find(|origin| u32::from(origin.priority()) == priority)?;
-    Some(Record { order, origin, armed: flags >> 16 & 1 == 1 })
+    Some(Record { order, origin, armed: flags >> 16 & 1 == 1, limited: flags >> 17 & 1 == 1 })
 }
 
 #[cfg(test)]
@@ -136,7 +141,7 @@ mod tests {
 
     fn run(tenths: u16) -> Record {
         let order = Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()));
-        Record { order, origin: Origin::Rc, armed: true }
+        Record { order, origin: Origin::Rc, armed: true, limited: false }
     }
 
     #[test]
@@ -146,8 +151,8 @@ mod tests {
         let orders = [Order::EmergencyStop, Order::Standby, run(637).order, Order::Pwm, Order::Listen];
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
             for origin in Origin::ALL {
-                for armed in [false, true] {
-                    let record = Record { order, origin, armed };
+                for (armed, limited) in [(false, false), (true, false), (false, true), (true, true)] {
+                    let record = Record { order, origin, armed, limited };
                     memory.store(&record);
                     assert_eq!(memory.load(), Some(record));
                 }

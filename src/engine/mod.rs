@@ -20,7 +20,7 @@ mod governor;
 mod ramp;
 mod sources;
 
-use self::config::{Action, Supervision};
+use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
 use self::demand::{Lowered, Shape, Shaper};
 use self::keep::Record;
 use self::sources::{Intent, Sources};
@@ -55,6 +55,18 @@ enum Mode {
     Standby,
     Run(Run),
     Pwm,
+}
+
+/// How an order to run begins.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Beginning {
+    /// A start.
+    FromStandby,
+    /// After a reset, with an engine that runs.
+    GoingOn {
+        /// A limit had lowered its demand.
+        limited: bool,
+    },
 }
 
 /// An engine that is ordered to run.
@@ -111,6 +123,7 @@ pub struct Engine {
     /// So many other engines of the group have failed.
     others_failed: u8,
     watch: Watch,
+    given_to_keep: Option<Record>,
     commands_rejected: u32,
     last_rejection: Option<(Rejected, Origin)>,
     events: Deque<Event, 12>,
@@ -133,6 +146,7 @@ impl Engine {
             failed: false,
             others_failed: 0,
             watch: Watch::new(config.supervision.limits),
+            given_to_keep: None,
             commands_rejected: 0,
             last_rejection: None,
             events: Deque::new(),
@@ -145,6 +159,7 @@ impl Engine {
     pub fn keep(&mut self, kept: Option<Record>) {
         self.armed = kept.is_some_and(|kept| kept.armed);
         self.mode = Mode::Listen { kept, until: None };
+        self.given_to_keep = kept;
     }
 
     /// Begins, after a reset of whatever kind. Listens first; `kept` is what survived the reset.
@@ -175,8 +190,8 @@ impl Engine {
         let before = self.link.counters().frames;
         let taken = self.link.receive(now, bytes);
         if self.link.counters().frames != before {
-            self.update(now);
             self.look(now);
+            self.update(now);
         }
         taken
     }
@@ -267,6 +282,12 @@ impl Engine {
         self.update(now);
     }
 
+    /// What shall survive a reset, if it is not what the last call gave.
+    pub fn to_keep(&mut self) -> Option<Record> {
+        let record = self.record();
+        (self.given_to_keep.replace(record) != Some(record)).then_some(record)
+    }
+
     /// What shall survive a reset.
     pub fn record(&self) -> Record {
         let order = match &self.mode {
@@ -293,7 +314,8 @@ impl Engine {
             Mode::Run(run) => run.ruler,
             _ => self.ordered.origin,
         };
-        Record { order, origin, armed: self.armed }
+        let limited = matches!(&self.mode, Mode::Run(run) if run.limited);
+        Record { order, origin, armed: self.armed, limited }
     }
 
     /// A snapshot.
@@ -301,10 +323,11 @@ impl Engine {
         let mut counters = self.link.counters();
         counters.commands_rejected = self.commands_rejected;
         counters.events_lost = counters.events_lost.wrapping_add(self.events_lost);
-        let (ruler, asked, loss) = match &self.mode {
-            Mode::Run(run) => (run.ruler, Some(run.demand), run.stage),
-            _ => (self.ordered.origin, None, LossStage::None),
+        let run = match &self.mode {
+            Mode::Run(run) => Some(run),
+            _ => None,
         };
+        let ruler = run.map_or(self.ordered.origin, |run| run.ruler);
         Telemetry {
             at: now,
             link: self.link.state(),
@@ -314,8 +337,10 @@ impl Engine {
             ordered: self.ordered,
             ruler,
             source_heard: self.sources.last_heard(ruler),
-            asked,
-            loss,
+            asked: run.map(|run| run.demand),
+            waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
+            loss: run.map_or(LossStage::None, |run| run.stage),
+            limited: run.is_some_and(|run| run.limited),
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
             counters,
@@ -359,7 +384,8 @@ impl Engine {
             return Err(Rejected::StopLatched);
         }
         if matches!(self.mode, Mode::Listen { .. }) {
-            return Err(Rejected::Listening);
+            let lost = self.link.state() == LinkState::Lost;
+            return Err(if lost { Rejected::NoLink } else { Rejected::Listening });
         }
         if let Command::Run(demand) = command {
             self.can(now, demand)?;
@@ -446,7 +472,7 @@ impl Engine {
             return Err(Rejected::StandbyFirst);
         }
         self.interlocks(now, demand, others_allow_start).map_err(Rejected::Start)?;
-        self.begin(now, demand, origin, true);
+        self.begin(now, demand, origin, Beginning::FromStandby);
         Ok(Accepted::InForce)
     }
 
@@ -547,12 +573,15 @@ impl Engine {
     }
 
     /// Orders a run: a start, or going on after a reset.
-    fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, from_standby: bool) {
+    fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let timeout = match self.link.report().startup {
             // The ECU's own figure, doubled, where it has one.
-            Some(startup) if startup.value.as_ticks() > 0 => startup.value * 2,
+            Some(startup) if startup.value.as_ticks() > 0 => {
+                (startup.value * 2).clamp(START_TIMEOUT_MIN, START_TIMEOUT_MAX)
+            }
             _ => self.config.start.timeout,
         };
+        let from_standby = beginning == Beginning::FromStandby;
         let phase = self.phase();
         // An ECU with a fault that does not say what its engine does counts as running here, as it did before.
         let runs = !from_standby && phase != Some(Phase::Starting);
@@ -569,7 +598,7 @@ impl Engine {
             taking_over: None,
             lost: None,
             stage: LossStage::None,
-            limited: false,
+            limited: beginning == Beginning::GoingOn { limited: true },
             shaper: Shaper::new(now, demand),
             lowered: Lowered::new(now, demand),
             next: None,
@@ -649,24 +678,27 @@ impl Engine {
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let report = self.link.report();
         let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
-        let (order, origin) = match kept {
-            Some(Record { order: order @ (Order::Run(_) | Order::Standby | Order::Pwm), origin, .. }) => {
-                (order, origin)
-            }
+        let (order, origin, limited) = match kept {
+            Some(Record {
+                order: order @ (Order::Run(_) | Order::Standby | Order::Pwm),
+                origin,
+                limited,
+                ..
+            }) => (order, origin, limited),
             // Nothing was kept: what the ECU obeys is what was commanded. By whom is not known, so it is nobody's, and
             // the stages of loss begin.
             _ => match report.switch.map(|switch| switch.value) {
                 Some(crate::telemetry::ReportedSwitch::Run) | None => {
-                    (Order::Run(Demand::Throttle(reported)), Origin::Node)
+                    (Order::Run(Demand::Throttle(reported)), Origin::Node, false)
                 }
-                Some(_) => (Order::Standby, Origin::Node),
+                Some(_) => (Order::Standby, Origin::Node, false),
             },
         };
         match order {
             Order::Run(demand) => {
                 let demand = if self.can(now, demand).is_ok() { demand } else { Demand::Throttle(reported) };
                 self.sources.resume(now, origin, demand);
-                self.begin(now, demand, origin, false);
+                self.begin(now, demand, origin, Beginning::GoingOn { limited });
                 self.event(Event::WentOn(demand));
             }
             Order::Pwm if self.link.order(now, Order::Pwm).is_ok() => {
@@ -773,7 +805,6 @@ impl Engine {
                 _ => {}
             }
         }
-        self.update(now);
     }
 
     fn deadline(&self) -> Option<Instant> {

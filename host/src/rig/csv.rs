@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 
 const HEAD: &str = "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,\
-                    sent,missed,decode_errors,rejected,engine_state,rules,loss,armed,order,wire_throttle_pct,wire_rpm";
+                    sent,missed,decode_errors,rejected,engine_state,rules,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm";
 
 /// A CSV file that is being written.
 #[derive(Debug)]
@@ -73,7 +73,9 @@ fn row(at: Instant, name: &str, sample: &Sample) -> String {
         sample.counters.commands_rejected.to_string(),
         sample.does.name().to_owned(),
         source(sample.ruler).to_owned(),
+        sample.waiting.map_or("", source).to_owned(),
         loss(sample.loss).to_owned(),
+        if sample.limited { "yes" } else { "no" }.to_owned(),
         if sample.armed { "yes" } else { "no" }.to_owned(),
         match sample.order {
             Order::EmergencyStop => "stop",

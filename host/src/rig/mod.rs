@@ -82,8 +82,8 @@ CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
   demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
   (replies and turns, by the node's count), decode_errors, rejected (commands), engine_state (in plain words),
-  rules (who), loss (how far the source is lost), armed, order (of the node), wire_throttle_pct and wire_rpm (what
-  was last on the wire)
+  rules (who), waiting (who is about to take over), loss (how far the source is lost), limited (a limit has lowered
+  the demand), armed, order (of the node), wire_throttle_pct and wire_rpm (what was last on the wire)
 
 Exit status:
   0  no reply window was missed on a clean line, and every engine reached what was asked; with --scenario: all

@@ -35,8 +35,12 @@ pub struct Sample {
     pub state: Option<&'static str>,
     /// Whose command is in force.
     pub ruler: Origin,
+    /// Who is about to take over.
+    pub waiting: Option<Origin>,
     /// How far the loss of that source has gone.
     pub loss: LossStage,
+    /// A limit has lowered the demand.
+    pub limited: bool,
     /// It may be started.
     pub armed: bool,
     /// What the node orders.
@@ -65,7 +69,9 @@ impl Sample {
             link: telemetry.link,
             does: telemetry.state,
             ruler: telemetry.ruler,
+            waiting: telemetry.waiting,
             loss: telemetry.loss,
+            limited: telemetry.limited,
             armed: telemetry.armed,
             order: telemetry.ordered.order,
             on_wire: desk.audit.borrow().on_wire,
@@ -98,11 +104,15 @@ impl Sample {
         }
     }
 
-    /// Who rules, and how far that source is lost.
+    /// Who rules, how far that source is lost, and what else holds its demand.
     pub fn rules_text(&self) -> String {
         match (self.order, self.loss) {
             (Order::EmergencyStop, _) => format!("{} STOPS", source(self.ruler)),
-            (_, LossStage::None) => source(self.ruler).to_owned(),
+            (_, LossStage::None) => match (self.limited, self.waiting) {
+                (true, _) => format!("{}: limited", source(self.ruler)),
+                (false, Some(next)) => format!("{}, {} next", source(self.ruler), source(next)),
+                (false, None) => source(self.ruler).to_owned(),
+            },
             (_, stage) => format!("{}: {}", source(self.ruler), loss(stage)),
         }
     }
