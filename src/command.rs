@@ -1,6 +1,7 @@
 //! What can be asked of an engine, by whom, and why it may be refused.
 
 use crate::ecu::Service;
+use crate::engine::watch::Watched;
 use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 
 /// What a running engine shall do.
@@ -19,21 +20,22 @@ pub enum Demand {
 pub enum Command {
     /// Stop at once, without cooling. Latched: it stays on the wire until [`Command::ReleaseStop`].
     EmergencyStop,
-    /// Release a latched emergency stop. Accepted when the ECU reports an engine that does not run;
-    /// the engine is then in standby.
+    /// Release a latched emergency stop; the engine is then in standby. Accepted from the source that stopped it or a higher
+    /// one, with its demand at idle, the ECU heard, and no running engine reported in the last 3 s.
     ReleaseStop,
     /// Standby, with cooling: the normal way to shut down, and the first step to a start.
     Standby,
     /// Run. From standby it asks for a start, so it is refused unless [`Command::Standby`] was commanded
     /// before: a source that keeps sending `Run` can never restart an engine that stopped.
     Run(Demand),
-    /// Allow a start. Running engines are not touched by it.
+    /// Allow a start. Running engines are not touched by it. Any source may arm and disarm.
     Arm,
     /// Allow no start. Running engines are not touched by it: a throttle dip at disarming would stop a turbine.
     Disarm,
-    /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise.
+    /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise. Refused while a higher
+    /// source rules.
     HandOverToPwm,
-    /// A service command of the ECU.
+    /// A service command of the ECU. Refused while a higher source rules.
     Service(Service),
 }
 
@@ -58,6 +60,17 @@ impl Origin {
     pub const ALL: [Self; 5] = [Self::Node, Self::Bench, Self::Mavlink, Self::Rc, Self::Emergency];
     /// Those that command, highest priority first.
     pub const SOURCES: [Self; 4] = [Self::Emergency, Self::Rc, Self::Mavlink, Self::Bench];
+
+    /// Name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Node => "node",
+            Self::Bench => "bench",
+            Self::Mavlink => "mavlink",
+            Self::Rc => "rc",
+            Self::Emergency => "emergency",
+        }
+    }
 
     /// The higher rules.
     pub const fn priority(self) -> u8 {
@@ -124,10 +137,14 @@ pub enum Rejected {
     Listening,
     /// An interlock keeps the engine from a start.
     Start(Interlock),
-    /// The ECU is not heard, so an engine cannot be started or serviced.
+    /// A higher source rules, and this cannot wait for its silence.
+    Behind(Origin),
+    /// The ECU is not heard: a stop cannot be released, nor a service command given, and after a reset nothing be ordered.
     NoLink,
     /// The ECU does not report a stopped engine.
     NotStopped,
+    /// The engine is not ordered to run.
+    NotOrderedToRun,
     /// The ECU's protocol version is too low (ZK-7).
     NeedsVersion {
         /// Lowest version that knows the command.
@@ -172,7 +189,9 @@ pub enum Interlock {
     TooHot(Celsius),
     /// The supply voltage is too low.
     SupplyLow(Millivolts),
-    /// Another engine of the group starts, or has just started.
+    /// A limit whose action is more than to be told is passed.
+    Limit(Watched),
+    /// Another engine of the group starts, or was started less than the configured gap ago.
     OtherStarting,
 }
 
@@ -180,7 +199,7 @@ impl core::fmt::Display for Interlock {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::NotArmed => f.write_str("arm the engine before a start"),
-            Self::NotIdle => f.write_str("bring the demand to idle before a start"),
+            Self::NotIdle => f.write_str("bring the demand to idle first"),
             Self::Link => f.write_str("the ECU is not heard, or not for long enough"),
             Self::NotStandby => f.write_str("the ECU does not report standby"),
             Self::Fault => f.write_str("the ECU reports a fault"),
@@ -189,7 +208,10 @@ impl core::fmt::Display for Interlock {
                 write!(f, "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10)
             }
             Self::SupplyLow(supply) => write!(f, "the supply has only {} mV", supply.get()),
-            Self::OtherStarting => f.write_str("another engine of the group is starting"),
+            Self::Limit(watched) => write!(f, "a limit is passed: {}", watched.name()),
+            Self::OtherStarting => {
+                f.write_str("another engine of the group is starting, or was started just now")
+            }
         }
     }
 }
@@ -204,13 +226,16 @@ impl core::fmt::Display for Rejected {
             Self::NotYours(origin) => {
                 write!(
                     f,
-                    "the emergency stop came from {origin:?}, which has to release it, or a higher source"
+                    "the emergency stop came from {}, which has to release it, or a higher source",
+                    origin.name()
                 )
             }
             Self::Listening => f.write_str("the node has just started and listens to what the engine does"),
             Self::Start(interlock) => interlock.fmt(f),
             Self::NoLink => f.write_str("the ECU is not heard: check its power and wiring"),
+            Self::Behind(ruler) => write!(f, "{} rules: its silence cannot be waited for", ruler.name()),
             Self::NotStopped => f.write_str("the engine has to be stopped for this"),
+            Self::NotOrderedToRun => f.write_str("the engine has to be ordered to run for this"),
             Self::NeedsVersion { needed, known: Some(known) } => {
                 write!(f, "this needs protocol version {needed}, the ECU has version {known}")
             }

@@ -44,6 +44,9 @@ const _: () = check(&ENGINES);
 /// The longest time that makes sense anywhere in a table of engines.
 const LONGEST: Duration = Duration::from_secs(60);
 
+/// The shortest silence that may count as a loss: more than the longest time between two frames, 125 ms.
+const SHORTEST_LOSS: Duration = Duration::from_millis(200);
+
 /// One engine and the port it sits on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -124,7 +127,9 @@ impl ConfigError {
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
             Self::Supervision(_, field) => field.message(),
-            Self::Timing(_) => "an engine's link timing is zero, or above 60 s",
+            Self::Timing(_) => {
+                "an engine's link needs at least one frame to be up, and 0.2 s to 60 s of silence to be lost"
+            }
         }
     }
 
@@ -163,7 +168,7 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         }
         let timing = &engine.timing;
         if timing.up_after == 0
-            || timing.lost_after.as_ticks() == 0
+            || timing.lost_after.as_ticks() < SHORTEST_LOSS.as_ticks()
             || timing.lost_after.as_ticks() > LONGEST.as_ticks()
         {
             return Err(ConfigError::Timing(row));

@@ -61,7 +61,7 @@ pub enum Output {
 pub struct Timing {
     /// Good frames in a row, none of them `lost_after` later than the one before, until the link is up.
     pub up_after: u8,
-    /// Silence until it is lost.
+    /// Silence until it is lost. 0.2 s to 60 s.
     pub lost_after: Duration,
 }
 
@@ -106,6 +106,12 @@ pub trait Link {
     fn state(&self) -> LinkState;
     /// When the last good frame was complete.
     fn heard(&self) -> Option<Instant>;
+    /// Since when it is heard without a loss.
+    fn up_since(&self) -> Option<Instant>;
+    /// A service command that is in force makes the ECU stop its engine.
+    fn shutting_down(&self) -> bool {
+        false
+    }
     /// What was counted.
     fn counters(&self) -> Counters;
 }
@@ -117,12 +123,20 @@ pub(crate) struct Presence {
     state: LinkState,
     frames_in_a_row: u8,
     heard: Option<Instant>,
+    up_since: Option<Instant>,
     silent_at: Option<Instant>,
 }
 
 impl Presence {
     pub const fn new(timing: Timing) -> Self {
-        Self { timing, state: LinkState::Silent, frames_in_a_row: 0, heard: None, silent_at: None }
+        Self {
+            timing,
+            state: LinkState::Silent,
+            frames_in_a_row: 0,
+            heard: None,
+            up_since: None,
+            silent_at: None,
+        }
     }
 
     pub fn start(&mut self, now: Instant) {
@@ -137,6 +151,7 @@ impl Presence {
         let up = self.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
         if up {
             self.state = LinkState::Up;
+            self.up_since = Some(now);
         }
         up
     }
@@ -150,6 +165,7 @@ impl Presence {
         self.frames_in_a_row = 0;
         let lost = self.state != LinkState::Lost;
         self.state = LinkState::Lost;
+        self.up_since = None;
         lost
     }
 
@@ -163,6 +179,10 @@ impl Presence {
 
     pub const fn heard(&self) -> Option<Instant> {
         self.heard
+    }
+
+    pub const fn up_since(&self) -> Option<Instant> {
+        self.up_since
     }
 }
 

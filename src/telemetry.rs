@@ -229,13 +229,13 @@ pub enum LinkState {
 pub enum LossStage {
     /// The source is fresh, or none is needed.
     #[default]
-    None,
+    None = 0,
     /// The source is silent: its last demand is held.
-    Hold,
+    Hold = 1,
     /// The source is silent: the fail-safe throttle rules.
-    FailSafe,
+    FailSafe = 2,
     /// The source stayed silent: standby.
-    Standby,
+    Standby = 3,
 }
 
 /// Why a transmission did not happen.
@@ -284,6 +284,13 @@ pub enum Event {
     NotSent(NotSent),
     /// What is ordered changed in kind.
     Ordered(Ordered),
+    /// The engine was armed or disarmed.
+    Armed(bool, Origin),
+    /// For 3 s the ECU has reported another switch, or while running another throttle, than what is ordered: a wire to
+    /// the ECU may be broken, or another host may command it.
+    NotObeyed,
+    /// The ECU reports what is ordered again.
+    ObeyedAgain,
     /// A command was refused. Repeated refusals for one reason are counted, not repeated here.
     CommandRejected(Rejected, Origin),
     /// The source of commands is silent, or speaks again (`None`).
@@ -296,7 +303,8 @@ pub enum Event {
     OtherFailed(u8),
     /// After a reset the engine was found running, and goes on with this demand.
     WentOn(Demand),
-    /// The ECU reports a stopped engine although it was to run: the order fell to standby.
+    /// The ECU reports a stopped engine although it was to run, or fell silent before the engine came alive: the order fell
+    /// to standby.
     RunWithdrawn,
 }
 
@@ -391,7 +399,10 @@ pub struct Telemetry {
     pub report: Report,
     /// What is ordered, and by whom.
     pub ordered: Ordered,
-    /// Whose command is in force.
+    /// The ECU reports what is ordered; see [`Event::NotObeyed`].
+    pub obeyed: bool,
+    /// Who rules: of a running engine the source whose demand is in force, else the highest that is fresh, or whoever
+    /// ordered last when none is.
     pub ruler: Origin,
     /// When it last spoke.
     pub source_heard: Option<Instant>,
@@ -407,6 +418,12 @@ pub struct Telemetry {
     pub armed: bool,
     /// An emergency stop is latched.
     pub stop_latched: bool,
+    /// A start is under way: the engine has to run by then.
+    pub start_by: Option<Instant>,
+    /// It ran, and stopped or fell silent without a command.
+    pub failed: bool,
+    /// So many other engines of the group have failed.
+    pub others_failed: u8,
     /// What was counted.
     pub counters: Counters,
 }

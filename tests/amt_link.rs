@@ -405,23 +405,30 @@ fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
     assert_eq!(reply.as_bytes(), control(STOP_OPS, 0));
 }
 
-/// AMT-13: CTF goes out when asked for by name, until standby or a stop, and never in place of an emergency stop.
+/// AMT-13: CTF goes out when asked for by name, told once, until standby or a stop; where nothing is ordered to run it is
+/// refused.
 #[test]
 fn amt_13_ctf_only_by_its_name() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = running();
     assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS);
     bench.act(|link, now| link.service(now, ctf())).unwrap();
+    bench.events();
     for _ in 0..20 {
         assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS);
     }
+    assert_eq!(bench.event_kinds(), [Event::ServiceSent(ctf())]);
     bench.order(bench.now(), throttle(300)).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS, "a source that streams demands does not call it off");
     bench.order(bench.now(), Order::Standby).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame), (AUTO_OPS, 0), "a normal stop is never CTF");
-    bench.order(bench.now(), Order::EmergencyStop).unwrap();
-    bench.act(|link, now| link.service(now, ctf())).unwrap();
-    assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0));
+    for (order, ops) in [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS)] {
+        bench.order(bench.now(), order).unwrap();
+        assert_eq!(bench.act(|link, now| link.service(now, ctf())), Err(Rejected::NotOrderedToRun));
+        assert_eq!(ops_thr(&mut bench, &frame), (ops, 0));
+    }
+    bench.order(bench.now(), throttle(300)).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS, "nothing of it is left for the next start");
 }
 
 /// AMT-13: no order, no frame and no silence makes a CTF of itself.
@@ -805,16 +812,22 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     assert_eq!((phase.value, phase.at), (Phase::Stopped, us(t)));
 }
 
-/// AMT-8: the faults are told when they change, bit 7 included.
+/// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault and does not end one.
 #[test]
 fn amt_8_faults_are_told_when_they_change() {
     let mut bench = default();
     for (frame, told) in [
         (normal(CLEARANCE, AUTO_STOP, 0), None),
+        (error(0x01), None),
+        (normal(CLEARANCE, AUTO_STOP, 0), None),
+        (error(0x01), None),
         (error(0x01), Some(0x01)),
         (error(0x01), None),
         (error(0xC1), Some(0xC1)),
         (alternate(0x18), None), // says nothing of faults
+        (normal(CLEARANCE, AUTO_STOP, 0), None),
+        (error(0xC1), None),
+        (normal(CLEARANCE, AUTO_STOP, 0), None),
         (normal(CLEARANCE, AUTO_STOP, 0), Some(0)),
     ] {
         reply_to(&mut bench, &frame);
@@ -946,7 +959,7 @@ proptest! {
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, line, Config::TIMING), line);
         // While nothing is ordered some frames get no answer.
         bench.order(0, Order::Standby).unwrap();
-        let mut stopped = false;
+        let (mut stopped, mut runs) = (false, false);
         for (wait, step) in steps {
             let t = bench.now() + wait;
             bench.run_to(t);
@@ -957,8 +970,12 @@ proptest! {
                 Step::Order(order) => {
                     bench.order(t, order).unwrap();
                     stopped = order == Order::EmergencyStop;
+                    runs = matches!(order, Order::Run(_));
                 }
-                Step::Ctf => bench.act(|link, now| link.service(now, ctf())).unwrap(),
+                Step::Ctf => {
+                    let answer = bench.act(|link, now| link.service(now, ctf()));
+                    prop_assert_eq!(answer.is_ok(), runs);
+                }
                 Step::Timeout => bench.timeout_at(t),
             }
             check_replies(&mut bench, line, stopped)?;
@@ -1018,7 +1035,11 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
 fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
     for (first, thr) in [(error(0x20), 128), (normal(0b11111, RUN, 100), 0)] {
         let mut bench = listening();
-        bench.receive(&first);
+        for _ in 0..2 {
+            bench.rx(bench.now() + EVERY, &first);
+        }
+        bench.run_to(bench.now() + EVERY / 2);
+        bench.transmissions();
         bench.order(bench.now(), throttle(640)).unwrap();
         assert_eq!(ops_thr(&mut bench, &first), (RUN_OPS, thr));
     }

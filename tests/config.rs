@@ -111,23 +111,23 @@ fn every_field_has_a_range() {
     use jetlink::engine::config::{Field, Governor, Limit};
     type Change = fn(&mut EngineConfig, u64);
     // What is changed, how it is refused, the least and the most of it.
-    let changes: [(Change, ConfigError, u64, u64); 20] = {
+    let changes: [(Change, ConfigError, u64, u64); 24] = {
         let of = |field| ConfigError::Supervision(1, field);
         [
-            (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 1, 60_000),
+            (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 200, 60_000),
             (
                 |e, t| e.supervision.ages.emergency = Duration::from_millis(t),
-                of(Field::SourceAge),
+                of(Field::AgeEmergency),
                 50,
                 60_000,
             ),
-            (|e, t| e.supervision.ages.rc = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
-            (|e, t| e.supervision.ages.mavlink = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
-            (|e, t| e.supervision.ages.bench = Duration::from_millis(t), of(Field::SourceAge), 50, 60_000),
+            (|e, t| e.supervision.ages.rc = Duration::from_millis(t), of(Field::AgeRc), 50, 60_000),
+            (|e, t| e.supervision.ages.mavlink = Duration::from_millis(t), of(Field::AgeMavlink), 50, 60_000),
+            (|e, t| e.supervision.ages.bench = Duration::from_millis(t), of(Field::AgeBench), 50, 60_000),
             (
                 |e, t| e.supervision.recover_after = Duration::from_millis(t),
                 of(Field::RecoverAfter),
-                0,
+                100,
                 60_000,
             ),
             (
@@ -157,12 +157,34 @@ fn every_field_has_a_range() {
                 600_000,
             ),
             (|e, t| e.supervision.start.gap = Duration::from_millis(t), of(Field::StartGap), 0, 600_000),
-            (|e, n| e.supervision.slew.up = Some(n as u16), of(Field::Slew), 10, 65_535),
-            (|e, n| e.supervision.slew.down = Some(n as u16), of(Field::Slew), 10, 65_535),
+            (|e, n| e.supervision.slew.up = Some(n as u16), of(Field::SlewUp), 10, 65_535),
+            (|e, n| e.supervision.slew.down = Some(n as u16), of(Field::SlewDown), 10, 65_535),
+            (|e, n| e.supervision.limits.hot_start = Limit::tell(n as u16), of(Field::HotStart), 10, 65_535),
+            (
+                |e, n| e.supervision.limits.implausible = Limit::tell(n as u32),
+                of(Field::Implausible),
+                1000,
+                65_535,
+            ),
+            (
+                |e, n| {
+                    let proportional = n as u16;
+                    e.supervision.governor = Some(Governor { proportional, ..Governor::DEFAULT });
+                },
+                of(Field::GovernorProportional),
+                1,
+                100,
+            ),
+            (
+                |e, n| e.supervision.governor = Some(Governor { integral: n as u16, ..Governor::DEFAULT }),
+                of(Field::GovernorIntegral),
+                0,
+                100,
+            ),
             (|e, n| e.supervision.limits.flame_out = Limit::tell(n as u8), of(Field::FlameOut), 5, 95),
             (
                 |e, n| e.supervision.governor = Some(Governor { slew: n as u16, ..Governor::DEFAULT }),
-                of(Field::Governor),
+                of(Field::GovernorSlew),
                 10,
                 1000,
             ),
@@ -171,7 +193,7 @@ fn every_field_has_a_range() {
                     let max_age = Duration::from_millis(t);
                     e.supervision.governor = Some(Governor { max_age, ..Governor::DEFAULT });
                 },
-                of(Field::Governor),
+                of(Field::GovernorMaxAge),
                 200,
                 5_000,
             ),
@@ -200,7 +222,7 @@ fn every_field_has_a_range() {
     for (change, error) in [
         ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
         (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, Field::LossHold)),
-        (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, Field::SourceAge)),
+        (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, Field::AgeRc)),
         (|e| e.supervision.listen = Duration::MAX, ConfigError::Supervision(0, Field::Listen)),
     ] {
         let mut engine = amt(0, Line::new(9600));
@@ -218,7 +240,7 @@ fn errors_name_their_row() {
         (ConfigError::RateTooFast(1), "engine 1: an engine's status rate does not fit"),
         (ConfigError::AmtStopBits(0), "engine 0: an AMT line has one stop bit"),
         (ConfigError::NoReplyFits(1), "engine 1: an engine's reply guard"),
-        (ConfigError::Timing(4), "engine 4: an engine's link timing"),
+        (ConfigError::Timing(4), "engine 4: an engine's link needs"),
         (
             ConfigError::Supervision(5, jetlink::engine::config::Field::LossHold),
             "engine 5: loss.hold: at most",

@@ -160,10 +160,8 @@ fn a_lost_source_brings_the_governors_throttle_down() {
 #[test]
 fn it_goes_on_after_a_reset() {
     let kept = jetlink::engine::keep::Record {
-        order: Order::Run(rpm(80_000)),
-        origin: Origin::Rc,
         armed: true,
-        limited: false,
+        ..jetlink::engine::keep::Record::new(Order::Run(rpm(80_000)), Origin::Rc)
     };
     let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(kept));
     scenario.values.rpm = Some(80_000);

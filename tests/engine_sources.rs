@@ -2,6 +2,7 @@
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Loss;
 use jetlink::engine::config::Action;
 use jetlink::engine::config::Limit;
@@ -49,16 +50,23 @@ fn the_highest_fresh_source_rules() {
     for ecu in BOTH {
         for lower in [Origin::Mavlink, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            for command in [run(20), Command::Standby, Command::HandOverToPwm] {
-                assert_eq!(
-                    scenario.command_from(command, lower),
-                    Ok(Accepted::Behind(Origin::Rc)),
-                    "{command:?}"
-                );
+            for command in [run(20), Command::Standby] {
+                let answer = scenario.command_from(command, lower);
+                assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)), "{command:?}");
             }
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             assert_eq!(scenario.telemetry().ruler, Origin::Rc);
             assert_eq!(scenario.bench.event_kinds(), [], "{ecu:?}");
+            // What is done once cannot wait.
+            let service = match ecu {
+                Ecu::Amt => Service::Amt(amt::link::Service::Ctf),
+                Ecu::Zk => Service::Zk(zk::link::Service::Action(zk::codec::Action::Rate50Hz)),
+            };
+            for command in [Command::HandOverToPwm, Command::Service(service)] {
+                assert_eq!(scenario.command_from(command, lower), Err(Rejected::Behind(Origin::Rc)));
+            }
+            scenario.pass(5 * SECOND);
+            assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(_))), "{ecu:?}");
         }
         // A higher one takes over.
         let mut scenario = Scenario::started(ecu, percent(50));

@@ -82,13 +82,15 @@ fn zk_states_in_plain_words() {
             let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
             scenario.bench.rx(EVERY, &zk_frames::status(1, 0, [code, switch << 5, 76]));
             let running = switch == 2;
+            let ending = switch < 2;
             let expected = match code {
                 0 => EngineState::Stopped,
                 1 if running => EngineState::StartRequested,
                 1 => EngineState::Standby,
-                2..=5 | 13 if running => starting(code, ""),
-                6..=11 if running => EngineState::Running,
-                2..=11 | 13 => EngineState::ShuttingDown,
+                2..=11 | 13 if ending => EngineState::ShuttingDown,
+                // With a switch without a name the state says enough.
+                2..=5 | 13 => starting(code, ""),
+                6..=11 => EngineState::Running,
                 12 => EngineState::Cooling,
                 14..=19 => EngineState::Service,
                 _ => EngineState::NotKnown,

@@ -78,8 +78,8 @@ fn two_values_in_a_row_pass_a_limit() {
                 [(5, at, false), (1, beyond, false), (2, beyond, true), (40, beyond, true)]
             {
                 let mut scenario = running(ecu, |limits| {
-                    limits.hot_start = Limit::OFF;
-                    limits.flame_out = Limit::OFF;
+                    limits.hot_start = Limit::NONE;
+                    limits.flame_out = Limit::NONE;
                     change(limits);
                 });
                 let expected = if told { vec![(what, value, limit)] } else { vec![] };
@@ -117,8 +117,8 @@ fn a_limit_is_told_with_its_time() {
 fn the_engines_own_figures_serve() {
     let values = |rpm| Values { rpm: Some(rpm), egt: 26, half_percents: 0, fault: 0 };
     let quiet = |limits: &mut Limits| {
-        limits.implausible = Limit::OFF;
-        limits.flame_out = Limit::OFF;
+        limits.implausible = Limit::NONE;
+        limits.flame_out = Limit::NONE;
     };
     for (rpm, told) in [
         (168_000, vec![]),
@@ -146,7 +146,7 @@ fn hot_start() {
         for (rate, says, told) in
             [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
         {
-            let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
+            let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
             let mut scenario = Scenario::ready(ecu, config);
             scenario.command(run(0)).unwrap();
             scenario.says(Says::Starting).says(says);
@@ -171,7 +171,7 @@ fn hot_start() {
         // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
         for odd in [1_000, -40] {
             for wait in 0..12 {
-                let config = ecu.with(|s| s.limits.over_temperature = Limit::OFF);
+                let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
                 let mut scenario = Scenario::ready(ecu, config);
                 scenario.command(run(0)).unwrap();
                 scenario.values.egt = 400;
@@ -189,7 +189,7 @@ fn hot_start() {
 
 /// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source asks `demand` of it.
 fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<Watched> {
-    let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::OFF);
+    let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
     scenario.values.rpm = Some(20_000);
     scenario.fly(run(50), Origin::Rc, 10 * SECOND);
     scenario.bench.events();
@@ -223,12 +223,12 @@ fn flame_out() {
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
     for ecu in BOTH {
-        for implausible in [Limit::OFF, Limit::tell(150_000)] {
+        for implausible in [Limit::NONE, Limit::tell(150_000)] {
             for odd in [0, 10_000, 14_000, 60_000, 120_000] {
                 for wait in 0..6 {
                     let mut scenario = running(ecu, |limits| {
                         limits.implausible = implausible;
-                        limits.low_rpm = Limit::OFF;
+                        limits.low_rpm = Limit::NONE;
                     });
                     scenario.fly(run(50), Origin::Rc, wait * EVERY);
                     let values = Values { rpm: Some(odd), ..scenario.values };
@@ -245,15 +245,15 @@ fn one_odd_shaft_speed_is_no_flame_out() {
 #[test]
 fn implausible_telemetry() {
     for ecu in BOTH {
-        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::OFF);
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let values = Values { rpm: Some(60_000), ..scenario.values };
         assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
-        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::OFF);
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let told = told_after(&mut scenario, 2, values);
         assert_eq!(told[0].0, Watched::Implausible, "{ecu:?}");
         assert!(told[0].1 > 150_000 && told[0].2 == 150_000);
 
-        let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::OFF);
+        let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
         scenario.silent();
         let mut rpm = TURNING;
         for _ in 0..10 {

@@ -175,6 +175,14 @@ impl Link for AnyLink {
         each!(self, link => link.heard())
     }
 
+    fn up_since(&self) -> Option<Instant> {
+        each!(self, link => link.up_since())
+    }
+
+    fn shutting_down(&self) -> bool {
+        each!(self, link => link.shutting_down())
+    }
+
     fn counters(&self) -> Counters {
         each!(self, link => link.counters())
     }

@@ -10,7 +10,7 @@ use embassy_time::Duration;
 pub struct Supervision {
     /// How long each source may be silent.
     pub ages: SourceAges,
-    /// A source that was lost has to speak for so long without a gap before it rules again. Default 1 s.
+    /// A source that was lost has to speak for so long without a gap before it rules again. Default 1 s, 0.1 s to 60 s.
     pub recover_after: Duration,
     /// What happens to the demand when another source takes over.
     pub takeover: Takeover,
@@ -134,7 +134,7 @@ pub enum Action {
     Standby,
 }
 
-/// A limit and what is done when it is passed. `None` as the limit: not watched.
+/// A limit and what is done when it is passed. `None` as the limit: not watched; of the shaft speed: the ECU's own figure.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct Limit<T> {
@@ -150,8 +150,8 @@ impl<T> Limit<T> {
         Self { at: Some(at), action: Action::None }
     }
 
-    /// Not watched.
-    pub const OFF: Self = Self { at: None, action: Action::None };
+    /// Not watched. Of the shaft speed: told at the ECU's own figure.
+    pub const NONE: Self = Self { at: None, action: Action::None };
 }
 
 /// What is watched. A limit counts as passed when two values in a row are beyond it: AMT frames carry no checksum,
@@ -159,21 +159,24 @@ impl<T> Limit<T> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct Limits {
-    /// Shaft speed. Default: told at 105 % of the maximum that the ECU gives; a limit here replaces that.
+    /// Shaft speed. Default: told at 105 % of the maximum that the ECU gives. A limit here replaces that; the action
+    /// holds for either.
     pub over_speed: Limit<Rpm>,
     /// Exhaust temperature. Default: told at 800 °C.
     pub over_temperature: Limit<Celsius>,
-    /// Shaft speed while running. Default: told at 80 % of the idle rpm that the ECU gives; a limit here replaces that.
+    /// Shaft speed while running. Default: told at 80 % of the idle rpm that the ECU gives. A limit here replaces that; the
+    /// action holds for either.
     pub low_rpm: Limit<Rpm>,
     /// Rise of the exhaust temperature during a start, in °C a second. Default: told at 200 °C/s; the simulated
-    /// turbines rise by 125 °C/s in a good start and by 270 °C/s in a hot one.
+    /// turbines rise by 125 °C/s in a good start and by 270 °C/s in a hot one. At least 10.
     pub hot_start: Limit<u16>,
     /// The shaft loses this share of its speed, in percent, within 2 s and without a lower demand. Default: told at
     /// 25 %. 5 to 95.
     pub flame_out: Limit<u8>,
     /// Supply voltage. Default: not watched.
     pub supply_low: Limit<Millivolts>,
-    /// A change of shaft speed that no turbine can make, in rpm a second. Default: told at 150 000 rpm/s.
+    /// A change of shaft speed that no turbine can make, in rpm a second. Default: told at 150 000 rpm/s. At least
+    /// 1000.
     pub implausible: Limit<u32>,
     /// Faults that the ECU reports.
     pub ecu_fault: Action,
@@ -241,12 +244,12 @@ impl Supervision {
         },
         slew: Slew { up: None, down: None },
         limits: Limits {
-            over_speed: Limit::OFF,
+            over_speed: Limit::NONE,
             over_temperature: Limit::tell(Celsius::from_tenths(8000)),
-            low_rpm: Limit::OFF,
+            low_rpm: Limit::NONE,
             hot_start: Limit::tell(200),
             flame_out: Limit::tell(25),
-            supply_low: Limit::OFF,
+            supply_low: Limit::NONE,
             implausible: Limit::tell(150_000),
             ecu_fault: Action::None,
         },
@@ -261,14 +264,19 @@ impl Supervision {
     /// The first field that is out of its range.
     pub const fn validate(&self) -> Result<(), Field> {
         let ages = &self.ages;
-        if !(source_age(ages.emergency)
-            && source_age(ages.rc)
-            && source_age(ages.mavlink)
-            && source_age(ages.bench))
-        {
-            return Err(Field::SourceAge);
+        if !source_age(ages.emergency) {
+            return Err(Field::AgeEmergency);
         }
-        if above(self.recover_after, 60_000) {
+        if !source_age(ages.rc) {
+            return Err(Field::AgeRc);
+        }
+        if !source_age(ages.mavlink) {
+            return Err(Field::AgeMavlink);
+        }
+        if !source_age(ages.bench) {
+            return Err(Field::AgeBench);
+        }
+        if below(self.recover_after, 100) || above(self.recover_after, 60_000) {
             return Err(Field::RecoverAfter);
         }
         if above(self.takeover.within, 60_000) {
@@ -294,22 +302,34 @@ impl Supervision {
         if above(self.start.gap, 600_000) {
             return Err(Field::StartGap);
         }
-        if matches!(self.slew.up, Some(..=9)) || matches!(self.slew.down, Some(..=9)) {
-            return Err(Field::Slew);
+        if matches!(self.slew.up, Some(..=9)) {
+            return Err(Field::SlewUp);
+        }
+        if matches!(self.slew.down, Some(..=9)) {
+            return Err(Field::SlewDown);
+        }
+        if matches!(self.limits.hot_start.at, Some(..=9)) {
+            return Err(Field::HotStart);
+        }
+        if matches!(self.limits.implausible.at, Some(..=999)) {
+            return Err(Field::Implausible);
         }
         if matches!(self.limits.flame_out.at, Some(..=4 | 96..)) {
             return Err(Field::FlameOut);
         }
-        if let Some(governor) = &self.governor
-            && (governor.proportional == 0
-                || governor.proportional > 100
-                || governor.integral > 100
-                || governor.slew < 10
-                || governor.slew > 1000
-                || below(governor.max_age, 200)
-                || above(governor.max_age, 5_000))
-        {
-            return Err(Field::Governor);
+        if let Some(governor) = &self.governor {
+            if governor.proportional == 0 || governor.proportional > 100 {
+                return Err(Field::GovernorProportional);
+            }
+            if governor.integral > 100 {
+                return Err(Field::GovernorIntegral);
+            }
+            if governor.slew < 10 || governor.slew > 1000 {
+                return Err(Field::GovernorSlew);
+            }
+            if below(governor.max_age, 200) || above(governor.max_age, 5_000) {
+                return Err(Field::GovernorMaxAge);
+            }
         }
         if matches!(self.when_other_fails, Some(1001..)) {
             return Err(Field::WhenOtherFails);
@@ -325,8 +345,14 @@ impl Supervision {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Field {
-    /// `ages`.
-    SourceAge,
+    /// `ages.emergency`.
+    AgeEmergency,
+    /// `ages.rc`.
+    AgeRc,
+    /// `ages.mavlink`.
+    AgeMavlink,
+    /// `ages.bench`.
+    AgeBench,
     /// `recover_after`.
     RecoverAfter,
     /// `takeover.within`.
@@ -343,12 +369,24 @@ pub enum Field {
     StartTimeout,
     /// `start.gap`.
     StartGap,
-    /// `slew`.
-    Slew,
+    /// `slew.up`.
+    SlewUp,
+    /// `slew.down`.
+    SlewDown,
+    /// `limits.hot_start`.
+    HotStart,
+    /// `limits.implausible`.
+    Implausible,
     /// `limits.flame_out`.
     FlameOut,
-    /// `governor`.
-    Governor,
+    /// `governor.proportional`.
+    GovernorProportional,
+    /// `governor.integral`.
+    GovernorIntegral,
+    /// `governor.slew`.
+    GovernorSlew,
+    /// `governor.max_age`.
+    GovernorMaxAge,
     /// `when_other_fails`.
     WhenOtherFails,
     /// `listen`.
@@ -359,8 +397,11 @@ impl Field {
     /// The field's name and its range.
     pub const fn message(self) -> &'static str {
         match self {
-            Self::SourceAge => "ages: a source may be silent for 0.05 s to 60 s",
-            Self::RecoverAfter => "recover_after: at most 60 s",
+            Self::AgeEmergency => "ages.emergency: 0.05 s to 60 s",
+            Self::AgeRc => "ages.rc: 0.05 s to 60 s",
+            Self::AgeMavlink => "ages.mavlink: 0.05 s to 60 s",
+            Self::AgeBench => "ages.bench: 0.05 s to 60 s",
+            Self::RecoverAfter => "recover_after: 0.1 s to 60 s",
             Self::TakeoverWithin => "takeover.within: at most 60 s",
             Self::LossHold => "loss.hold: at most 60 s",
             Self::LossStandby => "loss.standby_after: at most 3600 s",
@@ -368,9 +409,17 @@ impl Field {
             Self::LinkStable => "start.link_stable: at most 60 s",
             Self::StartTimeout => "start.timeout: 5 s to 600 s",
             Self::StartGap => "start.gap: at most 600 s",
-            Self::Slew => "slew: at least 10 tenths of a percent a second",
+            Self::SlewUp => "slew.up: at least 10 tenths of a percent a second",
+            Self::SlewDown => "slew.down: at least 10 tenths of a percent a second",
+            Self::HotStart => "limits.hot_start: at least 10 °C a second",
+            Self::Implausible => "limits.implausible: at least 1000 rpm a second",
             Self::FlameOut => "limits.flame_out: 5 % to 95 %",
-            Self::Governor => "governor: a gain, its slew or its max_age is out of range",
+            Self::GovernorProportional => "governor.proportional: 1 to 100 tenths of a percent for 1000 rpm",
+            Self::GovernorIntegral => {
+                "governor.integral: at most 100 tenths of a percent a second for 1000 rpm"
+            }
+            Self::GovernorSlew => "governor.slew: 10 to 1000 tenths of a percent a second",
+            Self::GovernorMaxAge => "governor.max_age: 0.2 s to 5 s",
             Self::WhenOtherFails => "when_other_fails: at most 1000 thousandths",
             Self::Listen => "listen: 0.3 s to 60 s",
         }

@@ -20,12 +20,13 @@ const NOMINAL_MAX_RPM: u32 = 100_000;
 /// Where the demand shall go.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Plan {
-    /// Nowhere: another source is about to take over.
-    Hold,
+    /// Not above what is asked, and no further to it: another source is about to take over.
+    Hold(Demand),
     /// To what the ruling source asks.
     To(Demand),
-    /// To the fail-safe throttle, by its ramp, and never above what a source that rules asks.
-    FailSafe(Option<Demand>),
+    /// To the fail-safe throttle, or to idle if an rpm was asked, by its ramp; and never above what is asked, if its source
+    /// still rules.
+    FailSafe { asked: Demand, ruled: bool },
 }
 
 /// What is known of the engine when its demand is shaped.
@@ -37,7 +38,7 @@ pub(super) struct Shape {
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
     /// That the ECU reports.
-    pub throttle: Throttle,
+    pub throttle: Option<Throttle>,
     /// Thousandths.
     pub reduced_to: Option<u16>,
     /// The ECU has no speed control, so an rpm needs the governor.
@@ -80,10 +81,7 @@ impl Run {
                     self.taking_over = None;
                     self.lost = None;
                     self.demand = demand;
-                    if self.ruler != origin {
-                        self.ruler = origin;
-                        let _ = told.push_back(Event::Ruler(origin));
-                    }
+                    self.ruler = origin;
                     self.stage(LossStage::None, told);
                 }
             }
@@ -122,9 +120,9 @@ impl Run {
     pub fn plan(&self) -> Plan {
         if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
             let ruled = self.stage == LossStage::None && self.taking_over.is_none();
-            Plan::FailSafe(ruled.then_some(self.demand))
+            Plan::FailSafe { asked: self.demand, ruled }
         } else if self.taking_over.is_some() {
-            Plan::Hold
+            Plan::Hold(self.demand)
         } else {
             Plan::To(self.demand)
         }
@@ -188,16 +186,27 @@ impl Shaper {
         config: &Supervision,
     ) -> (Demand, Option<Instant>) {
         self.at = now;
-        let slew = Rates { up: config.slew.up.map(u32::from), down: config.slew.down.map(u32::from) };
+        // The reduction for an engine that failed is a fail-safe, and no slower than one.
+        let down = match shape.reduced_to {
+            Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
+            None => config.slew.down,
+        };
+        let slew = Rates { up: config.slew.up.map(u32::from), down: down.map(u32::from) };
         let (target, rates) = match plan {
-            Plan::Hold => (self.moving.demand(), Rates::AT_ONCE),
+            Plan::Hold(asked)
+                if shape.reduced_to.is_some() && self.is_above(reduced(asked, shape.reduced_to)) =>
+            {
+                (reduced(asked, shape.reduced_to), slew)
+            }
+            Plan::Hold(_) => (self.moving.demand(), Rates::AT_ONCE),
             Plan::To(demand) => (reduced(demand, shape.reduced_to), slew),
-            Plan::FailSafe(asked) => {
-                if let Some(asked) = asked.filter(|asked| self.is_above(reduced(*asked, shape.reduced_to))) {
-                    self.moving.follow(now, reduced(asked, shape.reduced_to), slew, shape);
+            Plan::FailSafe { asked, ruled } => {
+                let most = reduced(asked, shape.reduced_to);
+                if ruled && self.is_above(most) {
+                    self.moving.follow(now, most, slew, shape);
                 }
                 let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
-                (self.fail_safe(now, shape, config), down)
+                (self.fail_safe(now, asked, shape, config), down)
             }
         };
         let (target, rates) =
@@ -212,7 +221,9 @@ impl Shaper {
             self.governor = None;
             return (Demand::Throttle(Throttle::IDLE), next);
         }
-        let governor = self.governor.get_or_insert_with(|| Governor::new(settings, shape.throttle));
+        let governor = self
+            .governor
+            .get_or_insert_with(|| Governor::new(settings, shape.throttle.unwrap_or(Throttle::IDLE)));
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
         self.governed = throttle;
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
@@ -228,8 +239,12 @@ impl Shaper {
     }
 
     /// Where the fail-safe takes the demand. It only ever lowers.
-    fn fail_safe(&mut self, now: Instant, shape: &Shape, config: &Supervision) -> Demand {
-        let safe = config.loss.throttle;
+    fn fail_safe(&mut self, now: Instant, asked: Demand, shape: &Shape, config: &Supervision) -> Demand {
+        let safe = match asked {
+            Demand::Throttle(_) => config.loss.throttle,
+            // As any rpm: how another throttle compares with it nothing says.
+            Demand::Rpm(_) => Throttle::IDLE,
+        };
         match (self.moving.demand(), shape.idle_rpm) {
             (Demand::Throttle(throttle), _) => Demand::Throttle(throttle.min(safe)),
             (Demand::Rpm(rpm), Some(idle)) if !shape.governed => Demand::Rpm(rpm.min(idle)),
@@ -272,10 +287,17 @@ impl Moving {
                 let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(max / 1000));
                 ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
             }
-            // The other kind of demand: nothing says how the two compare.
+            // The other kind of demand: nothing says how the two compare. With a slew it rises from what the ECU
+            // reports, where it does; what is asked is the most all the same.
             (moving, target) => {
-                *moving = Self::new(now, target);
-                None
+                let from = match (target, shape.throttle, shape.rpm) {
+                    _ if rates.up.is_none() => target,
+                    (Demand::Throttle(asked), Some(now), _) => Demand::Throttle(asked.min(now)),
+                    (Demand::Rpm(asked), _, Some(now)) => Demand::Rpm(asked.min(now.value)),
+                    _ => target,
+                };
+                *moving = Self::new(now, from);
+                if from == target { None } else { moving.follow(now, target, rates, shape) }
             }
         }
     }

@@ -3,13 +3,14 @@
 //! one before.
 
 use crate::command::{Demand, Order, Origin};
+use crate::telemetry::LossStage;
 use crate::units::{Rpm, Throttle};
 use core::sync::atomic::{AtomicU32, Ordering};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Changes with the layout, so that an older firmware's memory is not believed.
-const LAYOUT: u32 = 0x4A4C_0002;
+const LAYOUT: u32 = 0x4A4C_0003;
 const WORDS: usize = 5;
 
 /// What is kept of one engine.
@@ -24,6 +25,17 @@ pub struct Record {
     pub armed: bool,
     /// A limit was passed whose action is the fail-safe throttle: it stays there until standby is commanded.
     pub limited: bool,
+    /// How far the loss of the source had gone: one that was lost has to speak for a while before it rules again.
+    pub loss: LossStage,
+    /// The engine ran, and stopped or fell silent without a command: the other engines are told.
+    pub failed: bool,
+}
+
+impl Record {
+    /// An order of somebody, and nothing else.
+    pub const fn new(order: Order, origin: Origin) -> Self {
+        Self { order, origin, armed: false, limited: false, loss: LossStage::None, failed: false }
+    }
 }
 
 /// Memory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
@@ -114,7 +126,9 @@ fn pack(record: &Record, sequence: u32) -> [u32; WORDS] {
     let flags = order
         | u32::from(record.origin.priority()) << 8
         | u32::from(record.armed) << 16
-        | u32::from(record.limited) << 17;
+        | u32::from(record.limited) << 17
+        | u32::from(record.failed) << 18
+        | (record.loss as u32) << 20;
     let mut words = [LAYOUT, sequence, flags, value, 0];
     words[WORDS - 1] = checksum(&words);
     words
@@ -132,7 +146,15 @@ fn unpack([_, _, flags, value, _]: [u32; WORDS]) -> Option<Record> {
     };
     let priority = flags >> 8 & 0xFF;
     let origin = Origin::ALL.into_iter().find(|origin| u32::from(origin.priority()) == priority)?;
-    Some(Record { order, origin, armed: flags >> 16 & 1 == 1, limited: flags >> 17 & 1 == 1 })
+    let loss = match flags >> 20 {
+        0 => LossStage::None,
+        1 => LossStage::Hold,
+        2 => LossStage::FailSafe,
+        3 => LossStage::Standby,
+        _ => return None,
+    };
+    let flag = |bit: u32| flags >> bit & 1 == 1;
+    Some(Record { order, origin, armed: flag(16), limited: flag(17), failed: flag(18), loss })
 }
 
 #[cfg(test)]
@@ -141,7 +163,7 @@ mod tests {
 
     fn run(tenths: u16) -> Record {
         let order = Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()));
-        Record { order, origin: Origin::Rc, armed: true, limited: false }
+        Record { armed: true, ..Record::new(order, Origin::Rc) }
     }
 
     #[test]
@@ -151,8 +173,10 @@ mod tests {
         let orders = [Order::EmergencyStop, Order::Standby, run(637).order, Order::Pwm, Order::Listen];
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
             for origin in Origin::ALL {
-                for (armed, limited) in [(false, false), (true, false), (false, true), (true, true)] {
-                    let record = Record { order, origin, armed, limited };
+                let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
+                for (flags, loss) in (0..8).flat_map(|flags| stages.map(|loss| (flags, loss))) {
+                    let [armed, limited, failed] = [flags & 1, flags & 2, flags & 4].map(|flag| flag != 0);
+                    let record = Record { order, origin, armed, limited, loss, failed };
                     memory.store(&record);
                     assert_eq!(memory.load(), Some(record));
                 }

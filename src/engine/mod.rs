@@ -31,13 +31,17 @@ use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
 use crate::link::{Link, Output, earlier};
-use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, Telemetry, bump};
-use crate::units::{Hectopascals, Throttle};
-use embassy_time::Instant;
+use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
+use crate::units::{Hectopascals, Rpm, Throttle};
+use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
 pub use self::config::Loss;
 
+/// For so long the ECU may report something else than what is ordered.
+const OBEYS_WITHIN: Duration = Duration::from_secs(3);
+/// So far the throttle that it reports may be from the one ordered, in tenths of a percent.
+const OBEYED_BAND: u16 = 100;
 /// So many reports in a row of a standing engine withdraw an order to run.
 const STOPPED_REPORTS: u8 = 3;
 
@@ -49,6 +53,8 @@ enum Mode {
     Listen {
         kept: Option<Record>,
         until: Option<Instant>,
+        /// When it first reported an engine that stands; a second report has to agree.
+        stands: Option<Instant>,
     },
     /// Emergency stop, latched by this source.
     Stop(Origin),
@@ -66,7 +72,15 @@ enum Beginning {
     GoingOn {
         /// A limit had lowered its demand.
         limited: bool,
+        /// How far the loss of its source had gone.
+        loss: LossStage,
     },
+}
+
+impl Mode {
+    const fn listen(kept: Option<Record>) -> Self {
+        Self::Listen { kept, until: None, stands: None }
+    }
 }
 
 /// An engine that is ordered to run.
@@ -78,10 +92,11 @@ struct Run {
     start_by: Option<Instant>,
     /// The ECU reported it starting or running under this order.
     came_alive: bool,
-    /// The ECU reports it running: the demand goes out. One report otherwise, perhaps of a damaged frame, and a state
-    /// without a name do not end that.
+    /// The ECU reports it running, in two reports in a row: the demand goes out. One report otherwise, perhaps of a damaged
+    /// frame, and a state without a name do not end that.
     running: bool,
-    running_before: bool,
+    /// The report before.
+    before: Option<Phase>,
     seen: Option<Instant>,
     /// Reports in a row that the engine stands.
     stopped_reports: u8,
@@ -116,16 +131,23 @@ pub struct Engine {
     start_allowed: bool,
     /// When the last start was asked for.
     last_start: Option<Instant>,
-    /// Since when the link is up.
-    up_since: Option<Instant>,
+    /// The last stage of loss brought it to standby.
+    ended_by_loss: bool,
     /// It ran, and stopped or fell silent without a command.
     failed: bool,
     /// So many other engines of the group have failed.
     others_failed: u8,
     watch: Watch,
     given_to_keep: Option<Record>,
+    /// The last ruler that was told.
+    ruler_told: Option<Origin>,
+    /// Since when the ECU has reported something else than what is ordered.
+    disobeys_since: Option<Instant>,
+    /// That was told.
+    disobeys: bool,
     commands_rejected: u32,
-    last_rejection: Option<(Rejected, Origin)>,
+    /// The last refusal of each source, in the order of [`Origin::ALL`].
+    last_rejection: [Option<Rejected>; Origin::ALL.len()],
     events: Deque<Event, 12>,
     events_lost: u32,
 }
@@ -137,18 +159,21 @@ impl Engine {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
             config: config.supervision,
             sources: Sources::new(&config.supervision),
-            mode: Mode::Listen { kept: None, until: None },
+            mode: Mode::listen(None),
             ordered: Ordered { order: Order::Listen, origin: Origin::Node },
             armed: false,
             start_allowed: false,
             last_start: None,
-            up_since: None,
+            ended_by_loss: false,
             failed: false,
             others_failed: 0,
             watch: Watch::new(config.supervision.limits),
             given_to_keep: None,
+            ruler_told: None,
+            disobeys_since: None,
+            disobeys: false,
             commands_rejected: 0,
-            last_rejection: None,
+            last_rejection: [None; Origin::ALL.len()],
             events: Deque::new(),
             events_lost: 0,
         }
@@ -158,7 +183,8 @@ impl Engine {
     /// does not take its place.
     pub fn keep(&mut self, kept: Option<Record>) {
         self.armed = kept.is_some_and(|kept| kept.armed);
-        self.mode = Mode::Listen { kept, until: None };
+        self.failed = kept.is_some_and(|kept| kept.failed);
+        self.mode = Mode::listen(kept);
         self.given_to_keep = kept;
     }
 
@@ -168,12 +194,14 @@ impl Engine {
         if matches!(self.mode, Mode::Stop(_)) {
             return;
         }
-        self.armed = kept.map_or(self.armed, |kept| kept.armed);
+        if let Some(kept) = kept {
+            (self.armed, self.failed) = (kept.armed, kept.failed);
+        }
         match kept {
             // A latched stop does not wait.
             Some(Record { order: Order::EmergencyStop, origin, .. }) => self.stop(now, origin),
             kept => {
-                self.mode = Mode::Listen { kept, until: None };
+                self.mode = Mode::listen(kept);
                 self.order(now, Order::Listen, Origin::Node);
             }
         }
@@ -248,10 +276,12 @@ impl Engine {
     ) -> Result<Accepted, Rejected> {
         let answer = self.obey(now, command, origin, others_allow_start);
         match answer {
-            Ok(_) => self.last_rejection = None,
+            Ok(_) => {
+                self.note_rejection(origin, None);
+            }
             Err(why) => {
                 bump(&mut self.commands_rejected);
-                if self.last_rejection.replace((why, origin)) != Some((why, origin)) {
+                if self.note_rejection(origin, Some(why)) != Some(why) {
                     self.event(Event::CommandRejected(why, origin));
                 }
             }
@@ -291,10 +321,14 @@ impl Engine {
     /// What shall survive a reset.
     pub fn record(&self) -> Record {
         let order = match &self.mode {
-            Mode::Listen { kept: Some(kept), .. } => return Record { armed: self.armed, ..*kept },
+            Mode::Listen { kept: Some(kept), .. } => {
+                return Record { armed: self.armed, failed: self.failed, ..*kept };
+            }
             Mode::Listen { kept: None, .. } => Order::Listen,
             Mode::Stop(_) => Order::EmergencyStop,
             Mode::Standby => Order::Standby,
+            // A reset ends the service command, not the shutdown.
+            Mode::Run(_) if self.link.shutting_down() => Order::Standby,
             // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
             // the rest back.
             Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
@@ -314,8 +348,11 @@ impl Engine {
             Mode::Run(run) => run.ruler,
             _ => self.ordered.origin,
         };
-        let limited = matches!(&self.mode, Mode::Run(run) if run.limited);
-        Record { order, origin, armed: self.armed, limited }
+        let (limited, loss) = match &self.mode {
+            Mode::Run(run) => (run.limited, run.stage),
+            _ => (false, LossStage::None),
+        };
+        Record { order, origin, armed: self.armed, limited, loss, failed: self.failed }
     }
 
     /// A snapshot.
@@ -327,7 +364,8 @@ impl Engine {
             Mode::Run(run) => Some(run),
             _ => None,
         };
-        let ruler = run.map_or(self.ordered.origin, |run| run.ruler);
+        let ruler = self.ruler(now).unwrap_or(self.ordered.origin);
+        let ended = if self.ended_by_loss { LossStage::Standby } else { LossStage::None };
         Telemetry {
             at: now,
             link: self.link.state(),
@@ -335,14 +373,18 @@ impl Engine {
             state: EngineState::of(now, self.link.state(), self.link.report()),
             report: *self.link.report(),
             ordered: self.ordered,
+            obeyed: !self.disobeys,
             ruler,
             source_heard: self.sources.last_heard(ruler),
             asked: run.map(|run| run.demand),
             waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
-            loss: run.map_or(LossStage::None, |run| run.stage),
+            loss: run.map_or(ended, |run| run.stage),
             limited: run.is_some_and(|run| run.limited),
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
+            start_by: run.and_then(|run| run.start_by),
+            failed: self.failed,
+            others_failed: self.others_failed,
             counters,
         }
     }
@@ -363,12 +405,11 @@ impl Engine {
                 self.stop(now, origin);
                 return Ok(Accepted::InForce);
             }
-            Command::Arm => {
-                self.armed = true;
-                return Ok(Accepted::InForce);
-            }
-            Command::Disarm => {
-                self.armed = false;
+            Command::Arm | Command::Disarm => {
+                let armed = command == Command::Arm;
+                if core::mem::replace(&mut self.armed, armed) != armed {
+                    self.event(Event::Armed(armed, origin));
+                }
                 return Ok(Accepted::InForce);
             }
             Command::ReleaseStop => return self.release(now, origin),
@@ -391,7 +432,11 @@ impl Engine {
             self.can(now, demand)?;
         }
         if let Some(ruler) = self.sources.above(now, origin) {
-            return Ok(Accepted::Behind(ruler));
+            return match command {
+                // Done once: nobody would do it when the other falls silent.
+                Command::HandOverToPwm | Command::Service(_) => Err(Rejected::Behind(ruler)),
+                _ => Ok(Accepted::Behind(ruler)),
+            };
         }
         match command {
             Command::Run(demand) => self.run(now, demand, origin, others_allow_start),
@@ -480,12 +525,13 @@ impl Engine {
     fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
         let Demand::Rpm(rpm) = demand else { return Ok(()) };
         match self.link.speed_control() {
-            Err(_) if self.config.governor.is_some() => {
-                let known =
-                    self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= self.config.start.link_stable);
-                if known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
+            Err(why) => {
+                let Some(governor) = self.config.governor else { return Err(why) };
+                // At work it deals with old speeds itself: they are no reason to lose the source.
+                let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
+                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
+                if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
             }
-            Err(why) => Err(why),
             Ok(()) => match self.link.report().max_rpm {
                 Some(max) if rpm > max.value => Err(Rejected::AboveMaxRpm { max: max.value }),
                 _ => Ok(()),
@@ -503,7 +549,7 @@ impl Engine {
         if !self.is_idle(demand) {
             return Err(Interlock::NotIdle);
         }
-        let stable = self.up_since.is_some_and(|since| now >= since + rules.link_stable);
+        let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
         if self.link.state() != LinkState::Up || !stable {
             return Err(Interlock::Link);
         }
@@ -513,10 +559,7 @@ impl Engine {
         if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {
             return Err(Interlock::NotStandby);
         }
-        match report
-            .egt
-            .filter(|egt| egt.age(now) <= rules.link_stable.max(embassy_time::Duration::from_secs(1)))
-        {
+        match report.egt.filter(|egt| egt.age(now) <= rules.link_stable.max(Duration::from_secs(1))) {
             None => return Err(Interlock::EgtUnknown),
             Some(egt) if egt.value > rules.egt_max => return Err(Interlock::TooHot(egt.value)),
             Some(_) => {}
@@ -527,6 +570,9 @@ impl Engine {
         {
             return Err(Interlock::SupplyLow(supply));
         }
+        if let Some((passed, _)) = self.watch.in_force() {
+            return Err(Interlock::Limit(passed.what));
+        }
         if !others_allow_start {
             return Err(Interlock::OtherStarting);
         }
@@ -536,7 +582,10 @@ impl Engine {
     fn is_idle(&self, demand: Demand) -> bool {
         match demand {
             Demand::Throttle(throttle) => throttle <= self.config.start.idle_band,
-            Demand::Rpm(rpm) => self.link.report().idle_rpm.is_some_and(|idle| rpm <= idle.value),
+            Demand::Rpm(rpm) => {
+                let idle = self.link.report().idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
+                rpm <= idle
+            }
         }
     }
 
@@ -555,20 +604,26 @@ impl Engine {
     // -----------------------------------------------------------------------------------------
 
     fn stop(&mut self, now: Instant, origin: Origin) {
-        // Whoever latched it first, or a higher one, holds it.
-        let by = match self.mode {
-            Mode::Stop(by) if by.priority() > origin.priority() => by,
-            _ => origin,
+        // Whoever latched it first, or a higher one, holds it; also if that was before a reset.
+        let before = match self.mode {
+            Mode::Stop(by) => Some(by),
+            Mode::Listen { kept: Some(Record { order: Order::EmergencyStop, origin, .. }), .. } => {
+                Some(origin)
+            }
+            _ => None,
         };
+        let by = before.filter(|by| by.priority() > origin.priority()).unwrap_or(origin);
         self.mode = Mode::Stop(by);
         self.start_allowed = false;
         self.failed = false;
+        self.ended_by_loss = false;
         self.order(now, Order::EmergencyStop, by);
     }
 
     fn standby(&mut self, now: Instant, origin: Origin) {
         self.mode = Mode::Standby;
         self.start_allowed = false;
+        self.ended_by_loss = false;
         self.order(now, Order::Standby, origin);
     }
 
@@ -585,26 +640,39 @@ impl Engine {
         let phase = self.phase();
         // An ECU with a fault that does not say what its engine does counts as running here, as it did before.
         let runs = !from_standby && phase != Some(Phase::Starting);
+        let (limited, stage) = match beginning {
+            Beginning::FromStandby => (false, LossStage::None),
+            Beginning::GoingOn { limited, loss } => (limited, loss),
+        };
+        // What had begun before a reset does not begin anew.
+        let lost = match stage {
+            LossStage::None => None,
+            LossStage::Hold => Some(now),
+            LossStage::FailSafe | LossStage::Standby => {
+                Some(now.checked_sub(self.config.loss.hold).unwrap_or(Instant::MIN))
+            }
+        };
         self.mode = Mode::Run(Run {
             began: now,
-            start_by: from_standby.then(|| now + timeout),
+            start_by: (!runs).then(|| now + timeout),
             came_alive: !from_standby,
             running: runs,
-            running_before: runs,
+            before: runs.then_some(Phase::Running),
             seen: None,
             stopped_reports: 0,
             ruler: origin,
             demand,
             taking_over: None,
-            lost: None,
-            stage: LossStage::None,
-            limited: beginning == Beginning::GoingOn { limited: true },
+            lost,
+            stage,
+            limited,
             shaper: Shaper::new(now, demand),
             lowered: Lowered::new(now, demand),
             next: None,
         });
-        if from_standby {
-            self.start_allowed = false;
+        self.start_allowed = false;
+        self.ended_by_loss = false;
+        if !runs {
             self.last_start = Some(now);
         }
         self.update(now);
@@ -612,15 +680,32 @@ impl Engine {
 
     /// Brings what is ordered up to date: with the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
-        self.up_since = match (self.link.state(), self.up_since) {
-            (LinkState::Up, None) => Some(now),
-            (LinkState::Up, since) => since,
-            _ => None,
-        };
         if matches!(self.mode, Mode::Listen { .. }) {
             self.listen(now);
         }
         self.follow(now);
+        self.keep_limits(now);
+        self.rule(now);
+        self.shape(now);
+        if let Some(ruler) = self.ruler(now)
+            && self.ruler_told.replace(ruler) != Some(ruler)
+        {
+            self.event(Event::Ruler(ruler));
+        }
+    }
+
+    /// Who rules: of a running engine the source whose demand is in force, of a stopped one whoever stopped it.
+    fn ruler(&self, now: Instant) -> Option<Origin> {
+        match &self.mode {
+            Mode::Listen { .. } => None,
+            Mode::Stop(by) => Some(*by),
+            Mode::Run(run) => Some(run.ruler),
+            Mode::Standby | Mode::Pwm => self.sources.ruler(now).map(|(ruler, _)| ruler),
+        }
+    }
+
+    /// Finds whose demand is in force, and how far a loss has gone.
+    fn rule(&mut self, now: Instant) {
         let Mode::Run(run) = &mut self.mode else { return };
         let mut told: Deque<Event, 4> = Deque::new();
         let standby_by = run.rule(now, &self.sources, &self.config, &mut told);
@@ -629,23 +714,48 @@ impl Engine {
         }
         if let Some(origin) = standby_by {
             self.standby(now, origin);
-            return;
+            self.ended_by_loss = origin == Origin::Node;
         }
-        self.shape(now);
+    }
+
+    /// Does what a limit asks for that is passed. Also for one that was passed before the engine ran.
+    fn keep_limits(&mut self, now: Instant) {
+        let Mode::Run(run) = &mut self.mode else { return };
+        match self.watch.in_force() {
+            Some((_, Action::FailSafe)) => run.limited = true,
+            Some((_, Action::Standby)) => {
+                self.failed = run.came_alive && run.start_by.is_none();
+                self.sources.forget_runs();
+                self.standby(now, Origin::Node);
+            }
+            _ => {}
+        }
     }
 
     /// After a reset: goes on with an engine that runs, and orders standby where none does.
     fn listen(&mut self, now: Instant) {
-        let Mode::Listen { kept, until } = &mut self.mode else { return };
+        let Mode::Listen { kept, until, stands } = &mut self.mode else { return };
         let Some(heard) = self.link.heard() else { return };
         let until = *until.get_or_insert(heard + self.config.listen);
         let kept = *kept;
+        let phase = self.link.report().phase;
+        // One report that it stands, perhaps of a damaged frame, is not enough: a second one has to agree.
+        let standing = phase.filter(|phase| !phase.value.is_alive() && phase.value != Phase::Unknown);
+        let stands = match standing {
+            Some(phase) => *stands.get_or_insert(phase.at) != phase.at,
+            None => {
+                *stands = None;
+                false
+            }
+        };
         if self.link.report().powered_up.is_some() {
             // An ECU that has just been powered up runs nothing.
             self.standby(now, Origin::Node);
             return;
         }
-        match self.link.report().phase.map(|phase| phase.value) {
+        // An AMT ECU with a fault sends, and does not say what its engine does. What was kept is all there is.
+        let only_faults = self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
+        match phase.map(|phase| phase.value) {
             // A ZK ECU says what it does before it says what it obeys.
             Some(phase) if phase.is_alive() && now < until && !self.knows_enough(now, kept) => {}
             Some(phase) if phase.is_alive() => self.go_on(now, kept),
@@ -653,9 +763,11 @@ impl Engine {
             Some(Phase::Unknown) if kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
                 self.go_on(now, kept);
             }
-            Some(_) => self.standby(now, Origin::Node),
-            // It sends, and does not say what it does: an AMT ECU with a fault. What was kept is all there is.
-            None if now >= until && kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
+            Some(_) if standing.is_none() || stands => self.standby(now, Origin::Node),
+            Some(_) => {}
+            None if (now >= until || only_faults)
+                && kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) =>
+            {
                 self.go_on(now, kept);
             }
             None if now >= until => self.standby(now, Origin::Node),
@@ -678,28 +790,26 @@ impl Engine {
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let report = self.link.report();
         let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
-        let (order, origin, limited) = match kept {
-            Some(Record {
-                order: order @ (Order::Run(_) | Order::Standby | Order::Pwm),
-                origin,
-                limited,
-                ..
-            }) => (order, origin, limited),
+        let Record { order, origin, limited, loss, .. } = match kept {
+            Some(kept @ Record { order: Order::Run(_) | Order::Standby | Order::Pwm, .. }) => kept,
             // Nothing was kept: what the ECU obeys is what was commanded. By whom is not known, so it is nobody's, and
             // the stages of loss begin.
             _ => match report.switch.map(|switch| switch.value) {
-                Some(crate::telemetry::ReportedSwitch::Run) | None => {
-                    (Order::Run(Demand::Throttle(reported)), Origin::Node, false)
+                Some(ReportedSwitch::Run) | None => {
+                    Record::new(Order::Run(Demand::Throttle(reported)), Origin::Node)
                 }
-                Some(_) => (Order::Standby, Origin::Node, false),
+                Some(_) => Record::new(Order::Standby, Origin::Node),
             },
         };
         match order {
             Order::Run(demand) => {
                 let demand = if self.can(now, demand).is_ok() { demand } else { Demand::Throttle(reported) };
-                self.sources.resume(now, origin, demand);
-                self.begin(now, demand, origin, Beginning::GoingOn { limited });
+                self.sources.resume(now, origin, demand, loss != LossStage::None);
+                self.begin(now, demand, origin, Beginning::GoingOn { limited, loss });
                 self.event(Event::WentOn(demand));
+                if loss != LossStage::None {
+                    self.event(Event::SourceLoss(loss));
+                }
             }
             Order::Pwm if self.link.order(now, Order::Pwm).is_ok() => {
                 self.mode = Mode::Pwm;
@@ -716,13 +826,13 @@ impl Engine {
         let Mode::Run(run) = &mut self.mode else { return };
         if let Some(phase) = phase.filter(|phase| run.seen.replace(phase.at) != Some(phase.at)) {
             run.came_alive |= phase.value.is_alive();
+            let before = run.before.replace(phase.value);
             run.running = match phase.value {
-                Phase::Running => true,
+                Phase::Running => run.running || before == Some(Phase::Running),
                 Phase::Unknown => run.running,
-                _ => run.running && run.running_before,
+                _ => run.running && matches!(before, Some(Phase::Running | Phase::Unknown)),
             };
-            run.running_before = matches!(phase.value, Phase::Running | Phase::Unknown);
-            if phase.value == Phase::Running {
+            if run.running {
                 run.start_by = None;
             }
             run.stopped_reports =
@@ -736,14 +846,15 @@ impl Engine {
         // With a fault an AMT ECU says no more what its engine does (AMT-8).
         let old = phase.is_none_or(|phase| phase.age(now) > STATE_MAX_AGE);
         let only_faults = old && self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
-        let said_lately = phase.is_some_and(|phase| self.up_since.is_some_and(|since| phase.at > since));
+        let said_lately =
+            phase.is_some_and(|phase| self.link.up_since().is_some_and(|since| phase.at > since));
         if ran && (link == LinkState::Lost || only_faults) {
             self.failed = true;
         } else if ran && said_lately && run.stopped_reports == 0 {
             self.failed = false;
         }
         if stopped || gone {
-            self.failed = ran;
+            self.failed = ran && !self.link.shutting_down();
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::RunWithdrawn);
@@ -767,7 +878,7 @@ impl Engine {
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
-            throttle: self.link.report().throttle.map_or(Throttle::IDLE, |throttle| throttle.value),
+            throttle: self.link.report().throttle.map(|throttle| throttle.value),
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: self.link.speed_control().is_err(),
         };
@@ -787,29 +898,53 @@ impl Engine {
         }
     }
 
-    /// Looks for limits that were passed, and acts.
+    /// Looks for limits that were passed, and whether the ECU obeys.
     fn look(&mut self, now: Instant) {
         let lowered = match &self.mode {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
         self.watch.see(now, self.link.report(), lowered);
-        while let Some((passed, action)) = self.watch.found() {
+        while let Some(passed) = self.watch.found() {
             self.event(Event::Limit(passed));
-            match (action, &mut self.mode) {
-                (Action::FailSafe, Mode::Run(run)) => run.limited = true,
-                (Action::Standby, Mode::Run(_)) => {
-                    self.sources.forget_runs();
-                    self.standby(now, Origin::Node);
-                }
-                _ => {}
-            }
         }
+        let disobeys = !self.obeys(now);
+        self.disobeys_since = if disobeys { self.disobeys_since.or(Some(now)) } else { None };
+        let disobeys = self.disobeys_since.is_some_and(|since| now >= since + OBEYS_WITHIN);
+        if core::mem::replace(&mut self.disobeys, disobeys) != disobeys {
+            self.event(if disobeys { Event::NotObeyed } else { Event::ObeyedAgain });
+        }
+    }
+
+    /// Whether what the ECU reports is what is ordered. What it has not said lately is.
+    fn obeys(&self, now: Instant) -> bool {
+        let report = self.link.report();
+        let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
+        let stands = self.phase().is_some_and(Phase::is_stopped);
+        let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
+            (Order::Listen | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
+            // It may end there by itself.
+            (Order::EmergencyStop | Order::Standby, _) if stands => true,
+            (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
+            (Order::Standby, switch) => switch != ReportedSwitch::Run,
+            (Order::Run(_), switch) => switch == ReportedSwitch::Run,
+        });
+        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= STATE_MAX_AGE);
+        let throttle_obeys = match (self.ordered.order, throttle) {
+            (Order::Run(Demand::Throttle(ordered)), Some(reported))
+                if self.phase() == Some(Phase::Running) && !self.link.shutting_down() =>
+            {
+                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEYED_BAND
+            }
+            _ => true,
+        };
+        switch_obeys && throttle_obeys
     }
 
     fn deadline(&self) -> Option<Instant> {
         match &self.mode {
-            Mode::Listen { until, .. } => *until,
+            // Once it has reported an engine that stands, the next report decides.
+            Mode::Listen { until, stands, .. } => until.filter(|_| stands.is_none()),
             Mode::Run(run) => {
                 let now = self.ordered_at();
                 let loss = run.loss_deadline(&self.config);
@@ -846,6 +981,12 @@ impl Engine {
         if !same_kind || before.origin != origin {
             self.event(Event::Ordered(self.ordered));
         }
+    }
+
+    /// Keeps the last refusal of a source, and gives the one before.
+    fn note_rejection(&mut self, origin: Origin, why: Option<Rejected>) -> Option<Rejected> {
+        let slot = Origin::ALL.into_iter().zip(&mut self.last_rejection).find(|(place, _)| *place == origin);
+        slot.and_then(|(_, last)| core::mem::replace(last, why))
     }
 
     fn phase(&self) -> Option<Phase> {

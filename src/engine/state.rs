@@ -43,13 +43,16 @@ impl EngineState {
         }
         let faulty = report.faults.is_some_and(|faults| !faults.value.is_empty());
         let phase = report.phase.filter(|phase| phase.age(now) <= STATE_MAX_AGE).map(|phase| phase.value);
-        let run = report.switch.is_some_and(|switch| switch.value == ReportedSwitch::Run);
+        let switch = report.switch.map(|switch| switch.value);
+        let run = switch == Some(ReportedSwitch::Run);
+        let ending = matches!(switch, Some(ReportedSwitch::Standby | ReportedSwitch::Stop));
         match phase {
-            Some(Phase::Running) if run => Self::Running,
-            Some(Phase::Starting) if run => {
+            Some(Phase::Running | Phase::Starting) if ending => Self::ShuttingDown,
+            // Also with a switch that the document does not name: the state says enough.
+            Some(Phase::Running) => Self::Running,
+            Some(Phase::Starting) => {
                 Self::Starting(report.state.map_or(EcuState { code: 0, name: "" }, |state| state.value))
             }
-            Some(Phase::Running | Phase::Starting) => Self::ShuttingDown,
             // An AMT error set carries no state: a fault is then all that is known.
             _ if faulty => Self::Fault,
             Some(Phase::Stopped) => Self::Stopped,

@@ -1,7 +1,8 @@
 //! Limits: what an engine may not do, found in its telemetry.
 //!
 //! A limit counts as passed when two values in a row are beyond it. AMT frames carry no checksum, and one odd frame
-//! must raise nothing. It is told once, and again only after a value was within it.
+//! must raise nothing. It is told once, and again only after a value was within it. What is done about it holds for as
+//! long as it is passed.
 
 use super::config::{Action, Limits};
 use crate::telemetry::{Phase, Report, Timed};
@@ -44,6 +45,23 @@ pub enum Watched {
     StartTimeout,
 }
 
+impl Watched {
+    /// Name in plain words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OverSpeed => "shaft speed too high",
+            Self::OverTemperature => "exhaust too hot",
+            Self::LowRpm => "shaft speed too low",
+            Self::HotStart => "exhaust temperature rises too fast",
+            Self::FlameOut => "shaft speed lost",
+            Self::SupplyLow => "supply too low",
+            Self::Implausible => "shaft speed jumps",
+            Self::EcuFault => "the ECU reports a fault",
+            Self::StartTimeout => "the start took too long",
+        }
+    }
+}
+
 /// A limit that was passed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -59,16 +77,27 @@ pub struct Passed {
 }
 
 /// One limit's memory.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Twice {
+    /// Values in a row that were beyond.
     beyond: u8,
+    /// It is passed.
+    passed: Option<(Passed, Action)>,
 }
 
 impl Twice {
-    /// True once, when the second value in a row is beyond.
-    fn see(&mut self, beyond: bool) -> bool {
-        self.beyond = if beyond { self.beyond.saturating_add(1).min(3) } else { 0 };
-        self.beyond == 2
+    const NEVER: Self = Self { beyond: 0, passed: None };
+
+    /// A value beyond the limit, with what is to be told, or one within. Gives what is to be told, once: with the second
+    /// value in a row.
+    fn see(&mut self, beyond: Option<Passed>, action: Action) -> Option<Passed> {
+        self.beyond = if beyond.is_some() { self.beyond.saturating_add(1).min(3) } else { 0 };
+        match beyond {
+            None => self.passed = None,
+            Some(passed) if self.beyond == 2 => self.passed = Some((passed, action)),
+            Some(_) => {}
+        }
+        beyond.filter(|_| self.beyond == 2)
     }
 }
 
@@ -90,15 +119,16 @@ pub(super) struct Watch {
     flame_out: Twice,
     supply_low: Twice,
     implausible: Twice,
-    fault: Option<u8>,
-    /// The same as in the last report, and when that came.
+    fault: Twice,
+    /// The fault of the last report, and when that came.
     fault_before: Option<u8>,
     fault_seen: Option<Instant>,
     rpm_seen: Option<Instant>,
     egt_seen: Option<Instant>,
     supply_seen: Option<Instant>,
-    /// The last shaft speed that a turbine can have.
+    /// The last shaft speed that a turbine can have, and the one before it while there is none: two have to agree first.
     plausible: Option<Timed<Rpm>>,
+    first_rpm: Option<Timed<Rpm>>,
     /// The last values, and of the last two the one that makes less of a loss of speed or a rise of temperature: a
     /// single odd frame stays out of the history.
     rpm_last: Option<Rpm>,
@@ -106,28 +136,28 @@ pub(super) struct Watch {
     egt_last: Option<Celsius>,
     egt_kept: Option<Celsius>,
     history: Deque<Sample, 12>,
-    found: Deque<(Passed, Action), 9>,
+    found: Deque<Passed, 9>,
 }
 
 impl Watch {
     pub const fn new(limits: Limits) -> Self {
-        const NEVER: Twice = Twice { beyond: 0 };
         Self {
             limits,
-            over_speed: NEVER,
-            over_temperature: NEVER,
-            low_rpm: NEVER,
-            hot_start: NEVER,
-            flame_out: NEVER,
-            supply_low: NEVER,
-            implausible: NEVER,
-            fault: None,
+            over_speed: Twice::NEVER,
+            over_temperature: Twice::NEVER,
+            low_rpm: Twice::NEVER,
+            hot_start: Twice::NEVER,
+            flame_out: Twice::NEVER,
+            supply_low: Twice::NEVER,
+            implausible: Twice::NEVER,
+            fault: Twice::NEVER,
             fault_before: None,
             fault_seen: None,
             rpm_seen: None,
             egt_seen: None,
             supply_seen: None,
             plausible: None,
+            first_rpm: None,
             rpm_last: None,
             rpm_kept: None,
             egt_last: None,
@@ -138,8 +168,26 @@ impl Watch {
     }
 
     /// What was found since the last call, first found first.
-    pub fn found(&mut self) -> Option<(Passed, Action)> {
+    pub fn found(&mut self) -> Option<Passed> {
         self.found.pop_front()
+    }
+
+    /// The limit that is passed now and asks for the most, if one asks for anything.
+    pub fn in_force(&self) -> Option<(Passed, Action)> {
+        [
+            self.over_speed,
+            self.over_temperature,
+            self.low_rpm,
+            self.hot_start,
+            self.flame_out,
+            self.supply_low,
+            self.implausible,
+            self.fault,
+        ]
+        .into_iter()
+        .filter_map(|limit| limit.passed)
+        .filter(|(_, action)| *action != Action::None)
+        .max_by_key(|(_, action)| *action)
     }
 
     /// Looks at what the ECU has said. `lowered`: when the demand was last lowered, or the engine not to run.
@@ -159,22 +207,24 @@ impl Watch {
         }
         if let Some(supply) = report.supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
-            if let (Some(limit), Some(voltage)) = (self.limits.supply_low.at, supply.value.voltage)
-                && self.supply_low.see(voltage < limit)
-            {
-                self.tell(now, Watched::SupplyLow, voltage.get(), limit.get(), self.limits.supply_low.action);
+            if let (Some(limit), Some(voltage)) = (self.limits.supply_low.at, supply.value.voltage) {
+                let passed = Passed::new(Watched::SupplyLow, voltage.get(), limit.get(), now);
+                let told =
+                    self.supply_low.see((voltage < limit).then_some(passed), self.limits.supply_low.action);
+                self.tell(told);
             }
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
             self.fault_seen = Some(faults.at);
             let fault = (!faults.value.is_empty()).then(|| faults.value.number());
-            let agreed = core::mem::replace(&mut self.fault_before, fault) == fault;
-            if agreed
-                && core::mem::replace(&mut self.fault, fault) != fault
-                && let Some(number) = fault
-            {
-                self.tell(now, Watched::EcuFault, u32::from(number), 0, self.limits.ecu_fault);
+            // Another fault is told anew, if two reports in a row say so.
+            if core::mem::replace(&mut self.fault_before, fault) != fault {
+                self.fault.beyond = 0;
             }
+            let before = self.fault.passed.map(|(passed, _)| passed.value);
+            let passed = fault.map(|number| Passed::new(Watched::EcuFault, u32::from(number), 0, now));
+            let told = self.fault.see(passed, self.limits.ecu_fault);
+            self.tell(told.filter(|told| before != Some(told.value)));
         }
         self.sample(now);
     }
@@ -189,31 +239,22 @@ impl Watch {
     ) {
         let value = rpm.value.get();
         if let Some(limit) = self.limits.implausible.at {
-            let before = self.plausible.unwrap_or(rpm);
-            // Frames that were read late come close together.
-            let passed = rpm.at.saturating_duration_since(before.at).max(CHANGE_OVER).as_micros();
-            let change = u64::from(value.abs_diff(before.value.get())) * 1_000_000 / passed;
-            let change = u32::try_from(change).unwrap_or(u32::MAX);
-            if self.implausible.see(change > limit) {
-                self.tell(now, Watched::Implausible, change, limit, self.limits.implausible.action);
-            }
-            if change <= limit || self.implausible.beyond > 1 {
-                self.plausible = Some(rpm);
-            }
+            self.see_change(now, rpm, limit);
         }
 
         // Where no limit is set, the engine's own figures serve.
         let told_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
-        if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(told_max)
-            && self.over_speed.see(value > limit)
-        {
-            self.tell(now, Watched::OverSpeed, value, limit, self.limits.over_speed.action);
+        if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(told_max) {
+            let passed = Passed::new(Watched::OverSpeed, value, limit, now);
+            let told = self.over_speed.see((value > limit).then_some(passed), self.limits.over_speed.action);
+            self.tell(told);
         }
         let told_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
-        if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(told_idle)
-            && self.low_rpm.see(phase == Some(Phase::Running) && value < limit)
-        {
-            self.tell(now, Watched::LowRpm, value, limit, self.limits.low_rpm.action);
+        if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(told_idle) {
+            let low = phase == Some(Phase::Running) && value < limit;
+            let passed = Passed::new(Watched::LowRpm, value, limit, now);
+            let told = self.low_rpm.see(low.then_some(passed), self.limits.low_rpm.action);
+            self.tell(told);
         }
 
         if let Some(limit) = self.limits.flame_out.at {
@@ -227,24 +268,46 @@ impl Watch {
             let lost = highest.get().saturating_sub(value).saturating_mul(100) / highest.get().max(1);
             let asked_for = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !asked_for && lost >= u32::from(limit);
-            if self.flame_out.see(beyond) {
-                self.tell(now, Watched::FlameOut, lost, u32::from(limit), self.limits.flame_out.action);
-            }
+            let passed = Passed::new(Watched::FlameOut, lost, u32::from(limit), now);
+            let told = self.flame_out.see(beyond.then_some(passed), self.limits.flame_out.action);
+            self.tell(told);
+        }
+    }
+
+    /// A change of shaft speed that no turbine can make, in rpm a second.
+    fn see_change(&mut self, now: Instant, rpm: Timed<Rpm>, limit: u32) {
+        let change = |before: Timed<Rpm>| {
+            // Frames that were read late come close together.
+            let passed = rpm.at.saturating_duration_since(before.at).max(CHANGE_OVER).as_micros();
+            let change = u64::from(rpm.value.get().abs_diff(before.value.get())) * 1_000_000 / passed;
+            u32::try_from(change).unwrap_or(u32::MAX)
+        };
+        let Some(before) = self.plausible else {
+            let agree = self.first_rpm.replace(rpm).is_some_and(|first| change(first) <= limit);
+            self.plausible = agree.then_some(rpm);
+            return;
+        };
+        let change = change(before);
+        let passed = Passed::new(Watched::Implausible, change, limit, now);
+        let told = self.implausible.see((change > limit).then_some(passed), self.limits.implausible.action);
+        self.tell(told);
+        if change <= limit || self.implausible.beyond > 1 {
+            self.plausible = Some(rpm);
         }
     }
 
     fn see_egt(&mut self, now: Instant, egt: Timed<Celsius>, phase: Option<Phase>) {
         let value = egt.value.tenths();
-        if let Some(limit) = self.limits.over_temperature.at
-            && self.over_temperature.see(egt.value > limit)
-        {
-            self.push(
-                now,
-                Watched::OverTemperature,
-                value.into(),
-                limit.tenths().into(),
-                self.limits.over_temperature.action,
-            );
+        if let Some(limit) = self.limits.over_temperature.at {
+            let passed = Passed {
+                what: Watched::OverTemperature,
+                value: value.into(),
+                limit: limit.tenths().into(),
+                at: now,
+            };
+            let beyond = (egt.value > limit).then_some(passed);
+            let told = self.over_temperature.see(beyond, self.limits.over_temperature.action);
+            self.tell(told);
         }
         if let Some(limit) = self.limits.hot_start.at {
             let before = self
@@ -258,10 +321,10 @@ impl Watch {
                 tenths * 100 / passed
             });
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
-            if self.hot_start.see(beyond) {
-                let rise = i32::try_from(rise).unwrap_or(i32::MAX);
-                self.push(now, Watched::HotStart, rise, limit.into(), self.limits.hot_start.action);
-            }
+            let value = i32::try_from(rise).unwrap_or(i32::MAX);
+            let passed = Passed { what: Watched::HotStart, value, limit: limit.into(), at: now };
+            let told = self.hot_start.see(beyond.then_some(passed), self.limits.hot_start.action);
+            self.tell(told);
         }
     }
 
@@ -276,13 +339,17 @@ impl Watch {
         let _ = self.history.push_back(sample);
     }
 
-    fn tell(&mut self, now: Instant, what: Watched, value: u32, limit: u32, action: Action) {
-        let value = i32::try_from(value).unwrap_or(i32::MAX);
-        self.push(now, what, value, i32::try_from(limit).unwrap_or(i32::MAX), action);
+    fn tell(&mut self, passed: Option<Passed>) {
+        if let Some(passed) = passed {
+            // There is room for each limit once, and whoever watches takes them out after every look.
+            let _ = self.found.push_back(passed);
+        }
     }
+}
 
-    fn push(&mut self, now: Instant, what: Watched, value: i32, limit: i32, action: Action) {
-        // There is room for each limit once, and whoever watches takes them out after every look.
-        let _ = self.found.push_back((Passed { what, value, limit, at: now }, action));
+impl Passed {
+    fn new(what: Watched, value: u32, limit: u32, at: Instant) -> Self {
+        let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
+        Self { what, value: signed(value), limit: signed(limit), at }
     }
 }

@@ -55,8 +55,8 @@ pub struct Truth {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kept {
-    /// With the demand in force and whose it is, if there is one.
-    Valid(Option<(Origin, Demand)>),
+    /// With the demand in force, whose it is, and whether that source was lost, if there is one.
+    Valid(Option<(Origin, Demand, bool)>),
     Lost,
 }
 
@@ -152,7 +152,7 @@ pub struct Oracle {
 
     booted: u64,
     listening: bool,
-    kept: Option<(Origin, Demand)>,
+    kept: Option<(Origin, Demand, bool)>,
     /// Highest throttle on the wire or obeyed before the reset.
     before_reset: (u16, u32),
     resumed_until: u64,
@@ -389,8 +389,8 @@ impl Oracle {
                 self.waiting = None;
                 self.silent = None;
                 self.last_asked = self.before_reset.0;
-                // As if the one that ruled had just spoken.
-                if let Some((origin, demand)) = self.kept {
+                // As if the one that ruled had just spoken; one that was lost has to speak for a while.
+                if let Some((origin, demand, was_lost)) = self.kept {
                     for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
                         if place == origin {
                             let word = Word::Run(demand);
@@ -398,12 +398,12 @@ impl Oracle {
                                 word,
                                 heard: at,
                                 since: at,
-                                was_lost: false,
+                                was_lost,
                                 idle_at: None,
                                 before: word,
                                 changed: at,
                             };
-                            *slot = Some(Source { heard: at, ..slot.unwrap_or(new) });
+                            *slot = Some(Source { heard: at, since: at, was_lost, ..slot.unwrap_or(new) });
                         }
                     }
                 }

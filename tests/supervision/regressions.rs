@@ -88,12 +88,12 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 #[test]
 fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
     let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
-    memory.store(&Record { order: Order::EmergencyStop, origin: Origin::Rc, armed: true, limited: false });
+    memory.store(&Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) });
     let channel = Channel::with_memory(&EngineConfig::amt("a", 0, Line::new(2400), None), memory);
     let handle = channel.handle();
     assert_eq!(handle.command(Command::Disarm, Origin::Bench), Ok(Accepted::InForce));
     assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::Listening));
-    let kept = Record { order: Order::EmergencyStop, origin: Origin::Rc, armed: false, limited: false };
+    let kept = Record::new(Order::EmergencyStop, Origin::Rc);
     assert_eq!(memory.load(), Some(kept));
 }
 

@@ -15,7 +15,7 @@ use jetlink::engine::keep::Memory;
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
-use jetlink::telemetry::Event;
+use jetlink::telemetry::{Event, LossStage};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu, Ops};
 use sim::clock;
@@ -275,7 +275,7 @@ fn supervision(rng: &mut Rng) -> Supervision {
         all.ages.rc = ms(rng.pick(&[200, 500, 1000]));
         all.ages.mavlink = ms(rng.pick(&[500, 1000, 3000]));
         all.ages.bench = ms(rng.pick(&[300, 500, 1500]));
-        all.recover_after = ms(rng.pick(&[0, 500, 1000, 2000]));
+        all.recover_after = ms(rng.pick(&[100, 500, 1000, 2000]));
         all.takeover.within = ms(rng.pick(&[0, 500, 2000, 5000]));
         all.loss.hold = ms(rng.pick(&[0, 300, 1000, 4000]));
         all.loss.throttle = Throttle::from_tenths(rng.pick(&[0, 0, 100, 250])).expect("in range");
@@ -760,7 +760,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
                 for (rig, memory) in rigs.iter_mut().zip(memory) {
                     rig.look_at_ecu();
                     let demand = memory.load().and_then(|record| match record.order {
-                        Order::Run(demand) => Some((record.origin, demand)),
+                        Order::Run(demand) => Some((record.origin, demand, record.loss != LossStage::None)),
                         _ => None,
                     });
                     let kept = if let Kept::Valid(_) = kept { Kept::Valid(demand) } else { kept };

@@ -346,6 +346,10 @@ fn text(event: Event) -> Option<String> {
             "SOURCE LOST: the demand goes to the fail-safe throttle".to_owned()
         }
         Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
+        Event::Armed(true, origin) => format!("armed by {}", source(origin)),
+        Event::Armed(false, origin) => format!("disarmed by {}", source(origin)),
+        Event::NotObeyed => "THE ECU DOES NOT DO WHAT IT IS TOLD: check the wire to it".to_owned(),
+        Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
         Event::Ruler(origin) => format!("{} rules", source(origin)),
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
         Event::OtherFailed(0) => "the other engines are well again".to_owned(),

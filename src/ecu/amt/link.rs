@@ -63,8 +63,8 @@ impl Config {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Service {
-    /// CTF: while running, the ECU stops the engine after its serial delay time. Sent until standby or a stop is
-    /// ordered; new demands do not call it off. Never used for a normal stop (AMT-13).
+    /// CTF: while running, the ECU stops the engine after its serial delay time. Refused unless the engine is ordered to
+    /// run. Sent until standby or a stop is ordered; new demands do not call it off. Never used for a normal stop (AMT-13).
     Ctf,
 }
 
@@ -92,6 +92,8 @@ pub struct AmtLink {
     /// nothing. One odd set must not be said back: it could say emergency stop, or run.
     mirror: Agreed<Control>,
     ctf: bool,
+    /// That it went out was told.
+    ctf_told: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
     /// End of the window of the reply that is going out.
@@ -99,6 +101,9 @@ pub struct AmtLink {
     /// End of the window of a frame that came while the reply before it was still going out.
     due: Option<Instant>,
     phase: Agreed<Phase>,
+    switch: Agreed<ReportedSwitch>,
+    /// Whether the sets are error sets. One odd set is no fault.
+    faulty: Agreed<bool>,
     /// Full operation was reported, and nothing below it since: the demand goes out (AMT-14). A state
     /// without a name does not end it.
     released: bool,
@@ -120,10 +125,13 @@ impl AmtLink {
             order: Order::Listen,
             mirror: Agreed::new(None),
             ctf: false,
+            ctf_told: false,
             damaged: false,
             sending: None,
             due: None,
             phase: Agreed::new(None),
+            switch: Agreed::new(None),
+            faulty: Agreed::new(Some(false)),
             released: false,
             engine: Agreed::new(config.engine.map(Some)),
         }
@@ -209,7 +217,10 @@ impl AmtLink {
             SwitchPosition::AutoStop => ReportedSwitch::Standby,
             SwitchPosition::Run => ReportedSwitch::Run,
         };
-        self.report.switch = Some(Timed::new(switch_reported, now));
+        self.switch.see(switch_reported);
+        if self.switch.get() == Some(switch_reported) {
+            self.report.switch = Some(Timed::new(switch_reported, now));
+        }
         let seen = phase_of(state, switch, rpm);
         if self.phase.see(seen)
             && let Some(phase) = self.phase.get()
@@ -248,6 +259,10 @@ impl AmtLink {
     }
 
     fn faults(&mut self, now: Instant, bits: ErrorBits) {
+        self.faulty.see(bits.0 != 0);
+        if self.faulty.get() != Some(bits.0 != 0) {
+            return;
+        }
         let faults = Faults::Amt(bits);
         let before = self.report.faults.map_or(Faults::Amt(ErrorBits(0)), |faults| faults.value);
         self.report.faults = Some(Timed::new(faults, now));
@@ -296,7 +311,11 @@ impl AmtLink {
         match start_by {
             Some(start_by) if now <= start_by => {
                 self.sending = Some(window_end);
-                self.outbox.put(Transmission::new(self.control().encode(), Some(start_by)));
+                let control = self.control();
+                if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_told, true) {
+                    self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
+                }
+                self.outbox.put(Transmission::new(control.encode(), Some(start_by)));
             }
             _ => self.missed(),
         }
@@ -383,10 +402,12 @@ impl Link for AmtLink {
 
     fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
         match service {
-            AnyService::Amt(Service::Ctf) => {
+            AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_)) => {
                 self.ctf = true;
+                self.ctf_told = false;
                 Ok(())
             }
+            AnyService::Amt(Service::Ctf) => Err(Rejected::NotOrderedToRun),
             AnyService::Zk(_) => Err(Rejected::NotSupported),
         }
     }
@@ -436,6 +457,14 @@ impl Link for AmtLink {
 
     fn heard(&self) -> Option<Instant> {
         self.presence.heard()
+    }
+
+    fn up_since(&self) -> Option<Instant> {
+        self.presence.up_since()
+    }
+
+    fn shutting_down(&self) -> bool {
+        self.ctf
     }
 
     fn counters(&self) -> Counters {

@@ -726,6 +726,10 @@ impl Link for ZkLink {
         self.presence.heard()
     }
 
+    fn up_since(&self) -> Option<Instant> {
+        self.presence.up_since()
+    }
+
     fn counters(&self) -> Counters {
         let decoder = self.decoder.counters();
         Counters {
