@@ -157,6 +157,7 @@ fn needs_a_look(engine: &Telemetry) -> bool {
     engine.link != LinkState::Up
         || engine.loss != LossStage::None
         || engine.limited
+        || !engine.obeyed
         || engine.stop_latched
         || engine.report.faults.is_some_and(|faults| !faults.value.is_empty())
 }
@@ -167,7 +168,7 @@ struct StatusLine<'a>(&'a Telemetry);
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
         let Telemetry { link, state, report, ordered, ruler, waiting, loss, .. } = self.0;
-        let Telemetry { limited, stop_latched, counters, .. } = self.0;
+        let Telemetry { limited, obeyed, stop_latched, counters, .. } = self.0;
         defmt::write!(f, "link {}, {}", link, state);
         if let Some(rpm) = report.rpm {
             defmt::write!(f, ", {=u32} rpm", rpm.value.get());
@@ -192,6 +193,9 @@ impl defmt::Format for StatusLine<'_> {
         }
         if *limited {
             defmt::write!(f, ", held at the fail-safe throttle by a limit");
+        }
+        if !obeyed {
+            defmt::write!(f, ", NOT OBEYED by the ECU");
         }
         if *stop_latched {
             defmt::write!(f, ", emergency stop latched");

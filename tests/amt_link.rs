@@ -1044,3 +1044,21 @@ fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
         assert_eq!(ops_thr(&mut bench, &first), (RUN_OPS, thr));
     }
 }
+
+/// One odd set neither makes a fault of nothing nor another switch; two in a row do.
+#[test]
+fn one_odd_set_changes_nothing() {
+    for odd in [error(0x04), normal(FULL_OPERATION, AUTO_STOP, 100)] {
+        let mut bench = running();
+        let before = *bench.machine.report();
+        reply_to(&mut bench, &odd);
+        let after = *bench.machine.report();
+        assert_eq!(after.faults.map(|f| f.value), before.faults.map(|f| f.value));
+        assert_eq!(after.switch.map(|s| s.value), before.switch.map(|s| s.value));
+        reply_to(&mut bench, &odd);
+        let after = *bench.machine.report();
+        let changed = after.faults.map(|f| f.value) != before.faults.map(|f| f.value)
+            || after.switch.map(|s| s.value) != before.switch.map(|s| s.value);
+        assert!(changed, "{odd:02x?}");
+    }
+}

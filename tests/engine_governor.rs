@@ -1,12 +1,13 @@
 //! Speed control over the throttle: when it is refused, and what bounds it. How it holds a speed is in
 //! `tests/wire_governor.rs`.
 
+use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::Governor;
+use jetlink::engine::config::{Action, Governor, Limit};
 use jetlink::line::Line;
 use jetlink::telemetry::LossStage;
-use jetlink::units::Throttle;
+use jetlink::units::{Celsius, Throttle};
 
 #[path = "support/bench.rs"]
 mod bench;
@@ -170,4 +171,63 @@ fn it_goes_on_after_a_reset() {
     scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
     let sent = scenario.sent();
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
+}
+
+/// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: the governor goes to idle,
+/// and nothing shuts the engine down.
+#[test]
+fn a_lost_line_is_no_lost_source() {
+    for fault in [false, true] {
+        let mut config = governed(|_| {});
+        config.supervision.loss.standby_after = Some(Duration::from_secs(2));
+        let mut scenario = at(config, 60, 80_000);
+        scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+        if fault {
+            scenario.values.fault = 1;
+        } else {
+            scenario.silent();
+        }
+        scenario.fly(target(80_000), Origin::Rc, 6 * SECOND);
+        let telemetry = scenario.telemetry();
+        assert_eq!(telemetry.loss, LossStage::None, "{fault}");
+        assert_eq!(telemetry.ordered.order, Order::Run(percent(0)), "{fault}: old speeds hold nothing up");
+        assert_eq!(telemetry.counters.commands_rejected, 0);
+        // The control: the source is lost.
+        scenario.pass(10 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{fault}");
+    }
+}
+
+/// How old a speed may be for it is its own setting, not another's.
+#[test]
+fn a_speed_is_as_old_as_its_own_setting_says() {
+    for (link_stable, age, answer) in [
+        (Duration::from_ticks(0), 10_000, Ok(Accepted::InForce)),
+        (Duration::from_millis(1500), 601_000, Err(Rejected::RpmNotKnown)),
+    ] {
+        let mut config = governed(|_| {});
+        config.supervision.start.link_stable = link_stable;
+        let mut scenario = at(config, 60, 80_000);
+        scenario.silent().pass(age);
+        assert_eq!(scenario.command(target(80_000)), answer, "{age}");
+    }
+}
+
+/// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is asked.
+#[test]
+fn a_limit_brings_it_to_idle() {
+    let mut config = governed(|_| {});
+    config.supervision.loss.throttle = Throttle::from_percent(50).unwrap();
+    config.supervision.limits.over_temperature =
+        Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
+    let mut scenario = at(config, 60, 80_000);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.values.egt = 720;
+    scenario.fly(target(30_000), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 0);
+    // The control: a throttle goes to the one configured.
+    let mut scenario = at(config, 60, 80_000);
+    scenario.values.egt = 720;
+    scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 500);
 }

@@ -17,7 +17,9 @@ mod frames;
 mod scenario;
 use bench::{micros, us};
 use frames::zk as zk_frames;
-use scenario::{BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, Wire, ZK_IDLE, percent, rpm, run, tenths};
+use scenario::{
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run, tenths,
+};
 
 /// RC's age limit.
 const AGE: u64 = 500_000;
@@ -690,5 +692,116 @@ fn a_limit_can_lower_the_throttle() {
         assert_eq!(scenario.wire(), Wire::Standby);
         assert!(!scenario.telemetry().limited);
         assert!(!scenario.bench.machine.record().limited);
+    }
+}
+
+/// The reduction for an engine that failed is no slower than a fail-safe, whatever the slew, and does not wait for a
+/// take-over.
+#[test]
+fn a_reduction_does_not_wait() {
+    for ecu in BOTH {
+        for taking_over in [false, true] {
+            let config = ecu.with(|s| {
+                s.when_other_fails = Some(100);
+                s.slew.down = Some(10);
+                s.takeover.within = Duration::from_secs(10);
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            if taking_over {
+                assert_eq!(scenario.command_from(run(90), Origin::Emergency), Ok(Accepted::Held));
+            }
+            scenario.bench.act(|engine, now| engine.other_failed(now, true));
+            assert_eq!(scenario.telemetry().others_failed, 1);
+            for _ in 0..20 {
+                scenario.command(run(80)).unwrap();
+                if taking_over {
+                    scenario.command_from(run(90), Origin::Emergency).unwrap();
+                }
+                scenario.pass(PERIOD);
+            }
+            // 72 % at 50 % a second.
+            assert_eq!(scenario.tenths(), 80, "{ecu:?} {taking_over}");
+        }
+    }
+}
+
+/// A slew holds for a demand of the other kind, too: it rises from what the ECU reports.
+#[test]
+fn slew_limits_a_demand_of_the_other_kind() {
+    let config = Ecu::Zk.with(|s| s.slew.up = Some(100));
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(0));
+    scenario.values.rpm = Some(50_000);
+    scenario.fly(run(0), Origin::Rc, SECOND);
+    let asked = Command::Run(rpm(ZK_MAX));
+    scenario.command(asked).unwrap();
+    assert_eq!(scenario.order(), Order::Run(rpm(50_000)));
+    scenario.fly(asked, Origin::Rc, SECOND);
+    // 10 % of 160 000 rpm.
+    assert_eq!(scenario.order(), Order::Run(rpm(66_000)));
+}
+
+/// Who rules is told when it changes, also while the engine stands, and is who the others wait for.
+#[test]
+fn who_rules_is_told_in_standby() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::with(ecu, ecu.config());
+        scenario.says(Says::Standby);
+        scenario.bench.events();
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        let rc_from = scenario.now();
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        let answer = scenario.command_from(Command::Standby, Origin::Bench);
+        assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)));
+        assert_eq!(scenario.telemetry().ruler, Origin::Rc, "{ecu:?}");
+        assert_eq!(rulers(&mut scenario).last(), Some(&(rc_from, Origin::Rc)));
+    }
+}
+
+/// The end of a loss in standby shows until somebody commands.
+#[test]
+fn standby_by_loss_shows() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(1)));
+        let mut scenario = Scenario::started_with(ecu, config, percent(50));
+        scenario.pass(10 * SECOND);
+        let telemetry = scenario.telemetry();
+        assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::Standby, LossStage::Standby));
+        scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?}");
+    }
+}
+
+/// An ECU that does not do what is ordered is told after 3 s: a broken wire towards it. Neither a moment nor another state
+/// of a standing engine is.
+#[test]
+fn an_ecu_that_does_not_obey_is_told() {
+    let told = |scenario: &mut Scenario| -> Vec<Event> {
+        let events = scenario.bench.event_kinds().into_iter();
+        events.filter(|event| matches!(event, Event::NotObeyed | Event::ObeyedAgain)).collect()
+    };
+    for ecu in BOTH {
+        for command in [Command::EmergencyStop, Command::Standby] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.command(command).unwrap();
+            scenario.pass(3 * SECOND - 2 * EVERY);
+            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
+            scenario.pass(3 * EVERY);
+            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![Event::NotObeyed], false));
+            scenario.says(Says::Cooling);
+            assert_eq!(told(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
+        }
+        // The control: it takes its time, but not that long.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.command(Command::Standby).unwrap();
+        scenario.pass(2 * SECOND);
+        scenario.says(Says::Standby).pass(20 * SECOND);
+        assert_eq!(told(&mut scenario), [], "{ecu:?}");
+    }
+    // The throttle of a running engine, within 10 %.
+    for (half_percents, expected) in [(80, vec![]), (78, vec![Event::NotObeyed])] {
+        let mut scenario = Scenario::started(Ecu::Amt, percent(50));
+        scenario.values.half_percents = half_percents;
+        scenario.fly(run(50), Origin::Rc, 5 * SECOND);
+        assert_eq!(told(&mut scenario), expected, "{half_percents}");
     }
 }

@@ -604,3 +604,53 @@ fn an_rpm_demand_needs_speed_control() {
     assert_eq!(scenario.order(), Order::Run(rpm(160_000)));
     assert_eq!(scenario.wire(), Wire::RpmControl);
 }
+
+/// One odd report of a running engine during a start, perhaps of a damaged frame, neither lets the demand out nor ends the
+/// time of the start. Two do.
+#[test]
+fn one_odd_report_does_not_end_a_start() {
+    for (reports, ends) in [(1, false), (2, true)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        for _ in 0..reports {
+            scenario.pass(EVERY / 4);
+            scenario.odd(Says::Running, scenario.values);
+        }
+        assert_eq!(scenario.tenths(), if ends { 800 } else { 0 });
+        assert_eq!(scenario.telemetry().start_by.is_none(), ends);
+    }
+}
+
+/// A loss that ends in the moment it is found makes the link new all the same.
+#[test]
+fn a_loss_that_ends_at_once_is_a_loss() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.silent();
+        scenario.bench.jump_to(scenario.now() + 2 * SECOND);
+        scenario.command_from(Command::Standby, Origin::Bench).unwrap();
+        for _ in 0..2 {
+            scenario.odd(Says::Standby, scenario.values);
+        }
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        let answer = scenario.command_from(run(0), Origin::Bench);
+        assert_eq!(answer, Err(Rejected::Start(Interlock::Link)), "{ecu:?}");
+        scenario.says(Says::Standby);
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        assert_eq!(scenario.command_from(run(0), Origin::Bench), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}
+
+/// Arming and disarming are told, once for each change.
+#[test]
+fn arming_is_told() {
+    let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+    scenario.bench.events();
+    for command in [Command::Arm, Command::Arm, Command::Disarm, Command::Disarm] {
+        scenario.command(command).unwrap();
+    }
+    let told = [Event::Armed(true, Origin::Rc), Event::Armed(false, Origin::Rc)];
+    assert_eq!(scenario.bench.event_kinds(), told);
+}

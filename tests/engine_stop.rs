@@ -2,7 +2,8 @@
 
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::ecu::zk::codec::Action;
-use jetlink::ecu::{Service, zk};
+use jetlink::ecu::{Service, amt, zk};
+use jetlink::engine::Engine;
 use jetlink::engine::keep::Record;
 use jetlink::telemetry::{Event, LinkState, LossStage};
 
@@ -482,4 +483,101 @@ fn what_is_kept_is_what_is_in_force() {
         let record = scenario.bench.machine.record();
         assert_eq!((record.order, record.armed), (Order::Run(percent(60)), false));
     }
+}
+
+/// A source that was lost is lost after the reset, too: it rules when it has spoken for a while. Nor do the stages begin
+/// anew: a node that is reset again and again does not hold a demand up that nobody gives any more.
+#[test]
+fn a_lost_source_stays_lost() {
+    for ecu in BOTH {
+        let mut before = Scenario::started(ecu, percent(80));
+        before.pass(10 * SECOND);
+        assert_eq!((before.tenths(), before.telemetry().loss), (0, LossStage::FailSafe));
+        let mut scenario = before.reset(ecu.config());
+        scenario.pass(600_000);
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
+        assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
+        assert_eq!(scenario.tenths(), 0);
+        scenario.fly(run(80), Origin::Rc, 4 * SECOND);
+        assert_eq!(scenario.tenths(), 800, "{ecu:?}: it has spoken for long enough");
+
+        let mut scenario = Scenario::started(ecu, percent(80));
+        for _ in 0..20 {
+            scenario.pass(1_300_000);
+            scenario = scenario.reset(ecu.config());
+        }
+        scenario.pass(SECOND / 2);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+    }
+}
+
+/// A start goes on over a reset, and its time with it; others wait for it as before.
+#[test]
+fn a_start_keeps_its_time() {
+    for ecu in BOTH {
+        let mut before = Scenario::ready(ecu, ecu.config());
+        before.command(run(0)).unwrap();
+        before.says(Says::Starting);
+        before.fly(run(0), Origin::Rc, SECOND);
+        let mut scenario = before.reset(ecu.config());
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        assert!(scenario.telemetry().start_by.is_some());
+        assert!(scenario.bench.machine.keeps_others_from_start(us(scenario.now())), "{ecu:?}");
+        scenario.fly(run(0), Origin::Rc, 116 * SECOND);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}");
+        scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+        // The control: it runs in time.
+        let mut scenario = before.reset(ecu.config());
+        scenario.fly(run(0), Origin::Rc, SECOND);
+        scenario.says(Says::Running);
+        scenario.fly(run(0), Origin::Rc, 200 * SECOND);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}");
+    }
+}
+
+/// One report that the engine stands, the first after the reset, does not stop one that runs; two do.
+#[test]
+fn one_odd_report_after_a_reset_stops_nothing() {
+    for (odd, expected) in [(1, Order::Run(percent(60))), (2, Order::Standby)] {
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(percent(60)));
+        for _ in 0..odd {
+            scenario.pass(EVERY / 4);
+            scenario.odd(Says::Standby, scenario.values);
+        }
+        scenario.says = Some(Says::Running);
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), expected, "{odd}");
+    }
+}
+
+/// Whoever stopped the engine before a reset still holds the stop if a lower source stops it again before the node's
+/// tasks have begun.
+#[test]
+fn a_kept_stop_stays_with_the_higher_source() {
+    for (kept, again, holds) in [
+        (Origin::Emergency, Origin::Bench, Origin::Emergency),
+        (Origin::Bench, Origin::Emergency, Origin::Emergency),
+    ] {
+        let mut engine = Engine::new(&Ecu::Amt.config());
+        engine.keep(record(Order::EmergencyStop, kept));
+        engine.command(us(0), Command::EmergencyStop, again, true).unwrap();
+        assert_eq!(engine.record().origin, holds);
+        engine.start(us(0), record(Order::EmergencyStop, kept));
+        assert_eq!((engine.record().order, engine.record().origin), (Order::EmergencyStop, holds));
+    }
+}
+
+/// AMT-13: a reset while CTF is in force does not call the shutdown off; it ends as a normal one.
+#[test]
+fn a_reset_does_not_call_ctf_off() {
+    let mut before = Scenario::started(Ecu::Amt, percent(50));
+    before.command(Command::Service(Service::Amt(amt::link::Service::Ctf))).unwrap();
+    assert_eq!(before.wire(), Wire::Ctf);
+    let mut scenario = before.reset(Ecu::Amt.config());
+    scenario.fly(run(50), Origin::Rc, SECOND);
+    assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+    // And the engine that it stopped was commanded to.
+    before.says(Says::Cooling);
+    assert_eq!((before.order(), before.bench.machine.failed()), (Order::Standby, false));
 }

@@ -1,6 +1,6 @@
 //! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
 
-use jetlink::command::{Accepted, Command, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::{Action, Limit, Limits};
 use jetlink::engine::watch::Watched;
 use jetlink::telemetry::Event;
@@ -352,4 +352,92 @@ fn actions() {
         scenario.command_from(Command::Standby, Origin::Emergency).unwrap();
         assert_eq!(scenario.order(), Order::Standby);
     }
+}
+
+/// A limit with an action that is passed refuses a start; one that is only told does not.
+#[test]
+fn a_limit_that_is_passed_refuses_a_start() {
+    for (action, expected) in [
+        (Action::None, Ok(Accepted::InForce)),
+        (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(Watched::SupplyLow)))),
+        (Action::Standby, Err(Rejected::Start(Interlock::Limit(Watched::SupplyLow)))),
+    ] {
+        let config =
+            Ecu::Zk.with(|s| s.limits.supply_low = Limit { at: Some(Millivolts::new(12_000)), action });
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        for _ in 0..3 {
+            scenario.pass(EVERY);
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 50, 0]));
+        }
+        assert_eq!(scenario.limits(), [Watched::SupplyLow]);
+        assert_eq!(scenario.command(run(0)), expected, "{action:?}");
+    }
+}
+
+/// What a limit asks for is done although it was passed before the engine was ordered to run: while the node listened
+/// after a reset.
+#[test]
+fn a_limit_acts_after_a_reset() {
+    for (faults_only, action) in [
+        (false, Action::FailSafe),
+        (false, Action::Standby),
+        (true, Action::FailSafe),
+        (true, Action::Standby),
+    ] {
+        for ecu in BOTH {
+            // A ZK ECU says what its engine does along with a fault.
+            let config = ecu.with(|s| {
+                s.limits.over_temperature = Limit { at: Some(Celsius::from_tenths(7000)), action };
+                s.limits.ecu_fault = action;
+            });
+            let before = Scenario::started_with(ecu, config, percent(60));
+            let mut scenario = before.reset(config);
+            scenario.values.egt = if faults_only { 500 } else { 900 };
+            scenario.values.fault = u8::from(faults_only) * 2;
+            scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+            let expected = match action {
+                Action::Standby => Order::Standby,
+                _ => Order::Run(percent(0)),
+            };
+            assert_eq!(scenario.order(), expected, "{ecu:?} {faults_only} {action:?}");
+            assert_eq!(scenario.limits().len(), 1, "told once");
+        }
+    }
+}
+
+/// An engine that its limit shut down has failed: the others are told. One that never ran has not.
+#[test]
+fn an_engine_that_its_limit_shut_down_has_failed() {
+    for ecu in BOTH {
+        for (says, failed) in [(Says::Running, true), (Says::Starting, false)] {
+            let config = ecu.with(|s| s.limits.ecu_fault = Action::Standby);
+            let mut scenario = Scenario::ready(ecu, config);
+            scenario.command(run(0)).unwrap();
+            scenario.says(Says::Starting);
+            scenario.says(says);
+            scenario.values.fault = 2;
+            scenario.fly(run(50), Origin::Rc, SECOND);
+            assert_eq!(scenario.order(), Order::Standby);
+            assert_eq!(scenario.bench.machine.failed(), failed, "{ecu:?} {says:?}");
+            assert_eq!(scenario.telemetry().failed, failed);
+        }
+    }
+}
+
+/// The very first shaft speed may be the odd one.
+#[test]
+fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
+    let config = Ecu::Amt.with(|s| s.limits.implausible.action = Action::Standby);
+    let before = Scenario::started_with(Ecu::Amt, config, percent(60));
+    let mut scenario = before.reset(config);
+    scenario.pass(EVERY / 2);
+    scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+    scenario.fly(run(60), Origin::Rc, 2 * SECOND);
+    assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))));
+    // The control: two of them are.
+    for _ in 0..2 {
+        scenario.pass(1000);
+        scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+    }
+    assert_eq!(scenario.limits(), [Watched::Implausible]);
 }

@@ -11,7 +11,7 @@ use jetlink::channels::{Channel, Handle, LISTENERS};
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{Memory, Record};
 use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
 use jetlink::node::Node;
@@ -331,5 +331,36 @@ fn an_emergency_stop_gets_through() {
         assert!(after.len() >= 20 && after.iter().all(|(_, ops)| *ops == 0x11), "{after:?}");
         // In the reply to the very next frame.
         assert!(after[0].0 - stopped <= 125_100_000, "{} ns", after[0].0 - stopped);
+    }
+}
+
+/// That an engine has failed is known after a reset, too: the others of its group are told again.
+#[test]
+fn a_failure_is_told_again_after_a_reset() {
+    for failed in [false, true] {
+        clock::reset();
+        let (left, left_ecu) = amt(2400);
+        let (mut right, right_ecu) = zk();
+        right.port = 1;
+        let memory: &'static [Memory] = Box::leak(Box::new([const { Memory::new() }; 2]));
+        memory[0].store(&Record { failed, ..Record::new(Order::Standby, Origin::Node) });
+        let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
+        let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
+        let node = Node::with_memory(&[left, right], memory).expect("a good table");
+        let [run_left, run_right] = node.runners();
+        let world = join(
+            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
+            join(plug_left.run(), plug_right.run()),
+        );
+        let [l, r] = node.handles();
+        let scenario = async {
+            Timer::after(Duration::from_secs(3)).await;
+            assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (failed, u8::from(failed)));
+            // Until it is commanded to standby.
+            l.command(Command::Standby, Origin::Rc).expect("nobody else rules");
+            Timer::after(Duration::from_secs(1)).await;
+            assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (false, 0));
+        };
+        clock::run_for(select(world, scenario), LONG).expect("it ends");
     }
 }

@@ -97,7 +97,7 @@ pub struct StartRules {
     pub idle_band: Throttle,
     /// The exhaust is at most so hot; a hot engine is cooled first. Default 100 °C.
     pub egt_max: Celsius,
-    /// The supply has at least so much, where the ECU gives it. Default `None`: not checked.
+    /// The supply had at least so much when the ECU last gave it, if it has. Default `None`: not checked.
     pub supply_min: Option<Millivolts>,
     /// The engine has to run so long after the start was asked for, unless the ECU gives a start-up time of its
     /// own, which then counts twice, within the same range. Default 120 s, 5 s to 600 s.

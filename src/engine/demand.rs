@@ -62,7 +62,7 @@ impl Run {
             Some((origin, intent)) => {
                 if let Intent::Run(demand) = intent
                     && origin == self.ruler
-                    && self.lost.is_none()
+                    && self.fail_safe_at.is_none()
                 {
                     self.taking_over = None;
                     self.demand = demand;
@@ -79,7 +79,7 @@ impl Run {
                 };
                 if now >= latest || self.shaper.is_close(demand, &config.takeover) {
                     self.taking_over = None;
-                    self.lost = None;
+                    self.fail_safe_at = None;
                     self.demand = demand;
                     self.ruler = origin;
                     self.stage(LossStage::None, told);
@@ -89,8 +89,7 @@ impl Run {
                 self.taking_over = None;
                 let heard = sources.last_heard(self.ruler).unwrap_or(now);
                 let silent_from = heard.checked_add(config.ages.of(self.ruler)).unwrap_or(now);
-                let lost = *self.lost.get_or_insert(silent_from.min(now));
-                let fail_safe_at = lost + config.loss.hold;
+                let fail_safe_at = *self.fail_safe_at.get_or_insert(silent_from.min(now) + config.loss.hold);
                 let standby_at = config.loss.standby_after.map(|after| fail_safe_at + after);
                 if standby_at.is_some_and(|at| now >= at) {
                     self.stage(LossStage::Standby, told);
@@ -109,7 +108,7 @@ impl Run {
             // The stages stand still: the source that waits takes over, or falls silent.
             return None;
         }
-        let fail_safe_at = self.lost? + config.loss.hold;
+        let fail_safe_at = self.fail_safe_at?;
         match self.stage {
             LossStage::None | LossStage::Hold => Some(fail_safe_at),
             LossStage::FailSafe => config.loss.standby_after.map(|after| fail_safe_at + after),

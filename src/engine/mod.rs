@@ -47,7 +47,6 @@ const STOPPED_REPORTS: u8 = 3;
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "one for each engine, and there is no heap")]
 enum Mode {
     /// After a reset: until the ECU has said what its engine does.
     Listen {
@@ -106,8 +105,8 @@ struct Run {
     demand: Demand,
     /// Another source waits to take over, until then at the latest.
     taking_over: Option<(Origin, Instant)>,
-    /// Since when no source is fresh.
-    lost: Option<Instant>,
+    /// No source is fresh: when the fail-safe stage begins, or has begun.
+    fail_safe_at: Option<Instant>,
     stage: LossStage,
     /// A limit was passed whose action is the fail-safe throttle.
     limited: bool,
@@ -507,7 +506,8 @@ impl Engine {
         if matches!(self.mode, Mode::Run(_)) {
             // Whose demand is in force is for `update`.
             self.update(now);
-            let in_force = matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.lost.is_none());
+            let in_force =
+                matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
             return Ok(if rules && in_force { Accepted::InForce } else { Accepted::Held });
         }
         if !rules {
@@ -644,13 +644,11 @@ impl Engine {
             Beginning::FromStandby => (false, LossStage::None),
             Beginning::GoingOn { limited, loss } => (limited, loss),
         };
-        // What had begun before a reset does not begin anew.
-        let lost = match stage {
+        let fail_safe_at = match stage {
             LossStage::None => None,
-            LossStage::Hold => Some(now),
-            LossStage::FailSafe | LossStage::Standby => {
-                Some(now.checked_sub(self.config.loss.hold).unwrap_or(Instant::MIN))
-            }
+            LossStage::Hold => Some(now + self.config.loss.hold),
+            // It had begun before the reset, and does not begin anew.
+            LossStage::FailSafe | LossStage::Standby => Some(now),
         };
         self.mode = Mode::Run(Run {
             began: now,
@@ -663,7 +661,7 @@ impl Engine {
             ruler: origin,
             demand,
             taking_over: None,
-            lost,
+            fail_safe_at,
             stage,
             limited,
             shaper: Shaper::new(now, demand),

@@ -169,6 +169,14 @@ impl Scenario {
         scenario
     }
 
+    /// The same node after a reset now, with what it kept; its ECU goes on.
+    pub fn reset(&self, config: EngineConfig) -> Self {
+        let mut scenario = Self::after_reset(self.ecu, config, Some(self.bench.machine.record()));
+        scenario.introduce();
+        (scenario.says, scenario.values) = (self.says, self.values);
+        scenario
+    }
+
     /// From now on the ECU says this, and has said it four times: enough to withdraw an order to run.
     pub fn says(&mut self, says: Says) -> &mut Self {
         self.says = Some(says);
