@@ -1,6 +1,6 @@
 //! The library inside somebody's own Embassy firmware: one ZK engine on USART1 of an STM32H743.
 //!
-//! It compiles for the board (`cargo build --release --target thumbv7em-none-eabihf --features
+//! It compiles for the board (`cargo build --release --target thumbv7em-none-eabihf --package jetlink --features
 //! board-matek-h743 --example own_firmware`); on the host it is a stub. `docs/porting.md` walks through it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -15,6 +15,7 @@ mod firmware {
     use jetlink::command::{Command, Origin};
     use jetlink::config::{EngineConfig, check};
     use jetlink::ecu::zk::codec::Rate;
+    use jetlink::engine::keep::Memory;
     use jetlink::line::Line;
     use jetlink::runner::{LineErrors, Runner};
     use static_cell::StaticCell;
@@ -27,7 +28,14 @@ mod firmware {
         USART1 => BufferedInterruptHandler<peripherals::USART1>;
     });
 
-    // 2. A task that owns the UART. It wants a higher priority than whatever computes for long: see how
+    // 2. What has to survive a reset: order, demand, source, arming, a latched emergency stop. With `Channel::new`
+    //    all of it would be forgotten at every reset.
+    // SAFETY: cortex-m-rt's section `.uninit` is RAM that start-up leaves as it is. Every bit pattern is a valid
+    // `Memory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+    #[unsafe(link_section = ".uninit.kept")]
+    static KEPT: Memory = Memory::new();
+
+    // 3. A task that owns the UART. It wants a higher priority than whatever computes for long: see how
     //    src/firmware.rs uses an InterruptExecutor.
     #[embassy_executor::task]
     async fn engine(runner: Runner<'static>, uart: BufferedUart<'static>) {
@@ -37,7 +45,8 @@ mod firmware {
         runner.run(rx, tx, &ERRORS).await
     }
 
-    // 3. Anything that commands or listens has a handle; they can be copied.
+    // 4. Anything that commands or listens has a handle; they can be copied. This one commands standby: it also shuts
+    //    down an engine that went on after a reset.
     #[embassy_executor::task]
     async fn pilot(handle: Handle<'static>) {
         let mut tick = Ticker::every(Duration::from_millis(100));
@@ -56,7 +65,7 @@ mod firmware {
 
         let mut config = usart::Config::default();
         config.baudrate = ENGINE.line.baud;
-        // 4. Every byte as it comes: without this the reader wakes at the idle line, too late for AMT.
+        // 3. Every byte as it comes: without this the reader wakes at the idle line, too late for AMT.
         config.eager_reads = Some(1);
         static TX: StaticCell<[u8; 32]> = StaticCell::new();
         static RX: StaticCell<[u8; 256]> = StaticCell::new();
@@ -64,9 +73,11 @@ mod firmware {
         let uart = defmt::unwrap!(BufferedUart::new(p.USART1, p.PA10, p.PA9, tx, rx, Irqs, config));
 
         static CHANNEL: StaticCell<Channel> = StaticCell::new();
-        let channel: &'static Channel = CHANNEL.init(Channel::new(&ENGINE));
+        let channel: &'static Channel = CHANNEL.init(Channel::with_memory(&ENGINE, &KEPT));
         spawner.spawn(defmt::unwrap!(engine(channel.runner(), uart)));
         spawner.spawn(defmt::unwrap!(pilot(channel.handle())));
+        // 5. A watchdog is fed only while `channel.handle().progress()` changes. There is none here: see
+        //    `supervisor` in src/firmware.rs.
     }
 
     #[panic_handler]
