@@ -259,7 +259,9 @@ impl Oracle {
                 .filter(|at| *at > self.at && *at <= to)
                 .min();
             let Some(next) = next else { break };
+            let ruled = self.ruler(self.at);
             self.at = next;
+            self.ruled_until_now(ruled);
             self.look();
         }
         self.at = to;
@@ -333,6 +335,16 @@ impl Oracle {
                     self.settled = at;
                 }
             }
+        }
+    }
+
+    /// Whoever ruled up to now and no longer does: its demand may have come into force since the last frame, and be what
+    /// is held from here on.
+    fn ruled_until_now(&mut self, ruled: Option<(Origin, Source)>) {
+        if let Some((before, Source { word: Word::Run(demand), .. })) = ruled
+            && self.ruler(self.at).is_none_or(|(origin, _)| origin != before)
+        {
+            self.peak(demand);
         }
     }
 
@@ -498,6 +510,7 @@ impl Oracle {
             Command::HandOverToPwm | Command::Service(_) => return Ok(()),
         };
         let age = self.age(origin);
+        let ruled = self.ruler(at);
         let idle = matches!(word, Word::Run(demand) if self.is_idle(demand));
         for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
             if place != origin {
@@ -526,6 +539,7 @@ impl Oracle {
             }
             *slot = Some(Source { word, heard: at, ..source });
         }
+        self.ruled_until_now(ruled);
         self.look();
         Ok(())
     }
