@@ -20,7 +20,7 @@ const NOMINAL_MAX_RPM: u32 = 100_000;
 /// Where the demand shall go.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Plan {
-    /// Not above what is asked, and no further to it: another source is about to take over.
+    /// No further to what is asked: another source is about to take over, or the one that asked is silent.
     Hold(Demand),
     /// To what the ruling source asks.
     To(Demand),
@@ -120,7 +120,8 @@ impl Run {
         if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
             let ruled = self.stage == LossStage::None && self.taking_over.is_none();
             Plan::FailSafe { asked: self.demand, ruled }
-        } else if self.taking_over.is_some() {
+        } else if self.taking_over.is_some() || self.stage == LossStage::Hold {
+            // Also where the demand has not come to pass yet: nobody asks for more now.
             Plan::Hold(self.demand)
         } else {
             Plan::To(self.demand)

@@ -15,24 +15,26 @@ pub mod keep;
 pub mod state;
 pub mod watch;
 
+mod commands;
 mod demand;
 mod governor;
 mod ramp;
+mod reset;
 mod sources;
 
 use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
 use self::demand::{Lowered, Shape, Shaper};
 use self::keep::Record;
-use self::sources::{Intent, Sources};
+use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
 use self::watch::{Passed, Watch, Watched};
-use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
+use crate::command::{Accepted, Command, Demand, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
 use crate::link::{Link, Output, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
-use crate::units::{Hectopascals, Rpm, Throttle};
+use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
@@ -178,34 +180,6 @@ impl Engine {
         }
     }
 
-    /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
-    /// does not take its place.
-    pub fn keep(&mut self, kept: Option<Record>) {
-        self.armed = kept.is_some_and(|kept| kept.armed);
-        self.failed = kept.is_some_and(|kept| kept.failed);
-        self.mode = Mode::listen(kept);
-        self.given_to_keep = kept;
-    }
-
-    /// Begins, after a reset of whatever kind. Listens first; `kept` is what survived the reset.
-    pub fn start(&mut self, now: Instant, kept: Option<Record>) {
-        self.link.start(now);
-        if matches!(self.mode, Mode::Stop(_)) {
-            return;
-        }
-        if let Some(kept) = kept {
-            (self.armed, self.failed) = (kept.armed, kept.failed);
-        }
-        match kept {
-            // A latched stop does not wait.
-            Some(Record { order: Order::EmergencyStop, origin, .. }) => self.stop(now, origin),
-            kept => {
-                self.mode = Mode::listen(kept);
-                self.order(now, Order::Listen, Origin::Node);
-            }
-        }
-    }
-
     /// When the last good frame of the ECU was complete.
     pub fn heard(&self) -> Option<Instant> {
         self.link.heard()
@@ -311,49 +285,6 @@ impl Engine {
         self.update(now);
     }
 
-    /// What shall survive a reset, if it is not what the last call gave.
-    pub fn to_keep(&mut self) -> Option<Record> {
-        let record = self.record();
-        (self.given_to_keep.replace(record) != Some(record)).then_some(record)
-    }
-
-    /// What shall survive a reset.
-    pub fn record(&self) -> Record {
-        let order = match &self.mode {
-            Mode::Listen { kept: Some(kept), .. } => {
-                return Record { armed: self.armed, failed: self.failed, ..*kept };
-            }
-            Mode::Listen { kept: None, .. } => Order::Listen,
-            Mode::Stop(_) => Order::EmergencyStop,
-            Mode::Standby => Order::Standby,
-            // A reset ends the service command, not the shutdown.
-            Mode::Run(_) if self.link.shutting_down() => Order::Standby,
-            // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
-            // the rest back.
-            Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
-            // A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
-            // source takes over, is none to jump to.
-            Mode::Run(run) => match (run.demand, self.ordered.order) {
-                (Demand::Throttle(asked), Order::Run(Demand::Throttle(now))) if now < asked => {
-                    self.ordered.order
-                }
-                (Demand::Rpm(asked), Order::Run(Demand::Rpm(now))) if now < asked => self.ordered.order,
-                _ => Order::Run(run.demand),
-            },
-            Mode::Pwm => Order::Pwm,
-        };
-        let origin = match &self.mode {
-            Mode::Stop(origin) => *origin,
-            Mode::Run(run) => run.ruler,
-            _ => self.ordered.origin,
-        };
-        let (limited, loss) = match &self.mode {
-            Mode::Run(run) => (run.limited, run.stage),
-            _ => (false, LossStage::None),
-        };
-        Record { order, origin, armed: self.armed, limited, loss, failed: self.failed }
-    }
-
     /// A snapshot.
     pub fn telemetry(&self, now: Instant) -> Telemetry {
         let mut counters = self.link.counters();
@@ -385,217 +316,6 @@ impl Engine {
             failed: self.failed,
             others_failed: self.others_failed,
             counters,
-        }
-    }
-
-    // -----------------------------------------------------------------------------------------
-    // Commands
-    // -----------------------------------------------------------------------------------------
-
-    fn obey(
-        &mut self,
-        now: Instant,
-        command: Command,
-        origin: Origin,
-        others_allow_start: bool,
-    ) -> Result<Accepted, Rejected> {
-        match command {
-            Command::EmergencyStop => {
-                self.stop(now, origin);
-                return Ok(Accepted::InForce);
-            }
-            Command::Arm | Command::Disarm => {
-                let armed = command == Command::Arm;
-                if core::mem::replace(&mut self.armed, armed) != armed {
-                    self.event(Event::Armed(armed, origin));
-                }
-                return Ok(Accepted::InForce);
-            }
-            Command::ReleaseStop => return self.release(now, origin),
-            Command::Standby => self.sources.heard(now, origin, Intent::Standby),
-            // A demand that the ECU cannot do is refused below and changes nothing, not even what its source asked before.
-            Command::Run(demand) if self.can(now, demand).is_ok() => {
-                self.sources.heard(now, origin, Intent::Run(demand));
-            }
-            Command::Run(_) => {}
-            Command::HandOverToPwm | Command::Service(_) => {}
-        }
-        if matches!(self.mode, Mode::Stop(_)) {
-            return Err(Rejected::StopLatched);
-        }
-        if matches!(self.mode, Mode::Listen { .. }) {
-            let lost = self.link.state() == LinkState::Lost;
-            return Err(if lost { Rejected::NoLink } else { Rejected::Listening });
-        }
-        if let Command::Run(demand) = command {
-            self.can(now, demand)?;
-        }
-        if let Some(ruler) = self.sources.above(now, origin) {
-            return match command {
-                // Done once: nobody would do it when the other falls silent.
-                Command::HandOverToPwm | Command::Service(_) => Err(Rejected::Behind(ruler)),
-                _ => Ok(Accepted::Behind(ruler)),
-            };
-        }
-        match command {
-            Command::Run(demand) => self.run(now, demand, origin, others_allow_start),
-            Command::HandOverToPwm => {
-                self.link.order(now, Order::Pwm)?;
-                self.mode = Mode::Pwm;
-                self.start_allowed = false;
-                self.note_order(Order::Pwm, origin);
-                Ok(Accepted::InForce)
-            }
-            Command::Service(service) => {
-                if service.needs_stopped_engine() {
-                    self.require_stopped()?;
-                }
-                self.link.service(now, service).map(|()| Accepted::InForce)
-            }
-            // Standby; the others were dealt with above. Of a source below the one that ruled and was lost it is a
-            // take-over: that is for `update`, which gives the other one time to come back.
-            _ if matches!(&self.mode, Mode::Run(run) if origin.priority() < run.ruler.priority()) => {
-                Ok(Accepted::Held)
-            }
-            _ => {
-                self.standby(now, origin);
-                self.start_allowed = true;
-                self.failed = false;
-                Ok(Accepted::InForce)
-            }
-        }
-    }
-
-    fn release(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
-        if let Mode::Listen { kept: Some(Record { order: Order::EmergencyStop, .. }), .. } = self.mode {
-            // The stop that was kept comes into force when the engine begins.
-            return Err(Rejected::Listening);
-        }
-        if let Mode::Stop(by) = self.mode {
-            if origin.priority() < by.priority() {
-                return Err(Rejected::NotYours(by));
-            }
-            if let Some(Intent::Run(demand)) = self.sources.intent(origin)
-                && !self.is_idle(demand)
-            {
-                return Err(Rejected::Start(Interlock::NotIdle));
-            }
-            if self.link.state() != LinkState::Up {
-                return Err(Rejected::NoLink);
-            }
-            // Standby is no start, so a phase that the ECU no longer tells does not keep the stop: an AMT error
-            // set carries none.
-            let told = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
-            if told {
-                self.require_stopped()?;
-            }
-            self.standby(now, origin);
-        }
-        Ok(Accepted::InForce)
-    }
-
-    fn run(
-        &mut self,
-        now: Instant,
-        demand: Demand,
-        origin: Origin,
-        others_allow_start: bool,
-    ) -> Result<Accepted, Rejected> {
-        // A source that speaks again after it was lost is not there yet: it neither moves nor starts an engine.
-        let rules = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
-        if matches!(self.mode, Mode::Run(_)) {
-            // Whose demand is in force is for `update`.
-            self.update(now);
-            let in_force =
-                matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
-            return Ok(if rules && in_force { Accepted::InForce } else { Accepted::Held });
-        }
-        if !rules {
-            return Ok(Accepted::Held);
-        }
-        if !self.start_allowed {
-            return Err(Rejected::StandbyFirst);
-        }
-        self.interlocks(now, demand, others_allow_start).map_err(Rejected::Start)?;
-        self.begin(now, demand, origin, Beginning::FromStandby);
-        Ok(Accepted::InForce)
-    }
-
-    /// Whether the ECU, or the governor for it, can do this.
-    fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
-        let Demand::Rpm(rpm) = demand else { return Ok(()) };
-        match self.link.speed_control() {
-            Err(why) => {
-                let Some(governor) = self.config.governor else { return Err(why) };
-                // At work it deals with old speeds itself: they are no reason to lose the source.
-                let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
-                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
-                if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
-            }
-            Ok(()) => match self.link.report().max_rpm {
-                Some(max) if rpm > max.value => Err(Rejected::AboveMaxRpm { max: max.value }),
-                _ => Ok(()),
-            },
-        }
-    }
-
-    /// What keeps the engine from a start, the first thing found.
-    fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
-        let rules = &self.config.start;
-        let report = self.link.report();
-        if rules.arming && !self.armed {
-            return Err(Interlock::NotArmed);
-        }
-        if !self.is_idle(demand) {
-            return Err(Interlock::NotIdle);
-        }
-        let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
-        if self.link.state() != LinkState::Up || !stable {
-            return Err(Interlock::Link);
-        }
-        if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
-            return Err(Interlock::Fault);
-        }
-        if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {
-            return Err(Interlock::NotStandby);
-        }
-        match report.egt.filter(|egt| egt.age(now) <= rules.link_stable.max(Duration::from_secs(1))) {
-            None => return Err(Interlock::EgtUnknown),
-            Some(egt) if egt.value > rules.egt_max => return Err(Interlock::TooHot(egt.value)),
-            Some(_) => {}
-        }
-        if let (Some(least), Some(supply)) =
-            (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
-            && supply < least
-        {
-            return Err(Interlock::SupplyLow(supply));
-        }
-        if let Some((passed, _)) = self.watch.in_force() {
-            return Err(Interlock::Limit(passed.what));
-        }
-        if !others_allow_start {
-            return Err(Interlock::OtherStarting);
-        }
-        Ok(())
-    }
-
-    fn is_idle(&self, demand: Demand) -> bool {
-        match demand {
-            Demand::Throttle(throttle) => throttle <= self.config.start.idle_band,
-            Demand::Rpm(rpm) => {
-                let idle = self.link.report().idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
-                rpm <= idle
-            }
-        }
-    }
-
-    fn require_stopped(&self) -> Result<(), Rejected> {
-        if self.link.state() != LinkState::Up {
-            return Err(Rejected::NoLink);
-        }
-        match self.phase() {
-            Some(phase) if phase.is_stopped() => Ok(()),
-            _ => Err(Rejected::NotStopped),
         }
     }
 
@@ -727,93 +447,6 @@ impl Engine {
                 self.standby(now, Origin::Node);
             }
             _ => {}
-        }
-    }
-
-    /// After a reset: goes on with an engine that runs, and orders standby where none does.
-    fn listen(&mut self, now: Instant) {
-        let Mode::Listen { kept, until, stands } = &mut self.mode else { return };
-        let Some(heard) = self.link.heard() else { return };
-        let until = *until.get_or_insert(heard + self.config.listen);
-        let kept = *kept;
-        let phase = self.link.report().phase;
-        // One report that it stands, perhaps of a damaged frame, is not enough: a second one has to agree.
-        let standing = phase.filter(|phase| !phase.value.is_alive() && phase.value != Phase::Unknown);
-        let stands = match standing {
-            Some(phase) => *stands.get_or_insert(phase.at) != phase.at,
-            None => {
-                *stands = None;
-                false
-            }
-        };
-        if self.link.report().powered_up.is_some() {
-            // An ECU that has just been powered up runs nothing.
-            self.standby(now, Origin::Node);
-            return;
-        }
-        // An AMT ECU with a fault sends, and does not say what its engine does. What was kept is all there is.
-        let only_faults = self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
-        match phase.map(|phase| phase.value) {
-            // A ZK ECU says what it does before it says what it obeys.
-            Some(phase) if phase.is_alive() && now < until && !self.knows_enough(now, kept) => {}
-            Some(phase) if phase.is_alive() => self.go_on(now, kept),
-            // The document has no name for it: whatever was in force stays in force, and if nothing was, standby.
-            Some(Phase::Unknown) if kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
-                self.go_on(now, kept);
-            }
-            Some(_) if standing.is_none() || stands => self.standby(now, Origin::Node),
-            Some(_) => {}
-            None if (now >= until || only_faults)
-                && kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) =>
-            {
-                self.go_on(now, kept);
-            }
-            None if now >= until => self.standby(now, Origin::Node),
-            None => {}
-        }
-    }
-
-    /// Whether the ECU has said what it takes to go on as before.
-    fn knows_enough(&self, now: Instant, kept: Option<Record>) -> bool {
-        match kept.map(|kept| kept.order) {
-            Some(Order::Run(Demand::Rpm(_))) if self.config.governor.is_none() => {
-                self.link.speed_control().is_ok()
-            }
-            Some(Order::Run(demand)) => self.can(now, demand).is_ok(),
-            Some(Order::Standby | Order::Pwm) => true,
-            _ => self.link.report().throttle.is_some(),
-        }
-    }
-
-    fn go_on(&mut self, now: Instant, kept: Option<Record>) {
-        let report = self.link.report();
-        let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
-        let Record { order, origin, limited, loss, .. } = match kept {
-            Some(kept @ Record { order: Order::Run(_) | Order::Standby | Order::Pwm, .. }) => kept,
-            // Nothing was kept: what the ECU obeys is what was commanded. By whom is not known, so it is nobody's, and
-            // the stages of loss begin.
-            _ => match report.switch.map(|switch| switch.value) {
-                Some(ReportedSwitch::Run) | None => {
-                    Record::new(Order::Run(Demand::Throttle(reported)), Origin::Node)
-                }
-                Some(_) => Record::new(Order::Standby, Origin::Node),
-            },
-        };
-        match order {
-            Order::Run(demand) => {
-                let demand = if self.can(now, demand).is_ok() { demand } else { Demand::Throttle(reported) };
-                self.sources.resume(now, origin, demand, loss != LossStage::None);
-                self.begin(now, demand, origin, Beginning::GoingOn { limited, loss });
-                self.event(Event::WentOn(demand));
-                if loss != LossStage::None {
-                    self.event(Event::SourceLoss(loss));
-                }
-            }
-            Order::Pwm if self.link.order(now, Order::Pwm).is_ok() => {
-                self.mode = Mode::Pwm;
-                self.note_order(Order::Pwm, origin);
-            }
-            _ => self.standby(now, Origin::Node),
         }
     }
 
@@ -979,12 +612,6 @@ impl Engine {
         if !same_kind || before.origin != origin {
             self.event(Event::Ordered(self.ordered));
         }
-    }
-
-    /// Keeps the last refusal of a source, and gives the one before.
-    fn note_rejection(&mut self, origin: Origin, why: Option<Rejected>) -> Option<Rejected> {
-        let slot = Origin::ALL.into_iter().zip(&mut self.last_rejection).find(|(place, _)| *place == origin);
-        slot.and_then(|(_, last)| core::mem::replace(last, why))
     }
 
     fn phase(&self) -> Option<Phase> {

@@ -886,7 +886,7 @@ impl Oracle {
         let version_known = at > self.booted + BEHIND_FAULTY && at > self.fault_at + BEHIND_FAULTY;
         let governed = self.config.supervision.governor.filter(|_| !self.speed_control || !version_known);
         let authority = governed.map_or(0, |governor| governor.authority.tenths());
-        let sliding = if self.on_its_way(at) { self.last_asked } else { 0 };
+        let sliding = if self.on_its_way(at) && !self.lost { self.last_asked } else { 0 };
         let from = from.max(authority).max(sliding);
         let limit = match self.held(at) {
             // An rpm that is held is still governed.
@@ -949,7 +949,7 @@ impl Oracle {
             _ => 0,
         };
         // With a slew it may still be on its way to what was asked before.
-        let sliding = if self.on_its_way(at) { self.max_rpm } else { 0 };
+        let sliding = if self.on_its_way(at) && !self.lost { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
         let limit = match self.asked(at) {

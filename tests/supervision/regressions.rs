@@ -8,6 +8,7 @@ use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::keep::{Memory, Record};
 use jetlink::line::Line;
+use jetlink::telemetry::LossStage;
 use jetlink::units::{Celsius, Throttle};
 
 /// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
@@ -119,5 +120,30 @@ fn a_start_goes_on_at_idle() {
         scenario.says(Says::Starting);
         scenario.fly(run(72), Origin::Rc, SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// A demand that had not come to pass when its source fell silent does not come to pass any more: neither because the
+/// engine comes to run, nor by a slew.
+#[test]
+fn a_lost_demand_never_rises() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        scenario.fly(run(56), Origin::Rc, SECOND);
+        scenario.pass(SECOND);
+        assert_eq!(scenario.telemetry().loss, LossStage::Hold);
+        scenario.says(Says::Running);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+
+        let config = ecu.with(|s| s.slew.up = Some(100));
+        let mut scenario = Scenario::started_with(ecu, config, percent(0));
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.pass(500_000);
+        let lost_at = scenario.tenths();
+        assert!((100..200).contains(&lost_at), "{ecu:?}: {lost_at}");
+        scenario.pass(900_000);
+        assert_eq!(scenario.tenths(), lost_at, "{ecu:?}");
     }
 }
