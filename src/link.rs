@@ -112,6 +112,8 @@ pub trait Link {
     fn shutting_down(&self) -> bool {
         false
     }
+    /// Good frames so far; wraps. The same as in [`Link::counters`].
+    fn frames(&self) -> u32;
     /// What was counted.
     fn counters(&self) -> Counters;
 }
@@ -231,15 +233,14 @@ impl Outbox {
 
     /// The next thing to do, if any.
     pub fn poll(&mut self) -> Option<Output> {
-        if let Some(event) = self.events.pop_front() {
-            return Some(Output::Event(event));
+        // A reply is in more of a hurry than what there is to tell.
+        if !self.busy
+            && let Some(transmission) = self.waiting.take()
+        {
+            self.busy = true;
+            return Some(Output::Transmit(transmission));
         }
-        if self.busy {
-            return None;
-        }
-        let transmission = self.waiting.take()?;
-        self.busy = true;
-        Some(Output::Transmit(transmission))
+        self.events.pop_front().map(Output::Event)
     }
 }
 

@@ -113,7 +113,7 @@ impl<'a> Runner<'a> {
     async fn receive<R: Read>(&self, mut rx: R, errors: &LineErrors) -> ! {
         let mut buffer = [0; 64];
         loop {
-            let deadline = self.drain();
+            let deadline = self.drain().await;
             self.publish();
             self.tell_group();
             self.channel.made_progress();
@@ -147,12 +147,11 @@ impl<'a> Runner<'a> {
             });
             if frame {
                 self.changed.set(true);
+                self.drain().await;
             }
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();
-            self.drain();
         }
-        // The writing half gets its turn at once: a reply goes out before anything is published, and even if
-        // the next bytes wait already.
+        // So that an ECU which babbles leaves the processor to others.
         yield_now().await;
     }
 
@@ -196,10 +195,15 @@ impl<'a> Runner<'a> {
     }
 
     /// Does what the engine wants done now. Gives when it wants to be woken.
-    fn drain(&self) -> Option<Instant> {
+    async fn drain(&self) -> Option<Instant> {
         loop {
             match self.channel.with(|engine| engine.poll()) {
-                Output::Transmit(transmission) => self.outgoing.signal(transmission),
+                Output::Transmit(transmission) => {
+                    self.outgoing.signal(transmission);
+                    // The writing half gets its turn at once: a reply goes out before the engine is looked at, and
+                    // before anything is published.
+                    yield_now().await;
+                }
                 Output::Event(event) => self.channel.events.immediate_publisher().publish_immediate(event),
                 Output::Wait(deadline) => return deadline,
             }

@@ -183,6 +183,10 @@ impl Link for AnyLink {
         each!(self, link => link.shutting_down())
     }
 
+    fn frames(&self) -> u32 {
+        each!(self, link => link.frames())
+    }
+
     fn counters(&self) -> Counters {
         each!(self, link => link.counters())
     }

@@ -180,8 +180,13 @@ impl Engine {
         }
         match report.egt.filter(|egt| egt.age(now) <= rules.link_stable.max(Duration::from_secs(1))) {
             None => return Err(Interlock::EgtUnknown),
-            Some(egt) if egt.value > rules.egt_max => return Err(Interlock::TooHot(egt.value)),
-            Some(_) => {}
+            // Cool in two values in a row: AMT frames carry no checksum.
+            Some(egt) => {
+                let hottest = self.watch.hottest().unwrap_or(egt.value).max(egt.value);
+                if hottest > rules.egt_max {
+                    return Err(Interlock::TooHot(hottest));
+                }
+            }
         }
         if let (Some(least), Some(supply)) =
             (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))

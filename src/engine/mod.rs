@@ -149,6 +149,10 @@ pub struct Engine {
     commands_rejected: u32,
     /// The last refusal of each source, in the order of [`Origin::ALL`].
     last_rejection: [Option<Rejected>; Origin::ALL.len()],
+    /// When it asked to be woken last.
+    wake: Option<Instant>,
+    /// A frame came then that nobody has looked at yet.
+    unseen: Option<Instant>,
     events: Deque<Event, 12>,
     events_lost: u32,
 }
@@ -175,6 +179,8 @@ impl Engine {
             disobeys: false,
             commands_rejected: 0,
             last_rejection: [None; Origin::ALL.len()],
+            wake: None,
+            unseen: None,
             events: Deque::new(),
             events_lost: 0,
         }
@@ -185,14 +191,17 @@ impl Engine {
         self.link.heard()
     }
 
-    /// Bytes came from the ECU; see [`Link::receive`].
+    /// Bytes came from the ECU; see [`Link::receive`]. The reply says what is ordered by now; what the frame itself changes
+    /// is found when the reply has been handed out, and is in the next one.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        // Not the time of the last frame: several can come at once.
-        let before = self.link.counters().frames;
-        let taken = self.link.receive(now, bytes);
-        if self.link.counters().frames != before {
-            self.look(now);
+        if self.wake.is_some_and(|at| at <= now) {
             self.update(now);
+        }
+        // Not the time of the last frame: several can come at once.
+        let before = self.link.frames();
+        let taken = self.link.receive(now, bytes);
+        if self.link.frames() != before {
+            self.unseen = Some(now);
         }
         taken
     }
@@ -221,11 +230,22 @@ impl Engine {
 
     /// See [`Link::poll`].
     pub fn poll(&mut self) -> Output {
-        if let Some(event) = self.events.pop_front() {
-            return Output::Event(event);
+        let mut output = self.link.poll();
+        if matches!(output, Output::Wait(_))
+            && let Some(now) = self.unseen.take()
+        {
+            self.look(now);
+            self.update(now);
+            output = self.link.poll();
         }
-        match self.link.poll() {
-            Output::Wait(deadline) => Output::Wait(earlier(deadline, self.deadline())),
+        match output {
+            Output::Wait(deadline) => match self.events.pop_front() {
+                Some(event) => Output::Event(event),
+                None => {
+                    self.wake = earlier(deadline, self.deadline());
+                    Output::Wait(self.wake)
+                }
+            },
             output => output,
         }
     }

@@ -58,15 +58,13 @@ impl Sources {
         }
     }
 
-    /// After a reset: who ruled before, as if it had just spoken. It has to speak again within its age limit, and if it was
-    /// lost, for as long as any that was.
+    /// After a reset: who ruled before, as if it had just spoken. What it has said since, while the node listened, is newer
+    /// than what was kept. It has to speak again within its age limit, and if it was lost, for as long as any that was.
     pub fn resume(&mut self, now: Instant, origin: Origin, demand: Demand, was_lost: bool) {
-        self.heard(now, origin, Intent::Run(demand));
         for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
-            if place == origin
-                && let Some(source) = slot
-            {
-                (source.since, source.was_lost) = (now, was_lost);
+            if place == origin {
+                let intent = slot.map_or(Intent::Run(demand), |source| source.intent);
+                *slot = Some(Source { intent, heard: now, since: now, was_lost });
             }
         }
     }

@@ -172,6 +172,11 @@ impl Watch {
         self.found.pop_front()
     }
 
+    /// The hotter of the last two exhaust temperatures: one odd frame does not make a hot exhaust cool.
+    pub const fn hottest(&self) -> Option<Celsius> {
+        self.egt_kept
+    }
+
     /// The limit that is passed now and asks for the most, if one asks for anything.
     pub fn in_force(&self) -> Option<(Passed, Action)> {
         [

@@ -1,9 +1,9 @@
 //! What random worlds have found, each as the shortest schedule that shows it.
 
-use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, percent, run, tenths};
+use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, percent, run, tenths};
 use embassy_time::Duration;
 use jetlink::channels::Channel;
-use jetlink::command::{Accepted, Command, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::keep::{Memory, Record};
@@ -145,5 +145,38 @@ fn a_lost_demand_never_rises() {
         assert!((100..200).contains(&lost_at), "{ecu:?}: {lost_at}");
         scenario.pass(900_000);
         assert_eq!(scenario.tenths(), lost_at, "{ecu:?}");
+    }
+}
+
+/// What a source says while the node listens after a reset is newer than what was kept of it.
+#[test]
+fn a_word_said_while_the_node_listens_is_newer_than_what_was_kept() {
+    for ecu in BOTH {
+        for (said, then) in [(run(8), Order::Run(percent(8))), (Command::Standby, Order::Standby)] {
+            let kept = Record { armed: true, ..Record::new(Order::Run(percent(33)), Origin::Mavlink) };
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
+            scenario.introduce();
+            assert!(scenario.command_from(said, Origin::Mavlink).is_err(), "it listens");
+            scenario.says(Says::Running);
+            assert_eq!(scenario.order(), then, "{ecu:?}");
+        }
+    }
+}
+
+/// The exhaust counts as cool after two values in a row: an AMT frame has no checksum.
+#[test]
+fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.values.egt = 300;
+        scenario.fly(Command::Standby, Origin::Rc, SECOND);
+        let odd = Values { egt: 26, ..scenario.values };
+        scenario.odd(Says::Standby, odd);
+        let answer = scenario.command(run(0));
+        assert!(matches!(answer, Err(Rejected::Start(Interlock::TooHot(_)))), "{ecu:?}: {answer:?}");
+        // The control: two of them do.
+        scenario.values.egt = 26;
+        scenario.fly(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
 }

@@ -467,6 +467,10 @@ impl Link for AmtLink {
         self.ctf
     }
 
+    fn frames(&self) -> u32 {
+        self.decoder.counters().frames
+    }
+
     fn counters(&self) -> Counters {
         let decoder = self.decoder.counters();
         Counters {

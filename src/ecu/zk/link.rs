@@ -730,6 +730,10 @@ impl Link for ZkLink {
         self.presence.up_since()
     }
 
+    fn frames(&self) -> u32 {
+        self.decoder.counters().frames
+    }
+
     fn counters(&self) -> Counters {
         let decoder = self.decoder.counters();
         Counters {
