@@ -157,6 +157,7 @@ pub struct Oracle {
     before_reset: (u16, u32),
     resumed_until: u64,
     guard: bool,
+    memory_lost: bool,
     gave_up_before: Option<u64>,
 }
 
@@ -211,6 +212,7 @@ impl Oracle {
             before_reset: (0, 0),
             resumed_until: 0,
             guard: false,
+            memory_lost: false,
             gave_up_before: None,
         }
     }
@@ -567,7 +569,10 @@ impl Oracle {
                 "(5) after a reset the ECU stopped a running engine, because the node left it alone".into()
             );
         }
-        if !truth.live || truth.odd {
+        // With a fault an AMT ECU says neither what its engine does nor what it obeys, also where that begins only while
+        // the node listens; without memory there is nothing to go on from.
+        let untold = self.amt && truth.faulty && self.listening && self.memory_lost;
+        if !truth.live || truth.odd || untold {
             self.guard = false;
         }
         if truth.standby || truth.odd {
@@ -604,6 +609,7 @@ impl Oracle {
         self.tally.resets_running += u64::from(self.guard);
         self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.gave_up);
         self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
+        self.memory_lost = kept == Kept::Lost;
         match kept {
             Kept::Valid(demand) => self.kept = demand,
             Kept::Lost => {
