@@ -41,12 +41,12 @@ impl Lines {
         self.next = at + self.every;
         let mut out = io::stdout().lock();
         if self.lines.is_multiple_of(HEAD_EVERY) {
-            writeln!(out, "{:>7}  {}", "s", heads())?;
+            writeln!(out, "{:>7}  {}", "s", heads(&self.names))?;
         }
         let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
         let rates = frame_rates(&self.before, at, &frames);
         for ((name, sample), rate) in self.names.iter().zip(samples).zip(rates) {
-            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, sample, rate))?;
+            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, &self.names, sample, rate))?;
             self.lines += 1;
         }
         self.before = Some((at, frames));

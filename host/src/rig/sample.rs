@@ -99,8 +99,19 @@ impl Sample {
     /// What the engine does; while it starts, with the step as the ECU names it.
     pub fn does_text(&self) -> String {
         match self.does {
-            EngineState::Starting(step) => format!("starting: {}", step.name),
+            EngineState::Starting(step) => format!("start: {}", step.name),
             other => other.name().to_owned(),
+        }
+    }
+
+    /// What was last on the wire.
+    pub fn wire_text(&self) -> String {
+        match self.on_wire {
+            None | Some(Said::Nothing) => "-".to_owned(),
+            Some(Said::Stop) => "STOP".to_owned(),
+            Some(Said::Standby) => "standby".to_owned(),
+            Some(Said::Run(tenths)) => format!("{:.1} %", f64::from(tenths) / 10.0),
+            Some(Said::RunRpm(rpm)) => format!("{rpm} rpm"),
         }
     }
 

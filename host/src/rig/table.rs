@@ -116,10 +116,10 @@ impl Table {
                 format!("jetlink rig   {passed:.1} s of {length:.0} s   [{:<40}]   q: end", "#".repeat(done)),
             ),
             (false, String::new()),
-            (true, heads()),
+            (true, heads(&self.names)),
         ];
         for ((name, sample), rate) in self.names.iter().zip(samples).zip(&self.rates) {
-            lines.push((false, row(name, sample, *rate)));
+            lines.push((false, row(name, &self.names, sample, *rate)));
         }
         lines.push((false, String::new()));
         lines.push((true, "what happened, the latest first".to_owned()));
