@@ -5,6 +5,7 @@ mod csv;
 mod desk;
 mod engines;
 mod faults;
+mod limiter;
 mod lines;
 mod node;
 mod pilot;

@@ -17,7 +17,7 @@ const COLUMNS: [(&str, usize); 11] = [
     ("progress", 8),
     ("armed", 5),
     ("errors", 6),
-    ("worst timing", 28),
+    ("worst timing", 34),
 ];
 
 /// The heads of the columns in one line. `names` are those of all engines.

@@ -3,7 +3,7 @@
 use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Order, Origin};
+use jetlink::command::{Order, Origin, Rejected};
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
 
@@ -157,6 +157,17 @@ pub const fn source(origin: Origin) -> &'static str {
         Origin::Mavlink => "mavlink",
         Origin::Rc => "rc",
         Origin::Emergency => "emergency",
+    }
+}
+
+/// Why a command was refused, for people.
+pub fn rejected(why: Rejected) -> String {
+    match why {
+        Rejected::NotYours(origin) => format!(
+            "the emergency stop came from {}, which has to release it, or a higher source",
+            source(origin)
+        ),
+        other => other.to_string(),
     }
 }
 
