@@ -200,8 +200,11 @@ fn the_plot_is_well_formed_and_names_all() {
         .map(str::trim)
         .collect();
     for label in [
-        "left: AMT Olympus, 2400 baud",
-        "booster: ZK version 5, 115200 baud",
+        "left: AMT Olympus, 2400 baud; demand: 100 % = 108\u{a0}500 rpm",
+        "centre: ZK version 4, 9600 baud; demand: 100 % = 160\u{a0}000 rpm",
+        "booster: ZK version 5, 115200 baud; demand in rpm",
+        "100 %",
+        "160\u{a0}000",
         "EGT in °C",
         "time in s",
         "cooling",
@@ -415,6 +418,15 @@ fn scenarios_are_listed_drawn_and_the_same_every_time() {
                 "{name}: {texts:?}"
             );
             assert!(has("on the wire") && has("event"), "{name}: {texts:?}");
+            assert!(
+                has("demand: 100 % = ") && has(if name == "hot-start" { "0 %" } else { "60 %" }),
+                "{name}"
+            );
+            // The last phase is short: its name ends with the picture, clear of the axis.
+            let done = |node: &roxmltree::Node<'_, '_>| node.text().is_some_and(|text| text.trim() == "done");
+            for node in xml.descendants().filter(|node| node.is_element()).filter(done) {
+                assert_eq!(node.attribute("text-anchor"), Some("end"), "{name}");
+            }
         }
     }
 }

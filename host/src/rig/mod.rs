@@ -26,7 +26,7 @@ use self::engines::Engine;
 use self::faults::Faults;
 use self::lines::Lines;
 use self::plan::Plan;
-use self::plot::Plot;
+use self::plot::{Plot, Subject};
 use self::scenario::Scenario;
 use self::session::Setup;
 use self::show::{Screen, Show};
@@ -216,8 +216,12 @@ fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
         Some(scenario) => format!("{}: {}", scenario.name(), scenario.line()),
         None => format!("jetlink rig, seed {}", setup.seed),
     };
-    let captions = setup.engines.iter().map(Engine::caption).collect();
-    let plot = args.plot.as_deref().map(|path| Plot::create(path, captions, title)).transpose()?;
+    let subjects = setup.engines.iter().map(|engine| Subject {
+        caption: engine.caption(),
+        max_rpm: simulated::parameters(engine).max_rpm,
+        by_rpm: engine.by_rpm(),
+    });
+    let plot = args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.
     let on_terminal = io::stdout().is_terminal();
     let table = (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length));
