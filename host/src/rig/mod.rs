@@ -50,6 +50,13 @@ What it does:
   table shows it live (q or Ctrl-C ends it); otherwise, and with --fast, plain lines do. The summary at the end
   counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
 
+What is shown:
+  asked   what the pilot commands
+  wire    what the node last said to the ECU: it differs from what is asked while a limit, a loss, another source or
+          an emergency stop (STOP) has its way
+  worst cadence error   ZK: the node sends at fixed turns. An emergency stop, and the frame right behind a change of
+          the way of commanding, go out ahead of their turn and do not count
+
 Engines:
   --engine name=left,ecu=amt,engine=olympus,baud=2400
       engine: mercury, pegasus, olympus (default), titan, nike, lynx
