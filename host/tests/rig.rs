@@ -63,7 +63,7 @@ fn what_is_shown_is_for_people() {
     assert!(happened(&text, "left").contains(&"the ECU names its engine: Olympus"), "{text}");
     assert!(
         happened(&text, "all")
-            .contains(&"the node has started: it listens to the engines before it takes commands")
+            .contains(&"the node has started: it listens to the engines before it obeys run or standby")
     );
     assert!(!text.contains("rejected: the node has just started"), "{text}");
     assert_eq!(summary(&text, "worst cadence error"), ["-", "-", "0.000", "ms", "0.000", "ms"], "{text}");

@@ -208,7 +208,7 @@ async fn with_node(
     loop {
         let reset = {
             let channels = node.boot();
-            notes.add(None, "the node has started: it listens to the engines before it takes commands");
+            notes.add(None, "the node has started: it listens to the engines before it obeys run or standby");
             let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
             let mut tasks: Vec<Task<'_>> = Vec::new();
             for (((channel, desk), plug), errors) in channels.iter().zip(desks).zip(plugs).zip(&errors) {

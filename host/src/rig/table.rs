@@ -184,7 +184,7 @@ mod tests {
             "{:>7.1}  {:<12}  {}",
             87.3, "right", "no other engine counts as failed any more (runs again)"
         );
-        assert_eq!(wrapped(&note, 80), [note.clone()]);
+        assert_eq!(wrapped(&note, 80), [note.as_str()]);
         let below = format!("{}more (runs again)", " ".repeat(23));
         assert_eq!(
             wrapped(&note, 60),
