@@ -43,6 +43,38 @@ fn the_default_engines_do_all_that_is_asked() {
     }
 }
 
+/// The cells of a row of the summary.
+#[track_caller]
+fn summary(text: &str, head: &str) -> Vec<String> {
+    let (_, summary) = text.split_once("\nSummary after").expect("a summary");
+    let line = summary.lines().find(|line| line.trim_start().starts_with(head)).expect(head);
+    line.trim_start().trim_start_matches(head).split_whitespace().map(str::to_owned).collect()
+}
+
+/// The lines of what happened to this engine, without their times.
+fn happened<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
+    let name = format!("  {name:<12}  ");
+    text.lines().filter_map(|line| line.split_once(&name)).map(|(_, what)| what).collect()
+}
+
+#[test]
+fn what_is_shown_is_for_people() {
+    let text = status(&fast(&[]), 0);
+    assert!(happened(&text, "left").contains(&"the ECU names its engine: Olympus"), "{text}");
+    assert!(
+        happened(&text, "all")
+            .contains(&"the node has started: it listens to the engines before it obeys run or standby")
+    );
+    assert!(!text.contains("rejected: the node has just started"), "{text}");
+    assert_eq!(summary(&text, "worst cadence error"), ["-", "-", "0.000", "ms", "0.000", "ms"], "{text}");
+    // What matters stands in the first 80 columns behind the time.
+    let head = text.lines().find(|line| line.starts_with("      s  engine")).expect("a head");
+    let heads: Vec<&str> = head.split_whitespace().collect();
+    assert_eq!(heads[..8], ["s", "engine", "state", "rpm", "EGT", "asked", "wire", "link"]);
+    let (_, rest) = head.split_once("link").unwrap();
+    assert!(head.len() - rest.len() + "  ".len() <= 9 + 80, "{head}");
+}
+
 #[test]
 fn one_seed_gives_one_output() {
     for faults in ["from=0s", "heavy"] {
@@ -66,7 +98,9 @@ fn many_kinds_of_engines() {
     ] {
         let args: Vec<&str> = engines.iter().flat_map(|engine| ["--engine", engine]).collect();
         let text = status(&fast(&args), 0);
-        assert!(text.contains(" 0 missed"), "{engines:?}\n{text}");
+        // Only AMT ECUs have windows for replies.
+        let windows = engines.iter().any(|engine| engine.contains("ecu=amt"));
+        assert_eq!(text.contains(" replies in time, 0 missed"), windows, "{engines:?}\n{text}");
     }
 }
 
@@ -74,10 +108,7 @@ fn many_kinds_of_engines() {
 fn noise_gives_no_command_and_links_recover() {
     for seed in ["1", "2", "3", "4", "5", "6"] {
         let text = status(&fast(&["--faults", "heavy", "--seed", seed]), 0);
-        let row = |head: &str| -> Vec<String> {
-            let line = text.lines().find(|line| line.trim_start().starts_with(head)).expect(head);
-            line.trim_start().trim_start_matches(head).split_whitespace().map(str::to_owned).collect()
-        };
+        let row = |head| summary(&text, head);
         assert_eq!(row("commands that nobody gave"), ["0"; 4], "{text}");
         assert!(row("decode errors of the node").iter().all(|count| count != "0"), "{text}");
         let recovered = row("link up after the faults");
@@ -169,8 +200,11 @@ fn the_plot_is_well_formed_and_names_all() {
         .map(str::trim)
         .collect();
     for label in [
-        "left: AMT Olympus, 2400 baud",
-        "booster: ZK version 5, 115200 baud",
+        "left: AMT Olympus, 2400 baud; demand: 100 % = 108\u{a0}500 rpm",
+        "centre: ZK version 4, 9600 baud; demand: 100 % = 160\u{a0}000 rpm",
+        "booster: ZK version 5, 115200 baud; demand in rpm",
+        "100 %",
+        "160\u{a0}000",
         "EGT in °C",
         "time in s",
         "cooling",
@@ -243,7 +277,7 @@ const SCENARIOS: [&str; 6] =
 
 /// Plays a scenario, and gives what is left of each line that says what happened.
 #[track_caller]
-fn scenario(name: &str, least: usize) -> Vec<String> {
+fn scenario(name: &str, least: usize) -> (String, Vec<String>) {
     let text = status(&fast(&["--scenario", name]), 0);
     assert!(text.contains("All that had to happen did, and all engines are shut down."), "{text}");
     assert!(!text.contains("DID NOT HAPPEN") && !text.contains("FAILED  "), "{text}");
@@ -254,27 +288,62 @@ fn scenario(name: &str, least: usize) -> Vec<String> {
         .map(|what| what.trim().to_owned())
         .collect();
     assert!(happened.len() >= least, "{} of {least}: {text}", happened.len());
-    happened
+    // Names as a programmer writes them.
+    for name in ["InForce", "FailSafe", "Emergency", "Bench", "None", "reports fault"] {
+        assert!(!text.contains(name), "{name}: {text}");
+    }
+    (text, happened)
+}
+
+/// These were told of this engine, in this order; others may stand between them.
+#[track_caller]
+fn told(text: &str, name: &str, expected: &[&str]) {
+    let happened = happened(text, name);
+    let mut lines = happened.iter();
+    for what in expected {
+        assert!(lines.any(|line| line.starts_with(what)), "{name}: {what}, in {happened:#?}");
+    }
 }
 
 #[test]
 fn the_source_is_lost_in_flight() {
-    scenario("source-loss", 18);
+    let (_, happened) = scenario("source-loss", 18);
+    for what in ["left: told, hold", "left: told, fail-safe", "left: told, the source is back"] {
+        assert!(happened.iter().any(|happened| happened == what), "{what}: {happened:#?}");
+    }
 }
 
 #[test]
 fn a_hot_start() {
-    scenario("hot-start", 8);
+    let (text, _) = scenario("hot-start", 8);
+    // However much was told before.
+    let expected = [
+        "the engine is starting",
+        "LIMIT: hot start",
+        "LIMIT: EGT 845 °C",
+        "the engine is cooling",
+        "FAULT: egt-high",
+        "the engine stopped: the node goes to standby",
+        "command of bench rejected: command standby before a start",
+        "no fault any more",
+        "command of bench rejected: the ECU does not report standby",
+    ];
+    told(&text, "left", &expected);
 }
 
 #[test]
 fn a_flame_out() {
-    scenario("flame-out", 13);
+    let (text, _) = scenario("flame-out", 13);
+    // Both engines are dead then.
+    let expected =
+        ["ANOTHER ENGINE HAS FAILED", "no other engine counts as failed any more (runs again, or was"];
+    told(&text, "left", &expected);
+    told(&text, "right", &expected);
 }
 
 #[test]
 fn a_reset_in_flight() {
-    let happened = scenario("reset-in-flight", 21);
+    let (text, happened) = scenario("reset-in-flight", 21);
     let gap = |of: &str| -> (f64, f64) {
         let line =
             happened.iter().find(|line| line.starts_with(of) && line.contains("to the next")).expect(of);
@@ -288,6 +357,18 @@ fn a_reset_in_flight() {
         let (whole, after) = gap(of);
         assert!(whole > away && whole < away + 0.6 && after < 0.6, "{of}: {whole} s, {after} s");
     }
+    // Counts and rates go on over both resets.
+    let rates: Vec<u32> = text
+        .lines()
+        .filter_map(|line| line.split_once("  up ")?.1.split_once("/s "))
+        .map(|(rate, _)| rate.parse().expect("a rate"))
+        .collect();
+    assert!(rates.len() > 30 && rates.iter().all(|rate| (5..=20).contains(rate)), "{rates:?}");
+    let count = |head| summary(&text, head).into_iter().map(|cell| cell.parse::<u32>().unwrap());
+    for (sent, received) in count("frames sent by the ECU").zip(count("frames received by the node")) {
+        // It was away for 1.35 s of 89 s.
+        assert!(received <= sent && received * 100 > sent * 98, "{received} of {sent}");
+    }
 }
 
 #[test]
@@ -297,7 +378,18 @@ fn one_of_two_engines_is_lost() {
 
 #[test]
 fn an_emergency_stop_during_a_start() {
-    scenario("emergency-stop", 20);
+    let (text, _) = scenario("emergency-stop", 20);
+    told(
+        &text,
+        "right",
+        &[
+            "EMERGENCY STOP by emergency",
+            "command of bench rejected: the emergency stop came from emergency, ",
+        ],
+    );
+    // What is asked for, and what is on the wire.
+    assert!(text.lines().any(|line| line.contains("  right ") && line.contains("  60.0 %        STOP  up ")));
+    assert_eq!(summary(&text, "worst cadence error"), ["-", "0.000", "ms"], "{text}");
 }
 
 #[test]
@@ -326,6 +418,15 @@ fn scenarios_are_listed_drawn_and_the_same_every_time() {
                 "{name}: {texts:?}"
             );
             assert!(has("on the wire") && has("event"), "{name}: {texts:?}");
+            assert!(
+                has("demand: 100 % = ") && has(if name == "hot-start" { "0 %" } else { "60 %" }),
+                "{name}"
+            );
+            // The last phase is short: its name ends with the picture, clear of the axis.
+            let done = |node: &roxmltree::Node<'_, '_>| node.text().is_some_and(|text| text.trim() == "done");
+            for node in xml.descendants().filter(|node| node.is_element()).filter(done) {
+                assert_eq!(node.attribute("text-anchor"), Some("end"), "{name}");
+            }
         }
     }
 }

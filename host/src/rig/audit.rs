@@ -94,7 +94,10 @@ pub struct Audit {
     frame_end: Nanos,
     /// What was begun before belongs to a node that is no more.
     reset_at: Nanos,
-    last_frame: Option<Nanos>,
+    /// The first bit of the frame of the last turn (ZK).
+    last_turn: Option<Nanos>,
+    /// The first bit of the last frame, if it was a switch in a command of its own (ZK).
+    switched_at: Option<Nanos>,
     /// What the node said last that concerns the switch or the demand.
     pub on_wire: Option<Said>,
     /// All that it said; kept for a scenario's judge.
@@ -104,7 +107,7 @@ pub struct Audit {
     /// Those of them that went out before the ECU said anything: it was still starting up.
     pub frames_unheard: u64,
     ecu_spoke: bool,
-    /// The largest difference of two frames' distance from the cadence (ZK).
+    /// The largest difference of two turns' distance from the cadence (ZK), see [`Audit::measure_cadence`].
     pub worst_cadence_error: Option<Nanos>,
     /// Frames that nothing allows.
     pub not_given: u64,
@@ -140,7 +143,8 @@ impl Audit {
             frame_start: 0,
             frame_end: 0,
             reset_at: 0,
-            last_frame: None,
+            last_turn: None,
+            switched_at: None,
             frames: 0,
             frames_unheard: 0,
             ecu_spoke: false,
@@ -169,7 +173,8 @@ impl Audit {
     pub fn reset(&mut self, at: Nanos) {
         self.frame.clear();
         self.reset_at = at;
-        self.last_frame = None;
+        self.last_turn = None;
+        self.switched_at = None;
         let before = self.on_wire.take();
         self.allow(at, Allowed::Again(before.unwrap_or(Said::Standby)));
     }
@@ -232,11 +237,7 @@ impl Audit {
         self.frames += 1;
         self.frames_unheard += u64::from(!self.ecu_spoke);
         let start = self.frame_start;
-        if let (Some(cadence), Some(last)) = (self.cadence, self.last_frame.replace(start)) {
-            let error = (start - last).abs_diff(cadence);
-            let worst = self.worst_cadence_error.get_or_insert(0);
-            *worst = error.max(*worst);
-        }
+        self.measure_cadence(start, &frame);
         let meant = match self.kind {
             Kind::Amt(_) => sim::amt::parse_command(&frame)
                 .map(|command| {
@@ -267,6 +268,30 @@ impl Audit {
             Ok((true, ..)) => {}
             Ok((false, what, _)) | Err(what) => self.find(start, frame, &what),
         }
+    }
+
+    /// From turn to turn. What may go out ahead of its turn does not count, and leaves the turns where they are: the
+    /// first frame of an emergency stop, and the frame right behind a switch, when the way of commanding changes.
+    fn measure_cadence(&mut self, start: Nanos, frame: &[u8]) {
+        let Some(cadence) = self.cadence else { return };
+        let command = <&[u8; 4]>::try_from(frame).ok().and_then(|frame| sim::zk::parse_command(frame).ok());
+        let switched_at = core::mem::replace(
+            &mut self.switched_at,
+            matches!(command, Some(ZkCommand::Switch { .. })).then_some(start),
+        );
+        let begins_stop = self.on_wire != Some(Said::Stop)
+            && command.is_some_and(|command| self.zk_said(command) == Said::Stop);
+        let behind_switch = switched_at.is_some_and(|at| start < at + LONGEST_GAP);
+        let Some(last) = self.last_turn else {
+            self.last_turn = Some(start);
+            return;
+        };
+        if start < last + cadence && (begins_stop || behind_switch) {
+            return;
+        }
+        self.last_turn = Some(start);
+        let error = (start - last).abs_diff(cadence);
+        self.worst_cadence_error = self.worst_cadence_error.max(Some(error));
     }
 
     /// Whether an order that was in force when the frame was made allows it.
@@ -447,6 +472,29 @@ mod tests {
             audit.look(&entries(2000 * MILLIS, &frame));
             assert_eq!(audit.not_given == before, allowed, "{frame:02X?}");
         }
+    }
+
+    #[test]
+    fn the_cadence_is_that_of_the_turns() {
+        // What goes out ahead of its turn leaves the turns where they are.
+        let mut ahead = audit(3);
+        ahead.look(&entries(0, &zk(0x60, 0x13)));
+        ahead.look(&entries(MILLIS / 2, &zk(0x74, 0xE2))); // the speed, right behind its switch
+        ahead.look(&entries(20 * MILLIS, &zk(0x60, 0x13)));
+        ahead.look(&entries(33 * MILLIS, &zk(0x14, 0))); // an emergency stop
+        ahead.look(&entries(40 * MILLIS, &zk(0x14, 0)));
+        assert_eq!(ahead.worst_cadence_error, Some(0));
+        // The turn behind it is late.
+        ahead.look(&entries(63 * MILLIS, &zk(0x14, 0)));
+        assert_eq!(ahead.worst_cadence_error, Some(3 * MILLIS));
+        // Nothing else may be early.
+        ahead.look(&entries(76 * MILLIS, &zk(0x14, 0)));
+        assert_eq!(ahead.worst_cadence_error, Some(7 * MILLIS));
+        // A late stop is late.
+        let mut late = audit(3);
+        late.look(&entries(0, &zk(0, 0)));
+        late.look(&entries(29 * MILLIS, &zk(0x14, 0)));
+        assert_eq!(late.worst_cadence_error, Some(9 * MILLIS));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::audit::Audit;
 use super::engines::Engine;
+use super::limiter::Limiter;
 use super::sample::Message;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Rejected};
@@ -154,6 +155,8 @@ pub struct Desk<'a> {
     pub stops: Cell<u32>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
+    /// For what may come in any number.
+    limiter: RefCell<Limiter>,
     notes: &'a Notes,
 }
 
@@ -170,6 +173,7 @@ impl<'a> Desk<'a> {
             audit: RefCell::new(Audit::new(engine)),
             stops: Cell::new(0),
             recovered_after: Cell::new(None),
+            limiter: RefCell::new(Limiter::new()),
             notes,
         }
     }
@@ -201,5 +205,21 @@ impl<'a> Desk<'a> {
     /// Notes something about this engine.
     pub fn note(&self, text: impl Into<String>) {
         self.notes.add(Some(self.index), text);
+    }
+
+    /// Notes something that may come in any number: what is too much is counted.
+    pub fn note_limited(&self, text: String) {
+        self.note_hidden(false);
+        if self.limiter.borrow_mut().lets_through(Instant::now()) {
+            self.note(text);
+        }
+    }
+
+    /// Notes how much was not shown: when its time is over, or `at_the_end` at once.
+    pub fn note_hidden(&self, at_the_end: bool) {
+        let mut limiter = self.limiter.borrow_mut();
+        if let Some(text) = if at_the_end { limiter.rest() } else { limiter.over(Instant::now()) } {
+            self.note(text);
+        }
     }
 }

@@ -41,12 +41,12 @@ impl Lines {
         self.next = at + self.every;
         let mut out = io::stdout().lock();
         if self.lines.is_multiple_of(HEAD_EVERY) {
-            writeln!(out, "{:>7}  {}", "s", heads())?;
+            writeln!(out, "{:>7}  {}", "s", heads(&self.names))?;
         }
         let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
         let rates = frame_rates(&self.before, at, &frames);
         for ((name, sample), rate) in self.names.iter().zip(samples).zip(rates) {
-            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, sample, rate))?;
+            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, &self.names, sample, rate))?;
             self.lines += 1;
         }
         self.before = Some((at, frames));
@@ -62,5 +62,21 @@ pub fn frame_rates(before: &Option<(Instant, Vec<u32>)>, at: Instant, frames: &[
     };
     let passed = seconds(at - since).max(0.001);
     let counts = counts.iter().copied().chain(std::iter::repeat(0));
-    frames.iter().zip(counts).map(|(now, before)| f64::from(now.wrapping_sub(before)) / passed).collect()
+    // A count that is lower than before has begun again: all of it is new.
+    let came = |(&now, before): (&u32, u32)| now.checked_sub(before).unwrap_or(now);
+    frames.iter().zip(counts).map(|pair| f64::from(came(pair)) / passed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counters_that_begin_again_count_from_zero() {
+        let at = |seconds| Instant::MIN + Duration::from_secs(seconds);
+        let before = Some((at(10), vec![500, 500, 500]));
+        let rates = frame_rates(&before, at(15), &[540, 20, 500]);
+        assert_eq!(rates, [8.0, 4.0, 0.0]);
+        assert_eq!(frame_rates(&None, at(5), &[40]), [8.0]);
+    }
 }

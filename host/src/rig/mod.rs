@@ -5,6 +5,7 @@ mod csv;
 mod desk;
 mod engines;
 mod faults;
+mod limiter;
 mod lines;
 mod node;
 mod pilot;
@@ -25,7 +26,7 @@ use self::engines::Engine;
 use self::faults::Faults;
 use self::lines::Lines;
 use self::plan::Plan;
-use self::plot::Plot;
+use self::plot::{Plot, Subject};
 use self::scenario::Scenario;
 use self::session::Setup;
 use self::show::{Screen, Show};
@@ -48,6 +49,13 @@ What it does:
   idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
   table shows it live (q or Ctrl-C ends it); otherwise, and with --fast, plain lines do. The summary at the end
   counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
+
+What is shown:
+  asked   what the pilot commands
+  wire    what the node last said to the ECU: it differs from what is asked while a limit, a loss, another source or
+          an emergency stop (STOP) has its way
+  worst cadence error   ZK: the node sends at fixed turns. An emergency stop, and the frame right behind a change of
+          the way of commanding, go out ahead of their turn and do not count
 
 Engines:
   --engine name=left,ecu=amt,engine=olympus,baud=2400
@@ -215,8 +223,12 @@ fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
         Some(scenario) => format!("{}: {}", scenario.name(), scenario.line()),
         None => format!("jetlink rig, seed {}", setup.seed),
     };
-    let captions = setup.engines.iter().map(Engine::caption).collect();
-    let plot = args.plot.as_deref().map(|path| Plot::create(path, captions, title)).transpose()?;
+    let subjects = setup.engines.iter().map(|engine| Subject {
+        caption: engine.caption(),
+        max_rpm: simulated::parameters(engine).max_rpm,
+        by_rpm: engine.by_rpm(),
+    });
+    let plot = args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.
     let on_terminal = io::stdout().is_terminal();
     let table = (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length));

@@ -8,7 +8,7 @@ use embassy_time::Duration;
 use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
 use jetlink::engine::keep::Memory;
-use jetlink::telemetry::Telemetry;
+use jetlink::telemetry::{Counters, Telemetry};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
@@ -32,6 +32,8 @@ pub struct Node<'a> {
     engines: &'a [Engine],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
+    /// What was counted until the last reset.
+    before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
 }
 
@@ -41,8 +43,13 @@ impl<'a> Node<'a> {
         for memory in &MEMORY {
             memory.clear();
         }
-        let node =
-            Self { engines, channels: RefCell::new(None), last: RefCell::default(), wanted: Cell::new(None) };
+        let node = Self {
+            engines,
+            channels: RefCell::new(None),
+            last: RefCell::default(),
+            before: RefCell::new(vec![Counters::default(); engines.len()]),
+            wanted: Cell::new(None),
+        };
         node.boot();
         node
     }
@@ -55,7 +62,10 @@ impl<'a> Node<'a> {
             .zip(&MEMORY)
             .map(|(engine, memory)| Channel::with_memory(&engine.config, memory))
             .collect();
-        self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
+        let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
+        for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {
+            *before = sum(before, &last.counters);
+        }
         self.channels.replace(Some(channels.clone()));
         channels
     }
@@ -86,10 +96,13 @@ impl<'a> Node<'a> {
         self.channels.borrow().is_some()
     }
 
-    /// What is known of an engine; while the node is away, what was known last.
+    /// What is known of an engine; while the node is away, what was known last. The node begins to count again when
+    /// it was reset: here the counts go on.
     pub fn telemetry(&self, engine: usize) -> Telemetry {
         self.look();
-        self.last.borrow()[engine]
+        let mut telemetry = self.last.borrow()[engine];
+        telemetry.counters = sum(&self.before.borrow()[engine], &telemetry.counters);
+        telemetry
     }
 
     /// A command. `None`: the node is away and nobody hears it.
@@ -109,5 +122,47 @@ impl<'a> Node<'a> {
                 *last = channel.handle().telemetry();
             }
         }
+    }
+}
+
+/// What was counted before a reset and since.
+fn sum(before: &Counters, since: &Counters) -> Counters {
+    Counters {
+        frames: before.frames.saturating_add(since.frames),
+        unknown_frames: before.unknown_frames.saturating_add(since.unknown_frames),
+        crc_failures: before.crc_failures.saturating_add(since.crc_failures),
+        truncated: before.truncated.saturating_add(since.truncated),
+        damaged_frames: before.damaged_frames.saturating_add(since.damaged_frames),
+        bytes_skipped: before.bytes_skipped.saturating_add(since.bytes_skipped),
+        framing_errors: before.framing_errors.saturating_add(since.framing_errors),
+        noise_errors: before.noise_errors.saturating_add(since.noise_errors),
+        overruns: before.overruns.saturating_add(since.overruns),
+        parity_errors: before.parity_errors.saturating_add(since.parity_errors),
+        read_errors: before.read_errors.saturating_add(since.read_errors),
+        sent: before.sent.saturating_add(since.sent),
+        replies_missed: before.replies_missed.saturating_add(since.replies_missed),
+        replies_late: before.replies_late.saturating_add(since.replies_late),
+        turns_missed: before.turns_missed.saturating_add(since.turns_missed),
+        given_up: before.given_up.saturating_add(since.given_up),
+        write_errors: before.write_errors.saturating_add(since.write_errors),
+        commands_rejected: before.commands_rejected.saturating_add(since.commands_rejected),
+        events_lost: before.events_lost.saturating_add(since.events_lost),
+        worst_reply_margin: before.worst_reply_margin.into_iter().chain(since.worst_reply_margin).min(),
+        worst_turn_delay: before.worst_turn_delay.max(since.worst_turn_delay),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_of_two_boots_are_added_and_the_worst_of_both_is_kept() {
+        let ms = |ms| Some(Duration::from_millis(ms));
+        let first = Counters { frames: 500, worst_reply_margin: ms(9), ..Counters::default() };
+        let second = Counters { frames: 30, worst_turn_delay: ms(2), ..Counters::default() };
+        let both = sum(&first, &second);
+        assert_eq!((both.frames, both.worst_reply_margin, both.worst_turn_delay), (530, ms(9), ms(2)));
+        assert_eq!(sum(&both, &Counters { worst_reply_margin: ms(7), ..first }).worst_reply_margin, ms(7));
     }
 }

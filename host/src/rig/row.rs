@@ -2,29 +2,31 @@
 
 use super::sample::Sample;
 use embassy_time::Duration;
+use jetlink::telemetry::LinkState;
 
-/// Heads of the columns, with their widths.
-pub const COLUMNS: [(&str, usize); 11] = [
-    ("engine", 12),
-    ("progress", 8),
-    ("state", 25),
-    ("rules", 18),
-    ("armed", 5),
-    ("rpm", 7),
+/// Heads of the columns with their widths, what matters most first: up to the link they fit 80 columns with names
+/// like `booster`. A text that is wider is cut.
+const COLUMNS: [(&str, usize); 11] = [
+    ("state", 18),
+    ("rpm", 6),
     ("EGT", 7),
-    ("demand", 11),
-    ("link", 12),
+    ("asked", 10),
+    ("wire", 10),
+    ("link", 8),
+    ("rules", 15),
+    ("progress", 8),
+    ("armed", 5),
     ("errors", 6),
-    ("worst timing", 16),
+    ("worst timing", 34),
 ];
 
-/// The heads of the columns in one line.
-pub fn heads() -> String {
-    align(&COLUMNS.map(|(head, _)| head.to_owned()))
+/// The heads of the columns in one line. `names` are those of all engines.
+pub fn heads(names: &[&str]) -> String {
+    align("engine", names, &COLUMNS.map(|(head, _)| head.to_owned()))
 }
 
 /// One engine in one line. `frames_per_second` is what came from the ECU lately.
-pub fn row(name: &str, sample: &Sample, frames_per_second: f64) -> String {
+pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) -> String {
     let dash = || "-".to_owned();
     let counters = &sample.counters;
     let timing = match (counters.worst_reply_margin, counters.worst_turn_delay) {
@@ -33,19 +35,25 @@ pub fn row(name: &str, sample: &Sample, frames_per_second: f64) -> String {
         (None, None) => dash(),
     };
     let missed = sample.missed();
-    align(&[
-        name.to_owned(),
-        sample.stage.name().to_owned(),
+    let cells = [
         sample.does_text(),
-        sample.rules_text(),
-        if sample.armed { "yes" } else { "no" }.to_owned(),
         sample.rpm.map_or_else(dash, |rpm| rpm.to_string()),
         sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")),
         if sample.silent { "silent".to_owned() } else { sample.lever.to_string() },
-        format!("{} {frames_per_second:.0}/s", sample.link_name()),
+        sample.wire_text(),
+        // Of a line that is down, the rate would be of the time before.
+        if sample.link == LinkState::Up {
+            format!("up {frames_per_second:.0}/s")
+        } else {
+            sample.link_name().to_owned()
+        },
+        sample.rules_text(),
+        sample.stage.name().to_owned(),
+        if sample.armed { "yes" } else { "no" }.to_owned(),
         sample.decode_errors().to_string(),
         if missed == 0 { timing } else { format!("{missed} MISSED, {timing}") },
-    ])
+    ];
+    align(name, names, &cells)
 }
 
 /// A time in milliseconds.
@@ -53,13 +61,100 @@ pub fn millis(time: Duration) -> String {
     format!("{:.3} ms", time.as_micros() as f64 / 1000.0)
 }
 
-fn align(cells: &[String; COLUMNS.len()]) -> String {
-    let mut line = String::new();
+fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()]) -> String {
+    let width = names.iter().map(|name| name.len()).fold("engine".len(), usize::max);
+    let mut line = format!("{name:<width$}  ");
     for (cell, (head, width)) in cells.iter().zip(COLUMNS) {
-        let right = matches!(head, "rpm" | "EGT" | "demand" | "errors");
-        let width = width.max(head.len());
+        let right = matches!(head, "rpm" | "EGT" | "asked" | "wire" | "errors");
+        let cell = if cell.chars().count() > width {
+            cell.chars().take(width - 1).chain(['…']).collect()
+        } else {
+            cell.clone()
+        };
         line += &if right { format!("{cell:>width$}  ") } else { format!("{cell:<width$}  ") };
     }
     line.truncate(line.trim_end().len());
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::audit::Said;
+    use super::super::desk::{Desk, Lever, Notes, Stage};
+    use super::super::engines::engines;
+    use super::super::node::Node;
+    use super::*;
+    use jetlink::command::{Demand, Order, Origin};
+    use jetlink::engine::state::EngineState;
+    use jetlink::telemetry::LossStage;
+    use jetlink::units::{Rpm, Throttle};
+
+    /// Whatever is shown, these are the columns that matter.
+    fn where_they_end(line: &str) -> Vec<usize> {
+        let mut end = "booster  ".len();
+        COLUMNS
+            .iter()
+            .map(|(_, width)| {
+                end += width + 2;
+                let between = line.chars().skip(end - 2).take(2);
+                assert!(between.clone().all(|c| c == ' '), "{end}: {line}");
+                end - 2
+            })
+            .collect()
+    }
+
+    #[test]
+    fn what_matters_fits_80_columns_and_nothing_moves() {
+        let engines = engines(&[]).unwrap();
+        let node = Node::new(&engines);
+        let notes = Notes::default();
+        let desk = Desk::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
+        let names = ["left", "right", "centre", "booster"];
+        let quiet = Sample::take(&desk, &node.telemetry(3));
+        let starting = jetlink::telemetry::EcuState { code: 2, name: "ignition-min-throttle" };
+        let mut loud = Sample {
+            stage: Stage::Cooling,
+            lever: Lever::Run(Demand::Rpm(Rpm::new(160_000))),
+            link: LinkState::Up,
+            does: EngineState::Starting(starting),
+            on_wire: Some(Said::RunRpm(159_960)),
+            ruler: Origin::Emergency,
+            waiting: Some(Origin::Mavlink),
+            loss: LossStage::FailSafe,
+            order: Order::Standby,
+            rpm: Some(160_010),
+            egt: Some(1100.4),
+            armed: true,
+            ..quiet
+        };
+        loud.counters.crc_failures = 123_456;
+        loud.counters.turns_missed = 1234;
+        loud.counters.worst_turn_delay = Some(Duration::from_micros(12_345));
+        let heads = heads(&names);
+        for line in [&heads, &row("booster", &names, &quiet, 0.0), &row("booster", &names, &loud, 100.0)] {
+            let ends = where_they_end(line);
+            assert!(ends[5] <= 80 && ends[6] <= 100, "{ends:?}");
+        }
+        let loud = row("booster", &names, &loud, 100.0);
+        for cell in
+            [" start: ignition-m… ", " 160010 ", " 1100 °C ", " 160000 rpm ", " 159960 rpm ", " up 100/s "]
+        {
+            assert!(loud.contains(cell), "{cell}: {loud}");
+        }
+    }
+
+    #[test]
+    fn an_emergency_stop_is_seen_whatever_is_asked() {
+        let engines = engines(&[]).unwrap();
+        let node = Node::new(&engines);
+        let notes = Notes::default();
+        let desk = Desk::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
+        let sample = Sample {
+            lever: Lever::Run(Demand::Throttle(Throttle::from_percent(60).unwrap())),
+            on_wire: Some(Said::Stop),
+            ..Sample::take(&desk, &node.telemetry(0))
+        };
+        let row = row("left", &["left"], &sample, 8.0);
+        assert!(row.contains("    60.0 %        STOP  "), "{row}");
+    }
 }

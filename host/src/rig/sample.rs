@@ -3,7 +3,7 @@
 use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Order, Origin};
+use jetlink::command::{Order, Origin, Rejected};
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
 
@@ -99,8 +99,19 @@ impl Sample {
     /// What the engine does; while it starts, with the step as the ECU names it.
     pub fn does_text(&self) -> String {
         match self.does {
-            EngineState::Starting(step) => format!("starting: {}", step.name),
+            EngineState::Starting(step) => format!("start: {}", step.name),
             other => other.name().to_owned(),
+        }
+    }
+
+    /// What was last on the wire.
+    pub fn wire_text(&self) -> String {
+        match self.on_wire {
+            None | Some(Said::Nothing) => "-".to_owned(),
+            Some(Said::Stop) => "STOP".to_owned(),
+            Some(Said::Standby) => "standby".to_owned(),
+            Some(Said::Run(tenths)) => format!("{:.1} %", f64::from(tenths) / 10.0),
+            Some(Said::RunRpm(rpm)) => format!("{rpm} rpm"),
         }
     }
 
@@ -146,6 +157,17 @@ pub const fn source(origin: Origin) -> &'static str {
         Origin::Mavlink => "mavlink",
         Origin::Rc => "rc",
         Origin::Emergency => "emergency",
+    }
+}
+
+/// Why a command was refused, for people.
+pub fn rejected(why: Rejected) -> String {
+    match why {
+        Rejected::NotYours(origin) => format!(
+            "the emergency stop came from {}, which has to release it, or a higher source",
+            source(origin)
+        ),
+        other => other.to_string(),
     }
 }
 

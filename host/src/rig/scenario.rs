@@ -203,11 +203,12 @@ async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
             ),
         );
         c.must(c.ran_from(i, silent), format!("{name}: the engine runs all the time"));
-        for stage in [LossStage::Hold, LossStage::FailSafe, LossStage::None] {
-            c.must(
-                c.told(i, |event| event == Event::SourceLoss(stage)),
-                format!("{name}: told, stage {stage:?}"),
-            );
+        for (stage, what) in [
+            (LossStage::Hold, "hold"),
+            (LossStage::FailSafe, "fail-safe"),
+            (LossStage::None, "the source is back"),
+        ] {
+            c.must(c.told(i, |event| event == Event::SourceLoss(stage)), format!("{name}: told, {what}"));
         }
     }
     c.shut_down().await

@@ -8,12 +8,12 @@ use super::faults::{Failure, Faults};
 use super::node::Node;
 use super::pilot::Pilot;
 use super::plan::Plan;
-use super::sample::{Message, SAMPLE_EVERY, Sample, source};
+use super::sample::{Message, SAMPLE_EVERY, Sample, rejected, source};
 use super::scenario::{Check, Cockpit, Scenario};
 use super::simulated::{EcuCounts, Simulated, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channels::{Channel, Events};
-use jetlink::command::{Demand, Order, Ordered};
+use jetlink::command::{Demand, Order, Ordered, Rejected};
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
@@ -26,10 +26,6 @@ use std::task::Poll;
 
 /// After the last pilot is done, for what is still on its way.
 const AFTERWARDS: Duration = Duration::from_millis(500);
-/// Events of one engine that are shown in [`EVENT_SPAN`]; noise makes many.
-const EVENTS_SHOWN: u32 = 6;
-/// See [`EVENTS_SHOWN`].
-const EVENT_SPAN: Duration = Duration::from_secs(10);
 
 /// Everything that is decided before a run.
 #[derive(Debug)]
@@ -148,6 +144,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
             for (desk, telemetry) in desks.iter().zip(&telemetry) {
                 desk.watch_recovery(telemetry);
+                desk.note_hidden(false);
             }
             let samples = desks.iter().zip(&telemetry).map(|(desk, telemetry)| Sample::take(desk, telemetry));
             let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
@@ -166,8 +163,9 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         }
     };
     let world = until_done(watch, tasks);
-    clock::run(with_node(world, &node, &desks, &plugs, &cockpit));
+    clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes));
     look(&desks, &plugs);
+    desks.iter().for_each(|desk| desk.note_hidden(true));
     for message in notes.take() {
         show(message);
     }
@@ -204,11 +202,13 @@ async fn with_node(
     desks: &[Desk<'_>],
     plugs: &[Plug<Simulated>],
     cockpit: &Cockpit<'_>,
+    notes: &Notes,
 ) {
     let mut world = std::pin::pin!(world);
     loop {
         let reset = {
             let channels = node.boot();
+            notes.add(None, "the node has started: it listens to the engines before it obeys run or standby");
             let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
             let mut tasks: Vec<Task<'_>> = Vec::new();
             for (((channel, desk), plug), errors) in channels.iter().zip(desks).zip(plugs).zip(&errors) {
@@ -287,12 +287,12 @@ async fn listen(
     plug: &Plug<Simulated>,
     cockpit: &Cockpit<'_>,
 ) {
-    let (mut span_end, mut shown, mut hidden) = (Instant::MIN, 0, 0_u32);
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,
             embassy_sync::pubsub::WaitResult::Lagged(missed) => {
-                desk.note(format!("{missed} events were missed"));
+                let events = if missed == 1 { "event was" } else { "events were" };
+                desk.note(format!("{missed} {events} missed"));
                 continue;
             }
         };
@@ -310,20 +310,25 @@ async fn listen(
             }
         }
         let Some(text) = text(event) else { continue };
-        let now = Instant::now();
-        if now >= span_end {
-            if hidden > 0 {
-                desk.note(format!("({hidden} more events in {} s)", EVENT_SPAN.as_secs()));
-            }
-            (span_end, shown, hidden) = (now + EVENT_SPAN, 0, 0);
-        }
-        if shown < EVENTS_SHOWN {
-            shown += 1;
-            desk.note(text);
+        if may_be_many(event) {
+            desk.note_limited(text);
         } else {
-            hidden += 1;
+            desk.note(text);
         }
     }
+}
+
+/// Whether noise or a source that goes on asking can bring any number of these, and none of them tells of danger.
+const fn may_be_many(event: Event) -> bool {
+    matches!(
+        event,
+        Event::CommandRejected(..)
+            | Event::EngineIdentified(_)
+            | Event::EngineUnknown
+            | Event::VersionKnown(_)
+            | Event::RateConfirmed(_)
+            | Event::RateNotConfirmed(_)
+    )
 }
 
 /// An event for people; `None` for what the pilot says itself or the counters show.
@@ -332,14 +337,19 @@ fn text(event: Event) -> Option<String> {
         Event::LinkUp => "link up".to_owned(),
         Event::LinkLost => "LINK LOST".to_owned(),
         Event::EcuStarted => "the ECU has started".to_owned(),
-        Event::EngineIdentified(engine) => format!("the ECU says its engine is a {}", engine.name()),
+        Event::EngineIdentified(engine) => format!("the ECU names its engine: {engine:?}"),
+        Event::EngineUnknown => "the ECU names an engine that is not known".to_owned(),
         Event::VersionKnown(version) => format!("protocol version {}", version.get()),
         Event::Phase(phase) => format!("the engine is {}", phase.name()),
         Event::Faults(faults) if faults.is_empty() => "no fault any more".to_owned(),
         Event::Faults(faults) => format!("FAULT: {faults}"),
         Event::RateConfirmed(rate) => format!("status rate {} Hz", rate.hz()),
         Event::RateNotConfirmed(rate) => format!("the ECU does not take the status rate {} Hz", rate.hz()),
-        Event::CommandRejected(why, from) => format!("command of {} rejected: {why}", source(from)),
+        // That it listens is said once, when it starts.
+        Event::CommandRejected(Rejected::Listening, _) => return None,
+        Event::CommandRejected(why, from) => {
+            format!("command of {} rejected: {}", source(from), rejected(why))
+        }
         Event::SourceLoss(LossStage::None) => "the source of commands is back".to_owned(),
         Event::SourceLoss(LossStage::Hold) => "SOURCE LOST: its last demand is held".to_owned(),
         Event::SourceLoss(LossStage::FailSafe) => {
@@ -351,8 +361,12 @@ fn text(event: Event) -> Option<String> {
         Event::NotObeyed => "THE ECU DOES NOT DO WHAT IT IS TOLD: check the wire to it".to_owned(),
         Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
         Event::Ruler(origin) => format!("{} rules", source(origin)),
+        // The fault itself is told by its name.
+        Event::Limit(Passed { what: Watched::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
-        Event::OtherFailed(0) => "the other engines are well again".to_owned(),
+        Event::OtherFailed(0) => {
+            "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
+        }
         Event::OtherFailed(1) => "ANOTHER ENGINE HAS FAILED".to_owned(),
         Event::OtherFailed(count) => format!("{count} OTHER ENGINES HAVE FAILED"),
         Event::WentOn(Demand::Throttle(throttle)) => {

@@ -131,11 +131,15 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
         }
     }
 
-    let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
-    let missed: u64 = engines.iter().map(missed).sum();
-    let worst = engines.iter().filter_map(|outcome| outcome.ecu.worst_margin).min();
-    let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
-    text += &format!("\n{windows} replies in time, {missed} missed{worst}\n");
+    text.push('\n');
+    // Only AMT ECUs have windows for replies.
+    if engines.iter().any(is_amt) {
+        let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
+        let missed: u64 = engines.iter().map(missed).sum();
+        let worst = engines.iter().filter_map(|outcome| outcome.ecu.worst_margin).min();
+        let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
+        text += &format!("{windows} replies in time, {missed} missed{worst}\n");
+    }
     if problems.is_empty() {
         text += match outcomes.checks.len() {
             0 => "All engines reached what was asked and are shut down.\n",

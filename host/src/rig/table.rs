@@ -26,6 +26,9 @@ const RATE_SPAN: Duration = Duration::from_secs(2);
 /// Notes that are kept for the lower part of the screen.
 const NOTES_KEPT: usize = 100;
 
+/// Before a note's text stand its time and a name.
+const TEXT_OF_NOTE: usize = 23;
+
 /// The live table.
 #[derive(Debug)]
 pub struct Table {
@@ -109,21 +112,23 @@ impl Table {
         let (width, height) = size()?;
         let passed = seconds(at - Instant::MIN);
         let length = seconds(self.length).max(0.1);
-        let done = ((passed / length * 40.0) as usize).min(40);
+        let done = ((passed / length * 30.0) as usize).min(30);
         let mut lines = vec![
             (
                 true,
-                format!("jetlink rig   {passed:.1} s of {length:.0} s   [{:<40}]   q: end", "#".repeat(done)),
+                format!("jetlink rig   {passed:.1} s of {length:.0} s   [{:<30}]   q: end", "#".repeat(done)),
             ),
             (false, String::new()),
-            (true, heads()),
+            (true, heads(&self.names)),
         ];
         for ((name, sample), rate) in self.names.iter().zip(samples).zip(&self.rates) {
-            lines.push((false, row(name, sample, *rate)));
+            lines.push((false, row(name, &self.names, sample, *rate)));
         }
         lines.push((false, String::new()));
         lines.push((true, "what happened, the latest first".to_owned()));
-        lines.extend(self.notes.iter().map(|note| (false, note.clone())));
+        for note in &self.notes {
+            lines.extend(wrapped(note, width.into()).into_iter().map(|line| (false, line)));
+        }
 
         let mut out = io::stdout().lock();
         queue!(out, BeginSynchronizedUpdate, cursor::MoveTo(0, 0))?;
@@ -140,6 +145,22 @@ impl Table {
     }
 }
 
+/// A note in lines of this width; what does not fit the first stands below its text.
+fn wrapped(note: &str, width: usize) -> Vec<String> {
+    let indent = TEXT_OF_NOTE.min(width / 2);
+    let mut lines: Vec<String> = Vec::new();
+    let mut line = String::new();
+    for word in note.split_inclusive(' ') {
+        let fits = line.chars().count() + word.trim_end().chars().count() <= width;
+        if !fits && line.chars().count() > indent {
+            lines.push(core::mem::replace(&mut line, " ".repeat(indent)));
+        }
+        line += word;
+    }
+    lines.push(line);
+    lines
+}
+
 /// Looks at the keys that were pressed. Where none can be read, nobody ends the run by one.
 fn go_on() -> bool {
     while poll(core::time::Duration::ZERO).unwrap_or(false) {
@@ -151,4 +172,27 @@ fn go_on() -> bool {
         }
     }
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_note_is_read_to_its_end() {
+        let note = format!(
+            "{:>7.1}  {:<12}  {}",
+            87.3, "right", "no other engine counts as failed any more (runs again)"
+        );
+        assert_eq!(wrapped(&note, 80), [note.as_str()]);
+        let below = format!("{}more (runs again)", " ".repeat(23));
+        assert_eq!(
+            wrapped(&note, 60),
+            ["   87.3  right         no other engine counts as failed any ", &below]
+        );
+        for width in 0..80 {
+            let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+            assert_eq!(words(&wrapped(&note, width).join("")), words(&note), "{width}");
+        }
+    }
 }

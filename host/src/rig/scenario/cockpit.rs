@@ -4,6 +4,7 @@
 use super::super::audit::Spoken;
 use super::super::desk::{Desk, Lever, Notes, Stage};
 use super::super::node::Node;
+use super::super::sample::{rejected, source};
 use super::super::session::look;
 use super::super::simulated::Simulated;
 use embassy_time::{Duration, Instant, Ticker, Timer};
@@ -403,8 +404,10 @@ impl<'a> Cockpit<'a> {
     pub fn answer_text(&self, engine: usize) -> String {
         match self.seats[engine].answer() {
             None => "no answer".to_owned(),
-            Some(Ok(accepted)) => format!("{accepted:?}"),
-            Some(Err(why)) => why.to_string(),
+            Some(Ok(Accepted::InForce)) => "in force".to_owned(),
+            Some(Ok(Accepted::Held)) => "held".to_owned(),
+            Some(Ok(Accepted::Behind(other))) => format!("behind {}", source(other)),
+            Some(Err(why)) => rejected(why),
         }
     }
 
