@@ -320,7 +320,7 @@ fn a_hot_start() {
     let expected = [
         "the engine is starting",
         "LIMIT: hot start",
-        "LIMIT: EGT 845 °C",
+        "LIMIT: EGT 84",
         "the engine is cooling",
         "FAULT: egt-high",
         "the engine stopped: the node goes to standby",
