@@ -152,6 +152,8 @@ pub struct Oracle {
 
     booted: u64,
     listening: bool,
+    /// It ends then; a frame at the same instant is still one of before.
+    listen_over: Option<u64>,
     kept: Option<(Origin, Demand, bool)>,
     /// Highest throttle on the wire or obeyed before the reset.
     before_reset: (u16, u32),
@@ -208,6 +210,7 @@ impl Oracle {
             limited: false,
             booted: 0,
             listening: true,
+            listen_over: None,
             kept: None,
             before_reset: (0, 0),
             resumed_until: 0,
@@ -422,13 +425,7 @@ impl Oracle {
                     }
                 }
             }
-            Input::ListenOver => {
-                if self.listening && self.wire_run && !self.guard {
-                    self.wire_run = false;
-                    self.closed_at = at;
-                }
-                self.listening = false;
-            }
+            Input::ListenOver => self.listen_over = Some(at),
             Input::Fault => {
                 self.fault_at = at;
                 self.guard = false;
@@ -630,6 +627,7 @@ impl Oracle {
         self.other_started = None;
         self.booted = at;
         self.listening = true;
+        self.listen_over = None;
         self.settled = at;
     }
 
@@ -644,6 +642,7 @@ impl Oracle {
             return Ok(false);
         }
         self.advance(at);
+        self.end_listening(at);
         self.tally.frames += 1;
         let answer = self.judge(at, frame);
         self.last_frame = at;
@@ -661,6 +660,17 @@ impl Oracle {
             self.peak(demand);
         }
         answer
+    }
+
+    fn end_listening(&mut self, at: u64) {
+        if let Some(over) = self.listen_over.filter(|over| at > over + TOL) {
+            if self.listening && self.wire_run && !self.guard {
+                self.wire_run = false;
+                self.closed_at = over;
+            }
+            self.listening = false;
+            self.listen_over = None;
+        }
     }
 
     fn judge(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
