@@ -735,7 +735,7 @@ impl Oracle {
                 return Err(format!("(5) {frame:?} after a reset, with an engine that runs"));
             }
         }
-        if self.listening && !self.amt {
+        if self.listening && !self.amt && self.listen_over.is_none() {
             return Err(format!("(5) {frame:?} while the node listens"));
         }
         if self.wire_run {
