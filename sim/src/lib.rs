@@ -10,12 +10,13 @@
 //! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
-//! - [`amt`], [`zk`]: the two kinds of ECU.
+//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them.
 //! - [`log`]: what an ECU has obeyed, and when.
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]
 
 pub mod amt;
+pub mod any;
 pub mod clock;
 pub mod ecu;
 pub mod line;

@@ -18,9 +18,9 @@ use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Event, LossStage};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu, Ops};
+use sim::any::AnyEcu;
 use sim::clock;
-use sim::ecu::{Ecu, LineFault, Nanos};
-use sim::turbine::{Phase, Turbine};
+use sim::turbine::Phase;
 use sim::wire::{Babble, Direction, Fate, Faults, Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{Sw, ZkCommand, ZkConfig, ZkEcu, state};
 use std::cell::RefCell;
@@ -72,107 +72,59 @@ impl Rng {
     }
 }
 
-/// An ECU of either kind.
-#[derive(Debug)]
-enum AnyEcu {
-    Amt(Box<AmtEcu>),
-    Zk(Box<ZkEcu>),
-}
-
-impl Ecu for AnyEcu {
-    fn next_wake(&self) -> Nanos {
-        match self {
-            Self::Amt(ecu) => ecu.next_wake(),
-            Self::Zk(ecu) => ecu.next_wake(),
-        }
-    }
-
-    fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>) {
-        match self {
-            Self::Amt(ecu) => ecu.advance(now, tx),
-            Self::Zk(ecu) => ecu.advance(now, tx),
-        }
-    }
-
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
-        match self {
-            Self::Amt(ecu) => ecu.heard(now, byte),
-            Self::Zk(ecu) => ecu.heard(now, byte),
-        }
-    }
-
-    fn power(&mut self, now: Nanos, on: bool) {
-        match self {
-            Self::Amt(ecu) => ecu.power(now, on),
-            Self::Zk(ecu) => ecu.power(now, on),
-        }
-    }
-}
-
-impl AnyEcu {
-    fn turbine_mut(&mut self) -> &mut Turbine {
-        match self {
-            Self::Amt(ecu) => ecu.turbine_mut(),
-            Self::Zk(ecu) => ecu.turbine_mut(),
-        }
-    }
-
-    fn truth(&self, odd: bool) -> Truth {
-        let turbine = match self {
-            Self::Amt(ecu) => ecu.turbine(),
-            Self::Zk(ecu) => ecu.turbine(),
-        };
-        let live = turbine.phase().is_live();
-        let truth = Truth {
-            live,
-            running: turbine.phase() == Phase::Running,
-            egt: turbine.egt(),
-            odd,
-            ..Truth::default()
-        };
-        match self {
-            Self::Amt(ecu) => {
-                let last = ecu.commands.last().map(|(_, command)| *command);
-                Truth {
-                    // Its document has no state for cooling: a shaft that stands is all there is.
-                    standby: !live && turbine.rpm() < 1000.0,
-                    faulty: ecu.errors() != 0,
-                    obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
-                    obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
-                    gave_up: ecu.stats.serial_delay_stops,
-                    ..truth
-                }
+/// What it really does and says.
+fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
+    let turbine = ecu.turbine();
+    let live = turbine.phase().is_live();
+    let truth = Truth {
+        live,
+        running: turbine.phase() == Phase::Running,
+        egt: turbine.egt(),
+        odd,
+        ..Truth::default()
+    };
+    match ecu {
+        AnyEcu::Amt(ecu) => {
+            let last = ecu.commands.last().map(|(_, command)| *command);
+            Truth {
+                // Its document has no state for cooling: a shaft that stands is all there is.
+                standby: !live && turbine.rpm() < 1000.0,
+                faulty: ecu.errors() != 0,
+                obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
+                obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
+                gave_up: ecu.stats.serial_delay_stops,
+                ..truth
             }
-            Self::Zk(ecu) => {
-                let commands = || ecu.commands.iter().rev().map(|(_, command)| *command);
-                let throttle = commands().find_map(|command| match command {
-                    ZkCommand::Control { throttle, .. } => Some(throttle),
-                    _ => None,
-                });
-                let factor = commands().find_map(|command| match command {
-                    ZkCommand::Switch { factor, .. } if factor != 0 => Some(factor),
-                    _ => None,
-                });
-                let rpm = commands().find_map(|command| match command {
-                    ZkCommand::Rpm(code) => Some(u32::from(code) * 10 * u32::from(factor.unwrap_or(4))),
-                    _ => None,
-                });
-                // In rpm mode it tells the load that it is to reach.
-                let load = ecu.config().turbine.load(f64::from(rpm.unwrap_or(0)));
-                let load = (load * 1000.0).clamp(0.0, 1000.0) as u16;
-                let run = commands().find_map(|command| match command {
-                    ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
-                    _ => None,
-                });
-                Truth {
-                    standby: ecu.state() == state::STANDBY,
-                    faulty: ecu.error() != 0,
-                    // It tells whole percents.
-                    obeyed: throttle.unwrap_or(0).max(load) + 10,
-                    obeys_run: run == Some(true),
-                    gave_up: ecu.stats.control_losses,
-                    ..truth
-                }
+        }
+        AnyEcu::Zk(ecu) => {
+            let commands = || ecu.commands.iter().rev().map(|(_, command)| *command);
+            let throttle = commands().find_map(|command| match command {
+                ZkCommand::Control { throttle, .. } => Some(throttle),
+                _ => None,
+            });
+            let factor = commands().find_map(|command| match command {
+                ZkCommand::Switch { factor, .. } if factor != 0 => Some(factor),
+                _ => None,
+            });
+            let rpm = commands().find_map(|command| match command {
+                ZkCommand::Rpm(code) => Some(u32::from(code) * 10 * u32::from(factor.unwrap_or(4))),
+                _ => None,
+            });
+            // In rpm mode it tells the load that it is to reach.
+            let load = ecu.config().turbine.load(f64::from(rpm.unwrap_or(0)));
+            let load = (load * 1000.0).clamp(0.0, 1000.0) as u16;
+            let run = commands().find_map(|command| match command {
+                ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
+                _ => None,
+            });
+            Truth {
+                standby: ecu.state() == state::STANDBY,
+                faulty: ecu.error() != 0,
+                // It tells whole percents.
+                obeyed: throttle.unwrap_or(0).max(load) + 10,
+                obeys_run: run == Some(true),
+                gave_up: ecu.stats.control_losses,
+                ..truth
             }
         }
     }
@@ -320,11 +272,11 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     let (ecu, parameters) = if version == 0 {
         let ecu = AmtConfig { log: 8, ..AmtConfig::new(sim::amt::Engine::Olympus).on(line) };
         let parameters = ecu.turbine;
-        (AnyEcu::Amt(Box::new(AmtEcu::new(ecu))), parameters)
+        (AmtEcu::new(ecu).into(), parameters)
     } else {
         let ecu = ZkConfig { log: 16, ..ZkConfig::new(version).on(line) };
         let parameters = ecu.turbine;
-        (AnyEcu::Zk(Box::new(ZkEcu::new(ecu))), parameters)
+        (ZkEcu::new(ecu).into(), parameters)
     };
     let (rx, tx, plug) = connect_with(ecu, Settings::new(line, rng.next()));
     plug.record(true);
@@ -458,7 +410,7 @@ impl Rig {
 
     fn look_at_ecu(&mut self) {
         let odd = now() < self.odd_until;
-        self.truth = self.plug.ecu(|ecu| ecu.truth(odd));
+        self.truth = self.plug.ecu(|ecu| truth(ecu, odd));
         let truth = self.truth;
         self.input(Input::Truth(truth));
         if odd {

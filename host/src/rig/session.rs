@@ -10,13 +10,14 @@ use super::pilot::Pilot;
 use super::plan::Plan;
 use super::sample::{Message, SAMPLE_EVERY, Sample, rejected, source};
 use super::scenario::{Check, Cockpit, Scenario};
-use super::simulated::{EcuCounts, Simulated, line};
+use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channels::{Channel, Events};
 use jetlink::command::{Demand, Order, Ordered, Rejected};
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
+use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
@@ -96,12 +97,12 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
     let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
     let flown: Vec<RefCell<Option<Result<(), String>>>> = (0..count).map(|_| RefCell::new(None)).collect();
-    let plugs: Vec<Plug<Simulated>> = setup
+    let plugs: Vec<Plug<AnyEcu>> = setup
         .engines
         .iter()
         .map(|engine| {
             // The node gets its halves when it starts.
-            let (_, _, plug) = sim::wire::connect(Simulated::new(engine), line(engine), seeds.u64(..));
+            let (_, _, plug) = sim::wire::connect(ecu(engine), line(engine), seeds.u64(..));
             plug.record(true);
             plug
         })
@@ -182,7 +183,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             flown: flown.take(),
             node: telemetry.counters,
             link: telemetry.link,
-            ecu: plug.ecu(|ecu| ecu.counts()),
+            ecu: plug.ecu(|ecu| counts(ecu)),
             audit: desk.audit.into_inner(),
             stops: desk.stops.get(),
             recovered_after: desk.recovered_after.get(),
@@ -200,7 +201,7 @@ async fn with_node(
     world: impl Future<Output = ()>,
     node: &Node<'_>,
     desks: &[Desk<'_>],
-    plugs: &[Plug<Simulated>],
+    plugs: &[Plug<AnyEcu>],
     cockpit: &Cockpit<'_>,
     notes: &Notes,
 ) {
@@ -270,7 +271,7 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
 }
 
 /// Holds what was on the lines against what was commanded.
-pub fn look(desks: &[Desk<'_>], plugs: &[Plug<Simulated>]) {
+pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
     for (desk, plug) in desks.iter().zip(plugs) {
         let mut audit = desk.audit.borrow_mut();
         audit.look(&plug.take_log());
@@ -284,7 +285,7 @@ async fn listen(
     mut events: Events<'_>,
     desk: &Desk<'_>,
     channel: &Channel,
-    plug: &Plug<Simulated>,
+    plug: &Plug<AnyEcu>,
     cockpit: &Cockpit<'_>,
 ) {
     loop {
@@ -399,7 +400,7 @@ fn limit(passed: Passed) -> String {
 }
 
 /// Switches the faults on and off.
-async fn disturb(setup: &Setup, plugs: &[Plug<Simulated>], notes: &Notes) {
+async fn disturb(setup: &Setup, plugs: &[Plug<AnyEcu>], notes: &Notes) {
     enum Change {
         Line(LineFaults),
         Cut(usize, bool),

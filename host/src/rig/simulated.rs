@@ -1,5 +1,4 @@
-//! The simulated ECU of either kind behind one face, and what it has counted itself: the node is not its
-//! own judge.
+//! The simulated ECU of an engine, and what it has counted itself: the node is not its own judge.
 
 use super::engines::{Ecu as Kind, Engine};
 use embassy_time::Duration;
@@ -7,22 +6,14 @@ use jetlink::ecu::EcuConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::StopBits;
 use sim::amt::{AmtConfig, AmtEcu};
-use sim::ecu::{Ecu, LineFault, Nanos};
+use sim::any::AnyEcu;
+use sim::ecu::Nanos;
 use sim::line::Line;
-use sim::turbine::{Parameters, Turbine};
+use sim::turbine::Parameters;
 use sim::zk::{ZkConfig, ZkEcu};
 
 /// Obeyed commands that an ECU keeps; the rig looks at the line instead.
 const COMMANDS_KEPT: usize = 0;
-
-/// A simulated ECU of either kind.
-#[derive(Debug)]
-pub enum Simulated {
-    /// AMT.
-    Amt(Box<AmtEcu>),
-    /// ZK.
-    Zk(Box<ZkEcu>),
-}
 
 /// What an ECU has counted itself.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -45,94 +36,44 @@ pub struct EcuCounts {
     pub loss_stops: u64,
 }
 
-impl Simulated {
-    /// The ECU of this engine, not yet under power.
-    pub fn new(engine: &Engine) -> Self {
-        let line = line(engine);
-        match engine.ecu {
-            Kind::Amt(kind) => {
-                let config = AmtConfig { log: COMMANDS_KEPT, ..AmtConfig::new(kind).on(line) };
-                Self::Amt(Box::new(AmtEcu::new(config)))
-            }
-            Kind::Zk { version, .. } => {
-                let config = ZkConfig { log: COMMANDS_KEPT, ..ZkConfig::new(version).on(line) };
-                Self::Zk(Box::new(ZkEcu::new(config)))
-            }
+/// The ECU of this engine, not yet under power.
+pub fn ecu(engine: &Engine) -> AnyEcu {
+    let line = line(engine);
+    match engine.ecu {
+        Kind::Amt(kind) => {
+            AmtEcu::new(AmtConfig { log: COMMANDS_KEPT, ..AmtConfig::new(kind).on(line) }).into()
         }
-    }
-
-    /// The turbine.
-    pub fn turbine(&self) -> &Turbine {
-        match self {
-            Self::Amt(ecu) => ecu.turbine(),
-            Self::Zk(ecu) => ecu.turbine(),
-        }
-    }
-
-    /// The turbine, to make it fail.
-    pub fn turbine_mut(&mut self) -> &mut Turbine {
-        match self {
-            Self::Amt(ecu) => ecu.turbine_mut(),
-            Self::Zk(ecu) => ecu.turbine_mut(),
-        }
-    }
-
-    /// What it has counted.
-    pub fn counts(&self) -> EcuCounts {
-        match self {
-            Self::Amt(ecu) => {
-                let stats = &ecu.stats;
-                EcuCounts {
-                    frames: stats.frames.total(),
-                    accepted: stats.in_window,
-                    bad: stats.bad.total() + stats.unsolicited,
-                    in_window: stats.in_window,
-                    late: stats.late,
-                    unanswered: stats.none,
-                    worst_margin: stats.worst_margin.map(Duration::from_nanos),
-                    loss_stops: stats.serial_delay_stops,
-                }
-            }
-            Self::Zk(ecu) => {
-                let stats = &ecu.stats;
-                EcuCounts {
-                    frames: stats.frames_sent(),
-                    accepted: stats.accepted,
-                    bad: stats.bad.total() + stats.reserved_bits + stats.ignored.version,
-                    loss_stops: stats.control_losses,
-                    ..EcuCounts::default()
-                }
-            }
+        Kind::Zk { version, .. } => {
+            ZkEcu::new(ZkConfig { log: COMMANDS_KEPT, ..ZkConfig::new(version).on(line) }).into()
         }
     }
 }
 
-impl Ecu for Simulated {
-    fn next_wake(&self) -> Nanos {
-        match self {
-            Self::Amt(ecu) => ecu.next_wake(),
-            Self::Zk(ecu) => ecu.next_wake(),
+/// What it has counted.
+pub fn counts(ecu: &AnyEcu) -> EcuCounts {
+    match ecu {
+        AnyEcu::Amt(ecu) => {
+            let stats = &ecu.stats;
+            EcuCounts {
+                frames: stats.frames.total(),
+                accepted: stats.in_window,
+                bad: stats.bad.total() + stats.unsolicited,
+                in_window: stats.in_window,
+                late: stats.late,
+                unanswered: stats.none,
+                worst_margin: stats.worst_margin.map(Duration::from_nanos),
+                loss_stops: stats.serial_delay_stops,
+            }
         }
-    }
-
-    fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>) {
-        match self {
-            Self::Amt(ecu) => ecu.advance(now, tx),
-            Self::Zk(ecu) => ecu.advance(now, tx),
-        }
-    }
-
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
-        match self {
-            Self::Amt(ecu) => ecu.heard(now, byte),
-            Self::Zk(ecu) => ecu.heard(now, byte),
-        }
-    }
-
-    fn power(&mut self, now: Nanos, on: bool) {
-        match self {
-            Self::Amt(ecu) => ecu.power(now, on),
-            Self::Zk(ecu) => ecu.power(now, on),
+        AnyEcu::Zk(ecu) => {
+            let stats = &ecu.stats;
+            EcuCounts {
+                frames: stats.frames_sent(),
+                accepted: stats.accepted,
+                bad: stats.bad.total() + stats.reserved_bits + stats.ignored.version,
+                loss_stops: stats.control_losses,
+                ..EcuCounts::default()
+            }
         }
     }
 }

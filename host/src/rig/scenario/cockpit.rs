@@ -6,12 +6,12 @@ use super::super::desk::{Desk, Lever, Notes, Stage};
 use super::super::node::Node;
 use super::super::sample::{rejected, source};
 use super::super::session::look;
-use super::super::simulated::Simulated;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Event, LinkState, Phase as Reported};
 use jetlink::units::Throttle;
+use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::Nanos;
 use sim::turbine::{Phase, Turbine};
@@ -76,7 +76,7 @@ impl Seat<'_> {
 pub struct Cockpit<'a> {
     node: &'a Node<'a>,
     desks: &'a [Desk<'a>],
-    plugs: &'a [Plug<Simulated>],
+    plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
     seats: Vec<Seat<'a>>,
     checks: RefCell<Vec<Check>>,
@@ -94,7 +94,7 @@ impl<'a> Cockpit<'a> {
     pub fn new(
         node: &'a Node<'a>,
         desks: &'a [Desk<'a>],
-        plugs: &'a [Plug<Simulated>],
+        plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
         let seats = desks.iter().map(|desk| Seat { desk, answer: Cell::new(None) }).collect();
@@ -214,7 +214,7 @@ impl<'a> Cockpit<'a> {
     }
 
     /// Does something to a simulated ECU.
-    pub fn ecu(&self, engine: usize, act: impl FnOnce(&mut Simulated)) {
+    pub fn ecu(&self, engine: usize, act: impl FnOnce(&mut AnyEcu)) {
         self.plugs[engine].ecu(act);
     }
 
