@@ -3,8 +3,7 @@
 //! mutations, one for each invariant, that this test finds.
 //!
 //! A failure prints its seed and what happened before it. `JETLINK_SEED=<seed> cargo test --test supervision replay --
-//! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo test --release --test supervision campaign --
-//! --ignored --nocapture`.
+//! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo campaign`.
 
 #[path = "../support/bench.rs"]
 mod bench;
