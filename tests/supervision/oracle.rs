@@ -606,6 +606,17 @@ impl Oracle {
         self.tally.resets_running += u64::from(self.guard);
         self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.gave_up);
         self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
+        // What was in force and had no frame to go out in before the reset, if a source asked for so much.
+        match kept {
+            Kept::Valid(Some((_, Demand::Throttle(kept), _))) => {
+                let asked = self.peak_throttle.max(self.last_asked);
+                self.before_reset.0 = self.before_reset.0.max(kept.tenths().min(asked));
+            }
+            Kept::Valid(Some((_, Demand::Rpm(kept), _))) => {
+                self.before_reset.1 = self.before_reset.1.max(kept.get().min(self.peak_rpm));
+            }
+            _ => {}
+        }
         self.memory_lost = kept == Kept::Lost;
         match kept {
             Kept::Valid(demand) => self.kept = demand,
@@ -728,9 +739,11 @@ impl Oracle {
         let asked = at <= self.booted + TOL;
         if self.guard && !asked && at < self.booted + 10 * SECOND {
             let loss = self.config.supervision.loss;
-            let by_loss = loss
-                .standby_after
-                .is_some_and(|after| at + TOL >= self.booted + loss.hold.as_micros() + after.as_micros());
+            // A source that was lost before may have been so for the whole of the hold.
+            let held = !self.kept.is_some_and(|(_, _, was_lost)| was_lost);
+            let hold = if held { loss.hold.as_micros() } else { 0 };
+            let by_loss =
+                loss.standby_after.is_some_and(|after| at + TOL >= self.booted + hold + after.as_micros());
             if !by_loss {
                 return Err(format!("(5) {frame:?} after a reset, with an engine that runs"));
             }
