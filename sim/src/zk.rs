@@ -471,6 +471,11 @@ impl ZkEcu {
         self.session().and_then(|session| session.pressure)
     }
 
+    /// The throttle that it tells, in percent: in rpm mode the load that it is to reach.
+    pub fn throttle_percent(&self) -> f64 {
+        self.session().map_or(0.0, |session| self.throttle_of(session))
+    }
+
     /// The error that is reported now; see [`error`].
     pub fn error(&self) -> u8 {
         self.forced_error.unwrap_or_else(|| self.session().map_or(0, |session| session.error))
@@ -514,6 +519,13 @@ impl ZkEcu {
         }
     }
 
+    fn throttle_of(&self, session: &Session) -> f64 {
+        match session.demand(self.pwm) {
+            Demand::Throttle(permille) => f64::from(permille) / 10.0,
+            Demand::Rpm(rpm) => self.config.turbine.load(f64::from(rpm)) * 100.0,
+        }
+    }
+
     fn values(&self, session: &Session) -> Values {
         let (config, turbine) = (&self.config, &self.turbine);
         let by_rpm = session.factor != 0;
@@ -533,10 +545,7 @@ impl ZkEcu {
             radio_v: config.radio_v,
             supply_v: config.supply_v,
             pump_v: turbine.pump_voltage(),
-            throttle_percent: match session.demand(self.pwm) {
-                Demand::Throttle(permille) => f64::from(permille) / 10.0,
-                Demand::Rpm(rpm) => config.turbine.load(f64::from(rpm)) * 100.0,
-            },
+            throttle_percent: self.throttle_of(session),
             pressure_pa: match session.pressure {
                 Some(hectopascal) => f64::from(hectopascal) * 100.0,
                 None if config.esr => 0.0,

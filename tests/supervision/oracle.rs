@@ -551,6 +551,10 @@ impl Oracle {
 
     fn truth(&mut self, at: u64, truth: Truth) -> Result<(), String> {
         self.truth = truth;
+        if self.listening {
+            // Nobody commands it: what it obeys is from before the reset.
+            self.before_reset.0 = self.before_reset.0.max(truth.obeyed);
+        }
         if truth.live {
             self.live_at = at;
             self.live_since.get_or_insert(at);

@@ -102,17 +102,7 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 ZkCommand::Control { throttle, .. } => Some(throttle),
                 _ => None,
             });
-            let factor = commands().find_map(|command| match command {
-                ZkCommand::Switch { factor, .. } if factor != 0 => Some(factor),
-                _ => None,
-            });
-            let rpm = commands().find_map(|command| match command {
-                ZkCommand::Rpm(code) => Some(u32::from(code) * 10 * u32::from(factor.unwrap_or(4))),
-                _ => None,
-            });
-            // In rpm mode it tells the load that it is to reach.
-            let load = ecu.config().turbine.load(f64::from(rpm.unwrap_or(0)));
-            let load = (load * 1000.0).clamp(0.0, 1000.0) as u16;
+            let told = (ecu.throttle_percent() * 10.0).clamp(0.0, 1000.0) as u16;
             let run = commands().find_map(|command| match command {
                 ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
                 _ => None,
@@ -121,7 +111,7 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 standby: ecu.state() == state::STANDBY,
                 faulty: ecu.error() != 0,
                 // It tells whole percents.
-                obeyed: throttle.unwrap_or(0).max(load) + 10,
+                obeyed: throttle.unwrap_or(0).max(told) + 10,
                 obeys_run: run == Some(true),
                 gave_up: ecu.stats.control_losses,
                 ..truth

@@ -110,11 +110,12 @@ struct Reset {
 }
 
 /// While four engines run at 20 %: the watchdog bites; then the firmware crashes, some time within 250 ms; then
-/// somebody presses reset, and the RAM is arbitrary, as after a dip of the supply.
+/// somebody presses reset, and the RAM is arbitrary, as after a dip of the supply. Each comes before the hold of the life
+/// before is over: no source speaks, and a loss goes on over a reset.
 const RESETS: [Reset; 3] = [
     Reset { at: 200 * SECOND, cause: "Watchdog" },
     Reset { at: 201_200 * MILLIS, cause: "Software" },
-    Reset { at: 202_600 * MILLIS, cause: "Pin" },
+    Reset { at: 202_200 * MILLIS, cause: "Pin" },
 ];
 
 #[test]
@@ -195,7 +196,8 @@ fn after_a_reset_where_no_engine_runs_there_is_standby() {
             );
             let (at, _) =
                 told.iter().find(|(at, told)| *at > reset && *told == Told::Standby).expect("standby");
-            assert!(at - reset < 500 * MILLIS, "{} at {at}", engine.name);
+            // Two reports have to agree; a ZK ECU's comes round every 0.45 s.
+            assert!(at - reset < 1_200 * MILLIS, "{} at {at}", engine.name);
         }
     });
 }
