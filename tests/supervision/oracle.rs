@@ -155,6 +155,8 @@ pub struct Oracle {
     /// It ends then; a frame at the same instant is still one of before.
     listen_over: Option<u64>,
     kept: Option<(Origin, Demand, bool)>,
+    /// When it went on with the source that ruled before, which had said something while the node listened.
+    word_kept: Option<(Origin, u64)>,
     /// Highest throttle on the wire or obeyed before the reset.
     before_reset: (u16, u32),
     resumed_until: u64,
@@ -212,6 +214,7 @@ impl Oracle {
             listening: true,
             listen_over: None,
             kept: None,
+            word_kept: None,
             before_reset: (0, 0),
             resumed_until: 0,
             guard: false,
@@ -406,6 +409,9 @@ impl Oracle {
                 self.waiting = None;
                 self.silent = None;
                 self.last_asked = self.before_reset.0;
+                let spoke = |origin| self.each().any(|(place, _)| place == origin);
+                self.word_kept =
+                    self.kept.filter(|(origin, ..)| spoke(*origin)).map(|(origin, ..)| (origin, at));
                 // As if the one that ruled had just spoken; one that was lost has to speak for a while.
                 if let Some((origin, demand, was_lost)) = self.kept {
                     for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
@@ -622,8 +628,12 @@ impl Oracle {
             _ => {}
         }
         self.memory_lost = kept == Kept::Lost;
+        // Not only by what the node kept: where every source was silent, its source was lost.
+        let lost = self.wire_run && !self.listening && at > self.silent_from() + down + SECOND / 10;
         match kept {
-            Kept::Valid(demand) => self.kept = demand,
+            Kept::Valid(demand) => {
+                self.kept = demand.map(|(origin, demand, was_lost)| (origin, demand, was_lost || lost));
+            }
             Kept::Lost => {
                 self.kept = None;
                 self.latched = None;
@@ -643,6 +653,7 @@ impl Oracle {
         self.booted = at;
         self.listening = true;
         self.listen_over = None;
+        self.word_kept = None;
         self.settled = at;
     }
 
@@ -789,11 +800,14 @@ impl Oracle {
         {
             return Err("(1) run, and every source is silent for longer than the time to standby".into());
         }
-        if at > self.resumed_until + TOL
+        let ruler = self.ruler(at).map(|(origin, _)| origin);
+        self.word_kept = self.word_kept.filter(|(origin, _)| ruler == Some(*origin));
+        let word_counts = self.word_counts(at);
+        if (at > self.resumed_until + TOL || word_counts)
             && let Some((origin, source)) = self.ruler(at)
             && source.word == Word::Standby
             && at > source.changed + TOL
-            && self.standby_counts(origin)
+            && (self.standby_counts(origin) || word_counts)
             // It may have come to rule this very instant.
             && self.ruler(at.saturating_sub(TOL)).is_some_and(|(before, _)| before == origin)
         {
@@ -808,6 +822,11 @@ impl Oracle {
         self.in_force.is_some_and(|before| {
             !self.lost && self.waiting.is_none() && origin.priority() >= before.priority()
         })
+    }
+
+    /// After a reset: a word that the ruling source said while the node listened is newer than what was kept.
+    fn word_counts(&self, at: u64) -> bool {
+        self.word_kept.is_some_and(|(_, from)| at > from + TOL) && at < self.resumed_until
     }
 
     fn limited_time(&self, at: u64) -> bool {
@@ -912,9 +931,16 @@ impl Oracle {
         let (from, _) = self.silent_base(at);
         let loss = self.config.supervision.loss;
         // (6)
-        let before =
-            if at < self.resumed_until { self.throttle.max(self.before_reset.0) } else { self.throttle };
         let asked = self.asked(at);
+        let at_once =
+            matches!(asked, Some(Demand::Throttle(_))) && self.config.supervision.slew.down.is_none();
+        let before = if self.word_counts(at) && at_once {
+            0
+        } else if at < self.resumed_until {
+            self.throttle.max(self.before_reset.0)
+        } else {
+            self.throttle
+        };
         // Until the ECU has told its version after a reset, the governor holds an rpm for it.
         let version_known = at > self.booted + BEHIND_FAULTY && at > self.fault_at + BEHIND_FAULTY;
         let governed = self.config.supervision.governor.filter(|_| !self.speed_control || !version_known);
