@@ -325,6 +325,8 @@ impl Oracle {
                 }
                 self.waiting = Some((origin, since));
                 if let Word::Run(demand) = source.word {
+                    // While the transmitter hangs, what is in force does not show.
+                    self.maybe_close |= at < self.hung.1;
                     self.maybe_close |= match demand {
                         Demand::Throttle(throttle) => {
                             throttle.tenths().abs_diff(self.throttle) <= takeover.throttle_band.tenths() + 20
