@@ -663,7 +663,7 @@ impl Oracle {
     // The wire
     // -----------------------------------------------------------------------------------------
 
-    /// True if this frame begins a run.
+    /// True if this frame begins a run, and not one that was ordered some time ago while the transmitter hung.
     pub fn frame(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
         // Sent before the reset, or out of a transmitter that hung.
         if at <= self.booted + TOL || (at >= self.hung.0 && at < self.hung.1) {
@@ -672,7 +672,8 @@ impl Oracle {
         self.advance(at);
         self.end_listening(at);
         self.tally.frames += 1;
-        let answer = self.judge(at, frame);
+        let hung = self.hung.1 > self.last_frame;
+        let answer = self.judge(at, frame).map(|opens| opens && !hung);
         self.last_frame = at;
         match frame {
             Frame::Full(..) => self.peak_throttle = 0,
