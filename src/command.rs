@@ -14,6 +14,17 @@ pub enum Demand {
     Rpm(Rpm),
 }
 
+impl Demand {
+    /// Whether it is less than another of its kind. Nothing says how the two kinds compare.
+    pub(crate) fn is_below(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Throttle(a), Self::Throttle(b)) => a < b,
+            (Self::Rpm(a), Self::Rpm(b)) => a < b,
+            _ => false,
+        }
+    }
+}
+
 /// What somebody asks of an engine. The latest wins; nothing is queued.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

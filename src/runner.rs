@@ -140,11 +140,8 @@ impl<'a> Runner<'a> {
     async fn feed(&self, mut bytes: &[u8]) {
         let now = Instant::now();
         while !bytes.is_empty() {
-            let (taken, frame) = self.channel.with(|engine| {
-                let heard = engine.heard();
-                let taken = engine.receive(now, bytes);
-                (taken, engine.heard() != heard)
-            });
+            let (taken, frame) =
+                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_unseen_frame()));
             if frame {
                 self.changed.set(true);
                 self.drain().await;

@@ -294,8 +294,8 @@ impl Supervision {
         if above(self.start.link_stable, 60_000) {
             return Err(Field::LinkStable);
         }
-        if self.start.timeout.as_ticks() > START_TIMEOUT_MAX.as_ticks()
-            || self.start.timeout.as_ticks() < START_TIMEOUT_MIN.as_ticks()
+        if above(self.start.timeout, START_TIMEOUT_MAX.as_millis())
+            || below(self.start.timeout, START_TIMEOUT_MIN.as_millis())
         {
             return Err(Field::StartTimeout);
         }

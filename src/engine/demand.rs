@@ -193,8 +193,10 @@ impl Shaper {
         };
         let slew = Rates { up: config.slew.up.map(u32::from), down: down.map(u32::from) };
         let (target, rates) = match plan {
+            // It waits for nobody else.
             Plan::Hold(asked)
-                if shape.reduced_to.is_some() && self.is_above(reduced(asked, shape.reduced_to)) =>
+                if shape.reduced_to.is_some()
+                    && reduced(asked, shape.reduced_to).is_below(self.moving.demand()) =>
             {
                 (reduced(asked, shape.reduced_to), slew)
             }
@@ -202,7 +204,7 @@ impl Shaper {
             Plan::To(demand) => (reduced(demand, shape.reduced_to), slew),
             Plan::FailSafe { asked, ruled } => {
                 let most = reduced(asked, shape.reduced_to);
-                if ruled && self.is_above(most) {
+                if ruled && most.is_below(self.moving.demand()) {
                     self.moving.follow(now, most, slew, shape);
                 }
                 let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
@@ -227,15 +229,6 @@ impl Shaper {
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
         self.governed = throttle;
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
-    }
-
-    /// Whether the demand in force is above this one.
-    fn is_above(&self, demand: Demand) -> bool {
-        match (self.moving.demand(), demand) {
-            (Demand::Throttle(now), Demand::Throttle(demand)) => now > demand,
-            (Demand::Rpm(now), Demand::Rpm(demand)) => now > demand,
-            _ => false,
-        }
     }
 
     /// Where the fail-safe takes the demand. It only ever lowers.

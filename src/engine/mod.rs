@@ -186,9 +186,9 @@ impl Engine {
         }
     }
 
-    /// When the last good frame of the ECU was complete.
-    pub fn heard(&self) -> Option<Instant> {
-        self.link.heard()
+    /// A good frame came that nobody has looked at yet: [`Engine::poll`] does.
+    pub const fn has_unseen_frame(&self) -> bool {
+        self.unseen.is_some()
     }
 
     /// Bytes came from the ECU; see [`Link::receive`]. The reply says what is ordered by now; what the frame itself changes

@@ -1,7 +1,7 @@
 //! What survives a reset, and how an engine goes on after one: it listens first, and what the ECU reports decides.
 
 use super::keep::Record;
-use super::{Beginning, Engine, Mode};
+use super::{Beginning, Engine, Mode, Run};
 use crate::command::{Demand, Order, Origin};
 use crate::link::Link;
 use crate::telemetry::{Event, LossStage, Phase, ReportedSwitch};
@@ -45,39 +45,32 @@ impl Engine {
 
     /// What shall survive a reset.
     pub fn record(&self) -> Record {
-        let order = match &self.mode {
-            Mode::Listen { kept: Some(kept), .. } => {
-                return Record { armed: self.armed, failed: self.failed, ..*kept };
+        let by = self.ordered.origin;
+        let kept = match &self.mode {
+            Mode::Listen { kept: Some(kept), .. } => *kept,
+            Mode::Listen { kept: None, .. } => Record::new(Order::Listen, by),
+            Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
+            Mode::Standby => Record::new(Order::Standby, by),
+            Mode::Run(run) => {
+                let (limited, loss) = (run.limited, run.stage);
+                Record { limited, loss, ..Record::new(self.run_to_keep(run), run.ruler) }
             }
-            Mode::Listen { kept: None, .. } => Order::Listen,
-            Mode::Stop(_) => Order::EmergencyStop,
-            Mode::Standby => Order::Standby,
+            Mode::Pwm => Record::new(Order::Pwm, by),
+        };
+        Record { armed: self.armed, failed: self.failed, ..kept }
+    }
+
+    fn run_to_keep(&self, run: &Run) -> Order {
+        if self.link.shutting_down() {
             // A reset ends the service command, not the shutdown.
-            Mode::Run(_) if self.link.shutting_down() => Order::Standby,
-            // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring
-            // the rest back.
-            Mode::Run(run) if run.stage != LossStage::None || run.limited => self.ordered.order,
-            // A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
-            // source takes over, is none to jump to.
-            Mode::Run(run) => match (run.demand, self.ordered.order) {
-                (Demand::Throttle(asked), Order::Run(Demand::Throttle(now))) if now < asked => {
-                    self.ordered.order
-                }
-                (Demand::Rpm(asked), Order::Run(Demand::Rpm(now))) if now < asked => self.ordered.order,
-                _ => Order::Run(run.demand),
-            },
-            Mode::Pwm => Order::Pwm,
-        };
-        let origin = match &self.mode {
-            Mode::Stop(origin) => *origin,
-            Mode::Run(run) => run.ruler,
-            _ => self.ordered.origin,
-        };
-        let (limited, loss) = match &self.mode {
-            Mode::Run(run) => (run.limited, run.stage),
-            _ => (false, LossStage::None),
-        };
-        Record { order, origin, armed: self.armed, limited, loss, failed: self.failed }
+            return Order::Standby;
+        }
+        let ordered = self.ordered.order;
+        // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring the rest
+        // back. A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
+        // source takes over, is none to jump to.
+        let behind = matches!(ordered, Order::Run(now) if now.is_below(run.demand));
+        if run.stage != LossStage::None || run.limited || behind { ordered } else { Order::Run(run.demand) }
     }
 
     /// After a reset: goes on with an engine that runs, and orders standby where none does.

@@ -3,9 +3,9 @@
 use super::audit::Said;
 use super::desk::Lever;
 use super::quantity::seconds;
-use super::sample::{Sample, loss, source};
+use super::sample::{Sample, loss};
 use embassy_time::Instant;
-use jetlink::command::Order;
+use jetlink::command::{Order, Origin};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 
@@ -72,8 +72,8 @@ fn row(at: Instant, name: &str, sample: &Sample) -> String {
         sample.decode_errors().to_string(),
         sample.counters.commands_rejected.to_string(),
         sample.does.name().to_owned(),
-        source(sample.ruler).to_owned(),
-        sample.waiting.map_or("", source).to_owned(),
+        sample.ruler.name().to_owned(),
+        sample.waiting.map_or("", Origin::name).to_owned(),
         loss(sample.loss).to_owned(),
         if sample.limited { "yes" } else { "no" }.to_owned(),
         if sample.armed { "yes" } else { "no" }.to_owned(),

@@ -11,7 +11,7 @@ use super::faults::{Failure, Faults};
 use super::node::Node;
 use super::plan::{EnginePlan, LEAST_RUNNING};
 use super::quantity::seconds;
-use super::sample::{is_fresh, rejected};
+use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Command, Demand, Order, Origin, Rejected};
 use jetlink::telemetry::{LinkState, Phase, Telemetry};
@@ -181,7 +181,7 @@ impl<'a> Pilot<'a> {
             }
             Err(Cut::TimeUp) => Err(format!("did not start in time: {}", self.describe())),
             Err(Cut::Stopped) => Err(format!("the start failed: {}", self.describe())),
-            Err(Cut::Refused(why)) => Err(format!("the start was refused: {}", rejected(why))),
+            Err(Cut::Refused(why)) => Err(format!("the start was refused: {why}")),
         }
     }
 
@@ -193,7 +193,7 @@ impl<'a> Pilot<'a> {
             match self.command(self.desk.lever.get()) {
                 Ok(()) => return Ok(()),
                 Err(Cut::Refused(Rejected::Start(_))) if Instant::now() < limit => ticker.next().await,
-                Err(Cut::Refused(why)) => return Err(format!("the start was refused: {}", rejected(why))),
+                Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
                 Err(Cut::TimeUp | Cut::Stopped) => {
                     return Err(format!("the start was not asked for in time: {}", self.describe()));
                 }
@@ -384,7 +384,7 @@ impl<'a> Pilot<'a> {
 
     fn stopped(&self, cut: Cut) -> String {
         match cut {
-            Cut::Refused(why) => format!("a command was refused: {}", rejected(why)),
+            Cut::Refused(why) => format!("a command was refused: {why}"),
             Cut::Stopped | Cut::TimeUp => {
                 self.desk.stops.set(self.desk.stops.get() + 1);
                 format!("the engine stopped by itself: {}", self.describe())

@@ -3,7 +3,7 @@
 use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Order, Origin, Rejected};
+use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
 
@@ -118,13 +118,13 @@ impl Sample {
     /// Who rules, how far that source is lost, and what else holds its demand.
     pub fn rules_text(&self) -> String {
         match (self.order, self.loss) {
-            (Order::EmergencyStop, _) => format!("{} STOPS", source(self.ruler)),
+            (Order::EmergencyStop, _) => format!("{} STOPS", self.ruler.name()),
             (_, LossStage::None) => match (self.limited, self.waiting) {
-                (true, _) => format!("{}: limited", source(self.ruler)),
-                (false, Some(next)) => format!("{}, {} next", source(self.ruler), source(next)),
-                (false, None) => source(self.ruler).to_owned(),
+                (true, _) => format!("{}: limited", self.ruler.name()),
+                (false, Some(next)) => format!("{}, {} next", self.ruler.name(), next.name()),
+                (false, None) => self.ruler.name().to_owned(),
             },
-            (_, stage) => format!("{}: {}", source(self.ruler), loss(stage)),
+            (_, stage) => format!("{}: {}", self.ruler.name(), loss(stage)),
         }
     }
 
@@ -146,28 +146,6 @@ impl Sample {
     /// What came from the ECU and was no frame.
     pub const fn decode_errors(&self) -> u32 {
         decode_errors(&self.counters)
-    }
-}
-
-/// A source for people.
-pub const fn source(origin: Origin) -> &'static str {
-    match origin {
-        Origin::Node => "node",
-        Origin::Bench => "bench",
-        Origin::Mavlink => "mavlink",
-        Origin::Rc => "rc",
-        Origin::Emergency => "emergency",
-    }
-}
-
-/// Why a command was refused, for people.
-pub fn rejected(why: Rejected) -> String {
-    match why {
-        Rejected::NotYours(origin) => format!(
-            "the emergency stop came from {}, which has to release it, or a higher source",
-            source(origin)
-        ),
-        other => other.to_string(),
     }
 }
 

@@ -8,7 +8,7 @@ use super::faults::{Failure, Faults};
 use super::node::Node;
 use super::pilot::Pilot;
 use super::plan::Plan;
-use super::sample::{Message, SAMPLE_EVERY, Sample, rejected, source};
+use super::sample::{Message, SAMPLE_EVERY, Sample};
 use super::scenario::{Check, Cockpit, Scenario};
 use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
@@ -349,7 +349,7 @@ fn text(event: Event) -> Option<String> {
         // That it listens is said once, when it starts.
         Event::CommandRejected(Rejected::Listening, _) => return None,
         Event::CommandRejected(why, from) => {
-            format!("command of {} rejected: {}", source(from), rejected(why))
+            format!("command of {} rejected: {why}", from.name())
         }
         Event::SourceLoss(LossStage::None) => "the source of commands is back".to_owned(),
         Event::SourceLoss(LossStage::Hold) => "SOURCE LOST: its last demand is held".to_owned(),
@@ -357,11 +357,11 @@ fn text(event: Event) -> Option<String> {
             "SOURCE LOST: the demand goes to the fail-safe throttle".to_owned()
         }
         Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
-        Event::Armed(true, origin) => format!("armed by {}", source(origin)),
-        Event::Armed(false, origin) => format!("disarmed by {}", source(origin)),
+        Event::Armed(true, origin) => format!("armed by {}", origin.name()),
+        Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
         Event::NotObeyed => "THE ECU DOES NOT DO WHAT IT IS TOLD: check the wire to it".to_owned(),
         Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
-        Event::Ruler(origin) => format!("{} rules", source(origin)),
+        Event::Ruler(origin) => format!("{} rules", origin.name()),
         // The fault itself is told by its name.
         Event::Limit(Passed { what: Watched::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
@@ -376,7 +376,7 @@ fn text(event: Event) -> Option<String> {
         Event::WentOn(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
         Event::RunWithdrawn => "the engine stopped: the node goes to standby".to_owned(),
         Event::Ordered(Ordered { order: Order::EmergencyStop, origin }) => {
-            format!("EMERGENCY STOP by {}", source(origin))
+            format!("EMERGENCY STOP by {}", origin.name())
         }
         // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
         _ => return None,

@@ -4,7 +4,6 @@
 use super::super::audit::Spoken;
 use super::super::desk::{Desk, Lever, Notes, Stage};
 use super::super::node::Node;
-use super::super::sample::{rejected, source};
 use super::super::session::look;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -406,8 +405,8 @@ impl<'a> Cockpit<'a> {
             None => "no answer".to_owned(),
             Some(Ok(Accepted::InForce)) => "in force".to_owned(),
             Some(Ok(Accepted::Held)) => "held".to_owned(),
-            Some(Ok(Accepted::Behind(other))) => format!("behind {}", source(other)),
-            Some(Err(why)) => rejected(why),
+            Some(Ok(Accepted::Behind(other))) => format!("behind {}", other.name()),
+            Some(Err(why)) => why.to_string(),
         }
     }
 
