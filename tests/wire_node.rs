@@ -80,6 +80,17 @@ async fn life<T>(
     }
 }
 
+/// Both engines of a node on their lines, for ever.
+async fn live_two<A: Ecu, B: Ecu>(
+    node: &Node<2>,
+    left: (WireRx, WireTx, &Plug<A>),
+    right: (WireRx, WireTx, &Plug<B>),
+) {
+    let [run_left, run_right] = node.runners();
+    let engines = join(run_left.run(left.0, left.1, &ERRORS), run_right.run(right.0, right.1, &ERRORS));
+    join(engines, join(left.2.run(), right.2.run())).await;
+}
+
 /// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine goes on, the
 /// throttle does not move, and the first reply is in the window of the first whole frame.
 #[test]
@@ -197,11 +208,7 @@ fn a_group_of_two() {
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
         let node = Node::new(&[left, right]).expect("a good table");
-        let [run_left, run_right] = node.runners();
-        let world = join(
-            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
-            join(plug_left.run(), plug_right.run()),
-        );
+        let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let scenario = async {
             let [l, r] = node.handles();
             let all = |command| node.command_all(command, Origin::Rc);
@@ -277,11 +284,7 @@ fn an_emergency_stop_gets_through() {
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
         let node = Node::new(&[left, right]).expect("a good table");
-        let [run_left, run_right] = node.runners();
-        let world = join(
-            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
-            join(plug_left.run(), plug_right.run()),
-        );
+        let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let [l, r] = node.handles();
         let deaf: Vec<_> = (0..LISTENERS).map(|_| (l.events(), l.telemetry_receiver())).collect();
         assert!(deaf.iter().all(|(events, telemetry)| events.is_some() && telemetry.is_some()));
@@ -347,11 +350,7 @@ fn a_failure_is_told_again_after_a_reset() {
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
         let node = Node::with_memory(&[left, right], memory).expect("a good table");
-        let [run_left, run_right] = node.runners();
-        let world = join(
-            join(run_left.run(rx_left, tx_left, &ERRORS), run_right.run(rx_right, tx_right, &ERRORS)),
-            join(plug_left.run(), plug_right.run()),
-        );
+        let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let [l, r] = node.handles();
         let scenario = async {
             Timer::after(Duration::from_secs(3)).await;
