@@ -485,7 +485,7 @@ impl Turbine {
         self.egt += (egt - self.egt) * DT / egt_lag;
 
         self.flow = match self.phase {
-            Phase::Stopped | Phase::Standby if self.bench_pump => 0.5 * p.flow_idle,
+            Phase::Stopped | Phase::Standby | Phase::Cooling if self.bench_pump => 0.5 * p.flow_idle,
             Phase::Preheat => 0.25 * p.flow_idle,
             Phase::FuelRamp => p.flow_idle * (0.3 + 0.6 * in_phase_s / p.ramp_s).min(0.9),
             Phase::LearningIdle | Phase::Running => {
