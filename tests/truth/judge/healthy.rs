@@ -1,0 +1,267 @@
+//! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Ask, Cause, Kind, MS, Mark, SECOND, Spans, Switch, Word};
+
+/// So long an engine has to run, and be heard, until the node has to know.
+const KNOWN: u64 = 3 * SECOND;
+/// After a disturbance that is over, until everything goes its way again.
+const SETTLES: u64 = 3 * SECOND;
+
+impl Case<'_> {
+    /// Times in which the rules of this file do not bind, each with its name.
+    fn exemptions(&self) -> Vec<(&'static str, Spans)> {
+        let h = self.h;
+        let patience = h.rules.gives_up_after;
+        let cut = h.mute.union(&h.deaf).longer(SETTLES);
+        let gap = self.down.at_least(patience.saturating_sub(500 * MS)).longer(SETTLES);
+        // What is damaged for longer than the ECU waits is as good as cut.
+        let damage = h.noise.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        let mut all = match h.rules.kind {
+            Kind::Amt => vec![
+                ("AMT, a wire cut", cut),
+                ("AMT, a gap beyond the serial delay", gap),
+                ("AMT, damage beyond the serial delay", damage),
+            ],
+            Kind::Zk(..5) => vec![
+                ("ZK up to 4, a wire cut", cut),
+                ("ZK up to 4, a gap beyond the loss time", gap),
+                ("ZK up to 4, damage beyond the loss time", damage),
+            ],
+            Kind::Zk(_) => Vec::new(),
+        };
+        if let Some((egt, true)) = h.rules.limit_egt {
+            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0);
+            all.push(("a limit whose action is standby", over.longer(SETTLES)));
+        }
+        if h.rules.limit_fault == Some(true) {
+            let fault = h.times(|sample| sample.runs() && sample.fault);
+            all.push(("a limit whose action is standby", fault.longer(SETTLES)));
+        }
+        all
+    }
+
+    fn exempt_at(&self, from: u64, to: u64) -> bool {
+        self.exemptions().iter().any(|(_, spans)| spans.touches(from, to + 1))
+    }
+
+    /// How long the rules applied, and how much of it was exempt.
+    pub(super) fn shares(&mut self) {
+        let voices = &self.voices;
+        let applies = self.h.times(|sample| sample.runs() && voices.run_in_control(sample.at).is_some());
+        self.verdict.applied = applies.total();
+        let mut taken = Spans::default();
+        for (name, spans) in self.exemptions() {
+            // Each instant counts once.
+            let both = taken.union(&spans);
+            let time = both.common(&applies) - taken.common(&applies);
+            taken = both;
+            if time > 0 {
+                self.verdict.exempt(name, time);
+            }
+        }
+    }
+
+    /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
+    fn known_to_run(&self, at: u64) -> bool {
+        let Some((from, to)) = self.runs.last_before(at) else { return false };
+        let hidden = self.blind.union(&self.h.noise).union(&self.down);
+        at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
+    }
+
+    pub(super) fn shut_down(&mut self) {
+        let h = self.h;
+        let mut before = None;
+        for frame in &h.frames {
+            let Some(switch) = frame.told.switch() else { continue };
+            let previous = core::mem::replace(&mut before, Some(switch));
+            let stops = matches!(switch, Switch::Stop | Switch::Standby);
+            // What shut it down was said before.
+            let began = previous.is_none_or(|previous| matches!(previous, Switch::Run | Switch::Pwm));
+            if !stops
+                || !began
+                || !self.known_to_run(frame.at)
+                || h.pwm.touches(frame.at.saturating_sub(SECOND), frame.at)
+            {
+                continue;
+            }
+            if self.reason_to_stop(frame.at) || self.exempt_at(frame.at, frame.at) {
+                continue;
+            }
+            let who = match self.voices.in_control(frame.at) {
+                Some((source, Word::Run(ask))) => format!("source {source} says run at {ask}"),
+                Some((source, word)) => format!("source {source} says {word:?}, once"),
+                None => "all sources are silent".into(),
+            };
+            self.verdict.finding(
+                Rule::ShutDown,
+                frame.at,
+                format!("{switch:?} for an engine that runs, and {who}"),
+            );
+        }
+    }
+
+    /// Whether a pilot, or the end of the stages of loss, is a reason for standby or stop at this instant.
+    fn reason_to_stop(&self, at: u64) -> bool {
+        let h = self.h;
+        let rules = &h.rules;
+        if self.stopped.touches(at.saturating_sub(2 * SECOND), at + 1) {
+            return true;
+        }
+        let recent = h.said(at.saturating_sub(3 * SECOND), at);
+        if recent.iter().any(|said| matches!(said.word, Word::Stop | Word::ShutDown | Word::Pwm | Word::Ctf))
+        {
+            return true;
+        }
+        let slack = 400 * MS + 2 * rules.period;
+        // Two words of one source within its age limit or two of its periods, with nobody above it who says otherwise.
+        let asked = (0..4).any(|source| {
+            let words = self.voices.until(source, at);
+            let [.., (first, Word::Standby), (second, Word::Standby)] = words else { return false };
+            let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
+            let near = second - first <= self.voices.age(source).max(2 * period) + MS;
+            let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
+            near && fresh
+                && (0..source).all(|higher| {
+                    let last = self.voices.last(higher, at);
+                    last.is_none_or(|(when, word)| match word {
+                        Word::Run(_) => {
+                            at + slack
+                                >= when + self.voices.age(higher) + rules.hold + rules.lower_standby_after
+                        }
+                        Word::Nothing => true,
+                        _ => true,
+                    })
+                })
+        });
+        if asked {
+            return true;
+        }
+        // All sources silent until the last stage.
+        let heard = self.voices.last_heard(at).unwrap_or(0);
+        let up = h
+            .resets
+            .iter()
+            .filter(|reset| reset.up <= at && reset.cause != Cause::Watchdog)
+            .map(|reset| reset.up)
+            .max();
+        let youngest = rules.ages.into_iter().min().unwrap_or_default();
+        let silent_since = match up {
+            Some(up) if heard < up => up,
+            _ => heard + youngest,
+        };
+        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        let last_stage = match (rules.standby_after, hidden) {
+            (Some(after), true) => Some(after.min(10 * SECOND)),
+            (None, true) => Some(10 * SECOND),
+            (after, false) => after,
+        };
+        last_stage.is_some_and(|after| at + slack >= silent_since + rules.hold.min(after) + after)
+    }
+
+    pub(super) fn given_up(&mut self) {
+        let h = self.h;
+        for &(at, mark) in h.marks.iter().filter(|(_, mark)| *mark == Mark::GivenUp) {
+            let ran = h.sample(at.saturating_sub(200 * MS)).is_some_and(|sample| sample.runs());
+            let since = at.saturating_sub(h.rules.gives_up_after + 500 * MS);
+            let run = |at| self.voices.run_in_control(at).is_some();
+            let exempt = self.exempt_at(since, at);
+            if mark == Mark::GivenUp && ran && run(at) && run(since) && !exempt && self.known_to_run(since) {
+                // Nothing but a gap within the ECU's patience is allowed to a node.
+                let hidden = self.down.within(since, at) + h.noise.within(since, at);
+                let text = format!(
+                    "the ECU put out a running engine for want of commands ({} ms of the last {} ms disturbed)",
+                    hidden / MS,
+                    (at - since) / MS
+                );
+                self.verdict.finding(Rule::GivenUp, at, text);
+            }
+        }
+    }
+
+    /// Whether a limit, or another engine, may hold the demand down at this instant.
+    fn reduced(&self, at: u64) -> bool {
+        let h = self.h;
+        let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
+        // The fail-safe of a limit holds until standby.
+        let ran = h.samples(since.saturating_sub(60 * SECOND), at);
+        let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if ran.iter().any(|sample| sample.egt > egt - 10.0));
+        let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
+        let other =
+            h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
+        limit_egt || limit_fault || other
+    }
+
+    pub(super) fn held_down(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        let exempt =
+            self.exemptions().into_iter().fold(Spans::default(), |all, (_, spans)| all.union(&spans));
+        let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
+        let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
+        // A node that was reset, or did not hear the ECU, has to find out what its engine does.
+        let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
+        let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
+        let mut since: Option<(u64, usize, Ask)> = None;
+        let mut reported = 0;
+        let mut frame = 0;
+        for sample in &h.samples {
+            let at = sample.at;
+            let run = self.voices.run_in_control(at).filter(|(source, _)| {
+                // Nobody above it was heard lately, who may still be the one in control.
+                (0..*source).all(|higher| {
+                    self.voices.last(higher, at).is_none_or(|(when, word)| {
+                        at > when + self.voices.age(higher) + rules.hold || word == Word::Nothing
+                    })
+                })
+            });
+            let steady = run.filter(|_| {
+                sample.runs()
+                    && self.known_to_run(at)
+                    && !hidden.contains(at)
+                    && !exempt.contains(at)
+                    && !self.stopped.touches(at.saturating_sub(SECOND), at + 1)
+                    && !h.pwm.contains(at)
+            });
+            since = match (steady, since) {
+                (None, _) => None,
+                (Some((source, ask)), Some((from, before, asked))) if source == before && ask == asked => {
+                    Some((from, source, ask))
+                }
+                (Some((source, ask)), _) => Some((at, source, ask)),
+            };
+            while frame < h.frames.len() && h.frames[frame].at <= at {
+                frame += 1;
+            }
+            let Some((from, source, ask)) = since.filter(|(from, ..)| at > from + most && at >= reported)
+            else {
+                continue;
+            };
+            let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
+            if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
+                continue;
+            }
+            let told = h.frames[..frame]
+                .iter()
+                .rev()
+                .take(16)
+                .find_map(|frame| frame.told.demand().map(|ask| (frame.at, ask)));
+            let low = match told {
+                Some((when, told)) if at < when + 4 * rules.period + 200 * MS => {
+                    let same = core::mem::discriminant(&told) == core::mem::discriminant(&ask);
+                    !same || self.share(told) + 8.0 < self.share(ask)
+                }
+                _ => true,
+            };
+            if low {
+                let text = format!(
+                    "source {source} says run at {ask} since {}, and {} is on the wire",
+                    seconds(from),
+                    told.map_or("nothing".to_string(), |(_, ask)| ask.to_string())
+                );
+                self.verdict.finding(Rule::HeldDown, at, text);
+                reported = at + 60 * SECOND;
+            }
+        }
+    }
+}
