@@ -229,6 +229,8 @@ pub struct Rules {
     pub pump_bound: u64,
     /// The ECU gives up so long after the last command: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
+    /// So many reports after a power-up still say what was before it.
+    pub stale: u64,
     /// From power to the first report.
     pub boot: u64,
     pub idle_rpm: f64,
@@ -295,7 +297,7 @@ impl Spans {
         self.0[first..]
             .iter()
             .take_while(|(start, _)| *start < to)
-            .map(|&(a, b)| b.min(to) - a.max(from))
+            .map(|&(a, b)| b.min(to).saturating_sub(a.max(from)))
             .sum()
     }
 

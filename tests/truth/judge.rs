@@ -152,7 +152,12 @@ impl<'a> Case<'a> {
     /// The longest time in which a report of the engine's state comes round twice.
     const fn two_states(&self) -> u64 {
         let rules = &self.h.rules;
-        if self.is_amt() { 4 * rules.period + 300 * MS } else { 2 * rules.round * rules.period + 400 * MS }
+        let reports = 2 + rules.stale;
+        if self.is_amt() {
+            (reports + 2) * rules.period + 300 * MS
+        } else {
+            reports * rules.round * rules.period + 400 * MS
+        }
     }
 
     /// The last instant before this one at which the node had to begin anew with the engine: its ECU was powered up, or

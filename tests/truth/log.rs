@@ -38,7 +38,14 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
     let mut lines: Vec<(u64, String)> = engine.notes.clone();
     let names = ["emergency", "rc", "mavlink", "bench"];
     let mut last: [Option<(u64, Word)>; 4] = [None; 4];
+    let mut armed: [Option<Word>; 4] = [None; 4];
     for said in &history.said {
+        if matches!(said.word, Word::Arm | Word::Disarm) {
+            if armed[said.source].replace(said.word) != Some(said.word) {
+                lines.push((said.at, format!("  {}: {:?}", names[said.source], said.word)));
+            }
+            continue;
+        }
         let before = last[said.source].replace((said.at, said.word));
         let age = history.rules.ages[said.source];
         let new = before.is_none_or(|(when, word)| word != said.word || said.at > when + age);

@@ -317,6 +317,12 @@ impl Pilot {
                     self.stick = demand(rng, view);
                 }
                 words.push(Word::Run(self.stick));
+                // A link that is lost for a while; at most of the times for as long as a person takes to notice.
+                if rng.below(60 * SECOND) < self.period {
+                    let most = if rng.percent(20) { 200 } else { 20 };
+                    self.next = now + rng.spread(100 * MS, most * SECOND);
+                    return;
+                }
                 if rng.percent(1) && rng.percent(3) {
                     words.push(Word::Ctf);
                 }

@@ -265,6 +265,10 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         governor: all.governor.is_some(),
         pump_bound: PUMP_BOUND,
         gives_up_after: gives_up_after / 1000,
+        stale: match ecu {
+            Ecu::Amt(ecu) => ecu.temper.last_state_first.into(),
+            Ecu::Zk(ecu) => ecu.temper.last_state_first.into(),
+        },
         boot: boot / 1000 + 2 * MS,
         idle_rpm: turbine.idle_rpm,
         max_rpm: turbine.max_rpm,

@@ -7,6 +7,8 @@ use crate::history::{Ask, Cause, History, Reset, SECOND, Word};
 pub struct Voices {
     words: [Vec<(u64, Word)>; 4],
     ages: [u64; 4],
+    /// The words of each source that came after a gap.
+    gaps: [Vec<u64>; 4],
     /// When the engine was armed, and was not any more.
     armed: Vec<(u64, bool)>,
 }
@@ -19,7 +21,16 @@ impl Voices {
                 words[said.source].push((said.at, said.word));
             }
         }
-        Self { words, ages: h.rules.ages, armed: armed(h) }
+        let mut gaps: [Vec<u64>; 4] = Default::default();
+        for (source, words) in words.iter().enumerate() {
+            let mut before = None;
+            for &(at, _) in words {
+                if before.replace(at).is_none_or(|before| at > before + h.rules.ages[source]) {
+                    gaps[source].push(at);
+                }
+            }
+        }
+        Self { words, ages: h.rules.ages, gaps, armed: armed(h) }
     }
 
     /// The words of a source up to an instant.
@@ -39,6 +50,13 @@ impl Voices {
     /// The last word of a source, if it is not too old.
     pub fn fresh(&self, source: usize, at: u64) -> Option<Word> {
         self.last(source, at).filter(|(when, _)| at <= when + self.age(source)).map(|(_, word)| word)
+    }
+
+    /// Since when a source has spoken without a gap beyond its age limit, if it is fresh.
+    pub fn speaks_since(&self, source: usize, at: u64) -> Option<u64> {
+        self.fresh(source, at)?;
+        let gaps = &self.gaps[source];
+        gaps[..gaps.partition_point(|after| *after <= at)].last().copied()
     }
 
     /// The highest source that is fresh and wants something, and what.

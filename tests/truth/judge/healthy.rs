@@ -215,6 +215,8 @@ impl Case<'_> {
                     })
                 })
             });
+            // A source that was lost has to speak for a while first.
+            let spoken = |source| self.voices.speaks_since(source, at).unwrap_or(at);
             let steady = run.filter(|_| {
                 sample.runs()
                     && self.known_to_run(at)
@@ -233,12 +235,18 @@ impl Case<'_> {
             while frame < h.frames.len() && h.frames[frame].at <= at {
                 frame += 1;
             }
-            let Some((from, source, ask)) = since.filter(|(from, ..)| at > from + most && at >= reported)
+            let Some((from, source, ask)) =
+                since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
             else {
                 continue;
             };
             let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
             if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
+                continue;
+            }
+            // What shut it down is another matter.
+            let switch = h.frames[..frame].iter().rev().take(64).find_map(|frame| frame.told.switch());
+            if matches!(switch, Some(Switch::Stop | Switch::Standby)) {
                 continue;
             }
             let told = h.frames[..frame]

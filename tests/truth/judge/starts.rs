@@ -118,14 +118,8 @@ impl Case<'_> {
         if at > spoke + stages {
             return who("is of a source that is silent for too long");
         }
-        let mut why = self.interlock(start.at);
-        let waited = at.min(start.at + self.h.rules.start_wait);
-        let mut then = start.at + 100 * MS;
-        while why.is_some() && then <= waited {
-            why = self.interlock(then);
-            then += 100 * MS;
-        }
-        why.and_then(|why| who(&format!("was not to be granted: {why}")))
+        // Every interlock at that instant; only another engine that starts is waited for.
+        self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
     }
 
     pub(super) fn starts(&mut self) {
