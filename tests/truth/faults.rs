@@ -79,6 +79,19 @@ impl Disturber {
         }
     }
 
+    /// Nothing goes wrong by itself.
+    pub const fn idle() -> Self {
+        Self {
+            weather: Weather::Calm,
+            next: u64::MAX,
+            current: None,
+            dips_in_starts: 0,
+            dipped: false,
+            long: false,
+            signals: false,
+        }
+    }
+
     /// A disturbance that no rule may be exempt from for long: rarely one that costs an AMT engine.
     fn choose(&self, rng: &mut Rng, amt: bool, patience: u64) -> (Fault, u64) {
         let power = match self.long {
@@ -163,21 +176,22 @@ impl Disturber {
         self.current.map_or(self.next, |(_, _, until)| until)
     }
 
-    /// The ECU loses its power now, together with the node.
-    pub fn power_off(
+    /// This goes wrong from now until then, in place of what does.
+    pub fn begin(
         &mut self,
+        rng: &mut Rng,
         plug: &Plug<AnyEcu>,
         history: &mut History,
+        fault: Fault,
         now: u64,
         until: u64,
-        rng: &mut Rng,
     ) {
         if let Some((fault, from, _)) = self.current.take() {
             end(fault, plug);
             write_down(history, fault, from, now);
         }
-        begin(Fault::PowerOff, rng, plug);
-        self.current = Some((Fault::PowerOff, now, until));
+        begin(fault, rng, plug);
+        self.current = Some((fault, now, until));
     }
 
     /// Ends what is going on, for the end of the history.

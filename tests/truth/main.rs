@@ -7,12 +7,15 @@
 //! JETLINK_HOURS=100 cargo truth                                    # a hundred; goes on after findings, and counts them
 //! ```
 
+mod cases;
+mod fate;
 mod faults;
 mod history;
 mod judge;
 mod judge_tests;
 mod log;
 mod pilots;
+mod seat;
 mod settings;
 mod wire;
 mod worlds;

@@ -120,11 +120,14 @@ pub struct Pilot {
 
 impl Pilot {
     pub fn new(rng: &mut Rng, source: usize, habit: Habit) -> Self {
+        // Some speak at the very instant of a slot.
+        let grain = if rng.percent(20) { 50 * MS } else { 1 };
+        let first = rng.below(3 * SECOND) / grain * grain;
         Self {
             source,
             habit,
             period: rng.pick(&[20, 50, 100, 100, 200]) * MS,
-            next: rng.below(3 * SECOND),
+            next: first,
             program: Program::Silent,
             until: 0,
             stick: Ask::Throttle(0),

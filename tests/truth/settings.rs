@@ -40,6 +40,47 @@ enum Ecu {
 }
 
 impl Setup {
+    /// For the named cases: default settings, and an AMT ECU that does what harm the document allows.
+    pub fn amt_case() -> Self {
+        let temper =
+            AmtTemper { starts_hot: true, trips_clear_after: Some(60_000_000_000), ..AmtTemper::DEFAULT };
+        let ecu = AmtConfig {
+            temper,
+            log: 8,
+            serial_delay: 4_000_000_000,
+            ..AmtConfig::new(sim::amt::Engine::Olympus)
+        };
+        let config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
+        Self::of(config, Ecu::Amt(ecu), sim::line::Line::n1(2400), 2)
+    }
+
+    /// The same for ZK, of this version.
+    pub fn zk_case(version: u8) -> Self {
+        let temper = ZkTemper {
+            starts_hot: true,
+            services_while_cooling: true,
+            valves_pass_fuel: true,
+            ..ZkTemper::DEFAULT
+        };
+        let ecu = ZkConfig { temper, log: 16, ..ZkConfig::new(version) };
+        Self::of(
+            EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20),
+            Ecu::Zk(ecu),
+            sim::line::Line::n1(9600),
+            2,
+        )
+    }
+
+    fn of(config: EngineConfig, ecu: Ecu, line: sim::line::Line, count: usize) -> Self {
+        let rules = rules(&config, &ecu, count);
+        Self { config, rules, line, ecu }
+    }
+
+    /// The same on another port.
+    pub fn at_port(&self, port: u8) -> Self {
+        Self { config: EngineConfig { port, ..self.config }, ..self.clone() }
+    }
+
     pub fn ecu(&self) -> AnyEcu {
         match &self.ecu {
             Ecu::Amt(config) => AmtEcu::new(config.clone()).into(),
@@ -56,6 +97,16 @@ impl Setup {
                 ZkEcu::new(ZkConfig { version, ids: fresh.ids, ..config.clone() }).into()
             }
         }
+    }
+    /// Other settings that somebody has flashed: the same rules, other numbers that a rule does not bind.
+    pub fn other_settings(&self) -> EngineConfig {
+        let mut config = self.config;
+        let supervision = &mut config.supervision;
+        supervision.takeover.throttle_band = throttle(100);
+        supervision.start.link_stable = supervision.start.link_stable.min(ms(800));
+        supervision.limits.flame_out = Limit::tell(40);
+        supervision.recover_after = supervision.recover_after.min(ms(300));
+        config
     }
 
     pub fn is_amt(&self) -> bool {
@@ -139,8 +190,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, count: usize) -> Setup {
         StopBits::One => sim::line::Line::n1(config.line.baud),
         StopBits::Two => sim::line::Line::n2(config.line.baud),
     };
-    let rules = rules(&config, &ecu, count);
-    Setup { config, rules, line, ecu }
+    Setup::of(config, ecu, line, count)
 }
 
 fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
@@ -256,7 +306,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         lower_standby_after: LOWER_STANDBY_AFTER,
         listen: micros(all.listen),
         arming: all.start.arming,
-        link_stable: micros(all.start.link_stable),
+        link_stable: micros(all.start.link_stable).min(800 * MS),
         idle_band: all.start.idle_band.tenths().into(),
         egt_max: f64::from(all.start.egt_max.tenths()) / 10.0,
         start_timeout: micros(all.start.timeout),

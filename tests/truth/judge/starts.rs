@@ -109,17 +109,29 @@ impl Case<'_> {
         }
         if at > start.at + self.start_time() {
             return who("is too long ago");
+        } // Where no run goes out at once, it waits for another engine, for as long as its source is there.
+        let first = self.h.frames.partition_point(|frame| frame.at < start.at);
+        let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
+        let began = first.map_or(at, |frame| frame.at.min(at));
+        let longest = |until| self.longest_gap(start.source, start.at, until);
+        if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
+            return who("waited, and its source was lost");
         }
-        let mut spoke = self.voices.until(start.source, at).iter().rev();
-        let spoke = spoke.find(|(_, word)| matches!(word, Word::Run(_))).map_or(start.at, |(at, _)| *at);
         let stages = super::control::to_fail_safe(self.h)
             + self.h.rules.standby_after.unwrap_or(10 * SECOND)
             + 2 * SECOND;
-        if at > spoke + stages {
-            return who("is of a source that is silent for too long");
+        if longest(at) > stages {
+            return who("is of a source that was silent for too long");
         }
         // Every interlock at that instant; only another engine that starts is waited for.
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
+    }
+    /// The longest time without a word of a source, from one of its words on.
+    fn longest_gap(&self, source: usize, from: u64, to: u64) -> u64 {
+        let words = self.voices.until(source, to);
+        let words = &words[words.partition_point(|(at, _)| *at < from)..];
+        let ends = words.iter().skip(1).map(|(at, _)| *at).chain([to]);
+        words.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to - from)
     }
 
     pub(super) fn starts(&mut self) {

@@ -1,7 +1,7 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, Kind, MS, Spans, Switch, Told, Word};
+use crate::history::{Cause, Frame, Kind, MS, SECOND, Spans, Switch, Told, Word};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
@@ -113,6 +113,11 @@ impl Case<'_> {
             let since = h.versions.iter().rev().find(|(at, _)| *at <= frame.at).map_or(0, |(at, _)| *at);
             let seen = self.blind.at_least(self.gap()).touches(since.saturating_sub(MS), since + self.gap());
             if since > 0 && !seen && frame.at < since + 2 * self.two_states() + h.rules.boot {
+                continue;
+            }
+            // In doubt the demand goes on as ID 7, which no ECU minds that was not given a factor.
+            let doubt = self.blind.longer(2 * self.two_states() + SECOND).contains(frame.at);
+            if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.told, Told::Rpm(_)) {
                 continue;
             }
             let text =
