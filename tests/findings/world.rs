@@ -187,6 +187,11 @@ impl<const N: usize> World<N> {
         self.pilots.retain(|pilot| pilot.origin != origin);
     }
 
+    /// From now on it says nothing to this engine.
+    pub fn silence(&mut self, engine: usize, origin: Origin) {
+        self.pilots.retain(|pilot| (pilot.engine, pilot.origin) != (engine, origin));
+    }
+
     /// One word to one engine.
     pub fn command_to(
         &mut self,
