@@ -16,7 +16,7 @@ use jetlink::units::{Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu};
 use sim::any::AnyEcu;
 use sim::clock;
-use sim::ecu::{Ecu, MILLIS, Nanos};
+use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::{Phase, Turbine};
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{ZkConfig, ZkEcu};
@@ -30,7 +30,7 @@ pub use jetlink::command::Origin::{Mavlink, Rc};
 /// Every source says its command so often.
 const PERIOD: Nanos = 100 * MILLIS;
 /// Start-up of the firmware: nobody reads or writes.
-const START_UP: f64 = 0.02;
+pub const START_UP: f64 = 0.02;
 
 /// Run, in percent.
 pub fn run(percent: u8) -> Command {
@@ -89,6 +89,15 @@ impl World {
 impl<const N: usize> World<N> {
     pub fn new(engines: [(EngineConfig, AnyEcu); N]) -> Self {
         clock::reset();
+        // It outlives every node, as memory does; a few bytes for each test.
+        let memory = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+        let mut world = Self::with_memory(engines, memory);
+        world.boot();
+        world
+    }
+
+    /// A node that is held in reset.
+    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [Memory; N]) -> Self {
         let configs = std::array::from_fn(|n| engines[n].0);
         let readers = std::array::from_fn(|n| Reader::new(matches!(engines[n].1, AnyEcu::Amt(_))));
         let mut halves = Vec::new();
@@ -99,20 +108,17 @@ impl<const N: usize> World<N> {
             halves.push((rx, tx));
             plug
         });
-        let mut world = Self {
+        Self {
             configs,
             plugs,
-            // It outlives every node, as memory does; a few bytes for each test.
-            memory: Box::leak(Box::new(std::array::from_fn(|_| Memory::new()))),
+            memory,
             node: None,
             halves,
             tasks: Vec::new(),
             pilots: Vec::new(),
             readers,
             sent: std::array::from_fn(|_| Vec::new()),
-        };
-        world.boot();
-        world
+        }
     }
 
     // ---------------------------------------------------------------------------------------
@@ -163,6 +169,16 @@ impl<const N: usize> World<N> {
 
     pub fn handle(&self, engine: usize) -> Handle<'static> {
         self.node.expect("the node works").handles()[engine]
+    }
+
+    /// The same node, held in reset, gets other settings and another ECU; its memory stays.
+    pub fn reconfigured(self, config: EngineConfig, ecu: AnyEcu) -> World
+    where
+        Self: Sized,
+    {
+        let memory: &'static [Memory; 1] = std::array::from_ref(&self.memory[0]);
+        drop(self);
+        World::with_memory([(config, ecu)], memory)
     }
 
     // ---------------------------------------------------------------------------------------
