@@ -1,10 +1,12 @@
 //! Findings 1 and 6: an ECU that lost its power and comes back is told nothing that could start its engine, whatever was
 //! commanded before. A new start by a pilot is obeyed.
 
+use crate::wire::Frame;
 use crate::world::*;
-use sim::amt::AmtTemper;
-use sim::ecu::{MILLIS, Nanos};
+use sim::amt::{AmtTemper, InFlight, Status};
+use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
+use sim::wire::{Faults, FramingAs};
 use sim::zk::ZkTemper;
 
 /// What the pilot of before does while the ECU is without power.
@@ -248,5 +250,41 @@ fn engine_that_ran_on_through_a_cut_line_goes_on_at_its_demand() {
         world.assert_ignitions(1);
         assert_eq!(world.throttle_sent(0), Some(600));
         assert_eq!(world.phase(), Phase::Running);
+    }
+}
+
+/// Every set or status damaged, and seen as such by the UART: the line is bad, and the engine is not.
+#[test]
+fn engine_goes_on_at_its_demand_through_2_s_of_framing_noise() {
+    for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        let from = world.now();
+        world.plugs[0].framing(FramingAs::Error);
+        let noise = Faults { framing_per_million: 250_000, ..Faults::default() };
+        world.plugs[0].set_faults(noise, Faults::default());
+        world.pass(2.0);
+        world.plugs[0].set_faults(Faults::default(), Faults::default());
+        world.pass(20.0);
+        world.assert_not_shut_down(from);
+        world.assert_ignitions(1);
+        assert_eq!(world.throttle_sent(0), Some(600));
+    }
+}
+
+/// An ECU that calibrates its idle, or says that it has started up, in flight.
+#[test]
+#[ignore = "finding 1, its other half: fails before the supervision is rewritten"]
+fn amt_engine_that_reports_idle_calibration_in_flight_goes_on_at_its_demand() {
+    for shows in [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(0b11111)] {
+        let in_flight = Some(InFlight { shows, every: 5 * SECOND, lasts: 2 * SECOND });
+        let mut world = World::one(amt(|_, ecu| ecu.temper = AmtTemper { in_flight, ..AmtTemper::DEFAULT }));
+        world.fly(Rc, 60);
+        world.pass(5.0);
+        let from = world.now();
+        world.pass(30.0);
+        world.assert_not_shut_down(from);
+        let lowest = world.sent(from).filter_map(Frame::throttle).min();
+        assert_eq!(lowest, Some(600), "{shows:?}");
     }
 }
