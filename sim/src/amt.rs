@@ -18,6 +18,7 @@
 
 mod command;
 mod telemetry;
+mod temper;
 mod window;
 
 use crate::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
@@ -29,6 +30,7 @@ pub use self::command::{AmtCommand, BadCommand, Ops, parse_command};
 use self::command::{Heard, Receiver};
 pub use self::telemetry::{Engine, Status};
 use self::telemetry::{Values, Voltages};
+pub use self::temper::{AmtTemper, InFlight};
 use self::window::{Reply, Window};
 
 /// Bits of Data 2 in an error set (AMT-8).
@@ -52,14 +54,13 @@ pub mod error {
 /// Normal sets between two alternate ones.
 const NORMAL_SETS: u8 = 10;
 
-/// How long start clearance lasts before the start (assumed).
-const CLEARANCE: Nanos = SECOND;
-
 /// How an AMT ECU is set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AmtConfig {
     /// Which engine it says it is, and with which scales.
     pub engine: Engine,
+    /// What the document leaves open and ECUs may do differently.
+    pub temper: AmtTemper,
     /// Data 1 of the alternate set, for ECUs with an old or an unknown number.
     pub engine_id: u8,
     /// The turbine behind it.
@@ -98,6 +99,7 @@ impl AmtConfig {
     pub fn new(engine: Engine) -> Self {
         Self {
             engine,
+            temper: AmtTemper::DEFAULT,
             engine_id: engine.id(),
             turbine: match engine {
                 Engine::Mercury => Parameters::MERCURY,
@@ -222,10 +224,15 @@ struct Session {
     /// No start before OPS has left run.
     locked: bool,
     own_errors: u8,
+    /// When the last trip locked it.
+    tripped_at: Option<Nanos>,
+    /// What so many normal sets still show: state and switch from before the loss of power.
+    stale: Option<(u8, Status, Ops)>,
 }
 
 impl Session {
-    fn begin(config: &AmtConfig, now: Nanos) -> Self {
+    fn begin(config: &AmtConfig, now: Nanos, last: Option<(Status, Ops)>) -> Self {
+        let frames = config.temper.last_state_first;
         Self {
             next_frame: now + config.boot,
             setup_sent: false,
@@ -236,8 +243,10 @@ impl Session {
             accepted: None,
             clearance_since: None,
             ctf_since: None,
-            locked: false,
+            locked: config.temper.wants_auto_stop_first,
             own_errors: 0,
+            tripped_at: None,
+            stale: last.map(|(status, ops)| (frames, status, ops)),
         }
     }
 
@@ -266,6 +275,7 @@ pub struct AmtEcu {
     turbine: Turbine,
     power: Power,
     forced_errors: u8,
+    last_state: Option<(Status, Ops)>,
     /// What it has counted.
     pub stats: Stats,
     /// The messages it has obeyed.
@@ -276,11 +286,16 @@ impl AmtEcu {
     /// An ECU that is powered up at the first time it is told.
     pub fn new(config: AmtConfig) -> Self {
         Self {
-            turbine: Turbine::new(config.turbine),
+            turbine: {
+                let mut turbine = Turbine::new(config.turbine);
+                turbine.set_starts_hot(config.temper.starts_hot);
+                turbine
+            },
             commands: CommandLog::new(config.log),
             config,
             power: Power::Unborn,
             forced_errors: 0,
+            last_state: None,
             stats: Stats::default(),
         }
     }
@@ -316,7 +331,11 @@ impl AmtEcu {
     /// What a normal set says now in bits 7 to 3 of Data 1.
     pub fn status(&self) -> Status {
         let parameters = self.turbine.parameters();
-        match self.turbine.phase() {
+        let phase = self.turbine.phase();
+        if let Some(shown) = self.shown_in_flight().filter(|_| phase == Phase::Running) {
+            return shown;
+        }
+        match phase {
             Phase::Ignition | Phase::Preheat => Status::Starting,
             Phase::FuelRamp if self.turbine.rpm() < 0.6 * parameters.idle_rpm => Status::Starting,
             Phase::FuelRamp => Status::StartedUp,
@@ -328,6 +347,14 @@ impl AmtEcu {
                 _ => Status::NoClearance,
             },
         }
+    }
+
+    /// What a running engine is reported as now, where that is not full operation.
+    fn shown_in_flight(&self) -> Option<Status> {
+        let (Power::On(session), Some(in_flight)) = (&self.power, self.config.temper.in_flight) else {
+            return None;
+        };
+        (session.next_tick % in_flight.every.max(1) < in_flight.lasts).then_some(in_flight.shows)
     }
 
     /// Control steps and verdicts up to `now`.
@@ -374,7 +401,7 @@ impl AmtEcu {
         let values = Values {
             engine: config.engine,
             rpm: self.turbine.rpm(),
-            egt: self.turbine.egt(),
+            egt: self.turbine.sensed_egt(),
             throttle_half_percent: session.throttle(),
             pump_v: self.turbine.pump_voltage(),
         };
@@ -383,6 +410,12 @@ impl AmtEcu {
             return values.error(errors).into();
         }
         self.stats.frames.normal += 1;
+        if let Some((frames, status, ops)) = &mut session.stale
+            && *frames > 0
+        {
+            *frames -= 1;
+            return values.normal(*status, ops.code()).into();
+        }
         // The three bits of the switch position are the low bits of OPS, also of CTF.
         values.normal(status, session.ops().code()).into()
     }
@@ -411,17 +444,24 @@ fn control(config: &AmtConfig, session: &mut Session, turbine: &mut Turbine, sta
             Trip::OverTemperature => error::EGT,
             Trip::FlameOut | Trip::NoLight | Trip::StartTimeout => error::RPM_LOW,
         };
+        let since = *session.tripped_at.get_or_insert(at);
+        if config.temper.trips_clear_after.is_some_and(|after| at >= since + after) {
+            session.tripped_at = None;
+            session.locked = false;
+            session.own_errors = 0;
+            turbine.clear_trip();
+        }
     }
 
     let throttle = session.throttle();
     let stick = if config.start_throttle == 0 { throttle <= 10 } else { throttle >= config.start_throttle };
-    let may_start = !session.locked && !silent && stick && turbine.phase() == Phase::Standby;
+    let may_start = !session.locked && !silent && stick && turbine.is_ready_to_start();
     let switch = match session.ops() {
         Ops::EmergencyStop => Switch::Stop,
         Ops::Run if !session.locked && live => Switch::Run,
         Ops::Run if may_start => {
             let since = *session.clearance_since.get_or_insert(at);
-            if at >= since + CLEARANCE { Switch::Run } else { Switch::Standby }
+            if at >= since + config.temper.clearance { Switch::Run } else { Switch::Standby }
         }
         Ops::Ctf if !session.locked => turbine.switch(),
         Ops::AutoStop | Ops::Run | Ops::Ctf => Switch::Standby,
@@ -506,6 +546,7 @@ impl Ecu for AmtEcu {
                 session.ctf_since = None;
                 session.locked = false;
                 session.own_errors = 0;
+                session.tripped_at = None;
                 self.turbine.clear_trip();
                 // "Emergency" does not wait for the next control step.
                 let stop = command.ops == Ops::EmergencyStop;
@@ -520,12 +561,17 @@ impl Ecu for AmtEcu {
             (_, true) => {
                 self.turbine.advance_to(now);
                 self.turbine.clear_trip();
-                self.power = Power::On(Box::new(Session::begin(&self.config, now)));
+                self.power = Power::On(Box::new(Session::begin(&self.config, now, self.last_state)));
             }
             (_, false) => {
                 if matches!(self.power, Power::On(_)) {
                     self.catch_up(now);
                 }
+                let status = self.status();
+                self.last_state = match &self.power {
+                    Power::On(session) => Some((status, session.ops())),
+                    _ => None,
+                };
                 // The valves close without current.
                 self.turbine.set_switch(Switch::Stop);
                 self.power = Power::Off;

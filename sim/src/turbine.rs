@@ -4,10 +4,12 @@
 //! that what an ECU reports looks and lasts like the real thing. It steps in fixed steps of 5 ms,
 //! so its course depends on the commands and their times only, not on how often it is asked.
 
+mod history;
 mod parameters;
 
 use crate::ecu::{MILLIS, Nanos};
 
+pub use self::history::{History, HotFuel};
 pub use self::parameters::Parameters;
 
 /// The length of one step.
@@ -88,6 +90,18 @@ pub enum Trip {
     StartTimeout,
 }
 
+/// The sensor of the exhaust gas temperature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EgtSensor {
+    /// It measures.
+    #[default]
+    Good,
+    /// Its wire is broken: it reads as far up as its input goes.
+    Open,
+    /// Its wires touch: it reads as far down as its input goes.
+    Short,
+}
+
 /// A turbine, its fuel pump, its starter, and the part of an ECU that runs the start.
 #[derive(Clone, Debug)]
 pub struct Turbine {
@@ -115,6 +129,9 @@ pub struct Turbine {
     no_light: bool,
     bench_pump: bool,
     bench_starter: bool,
+    starts_hot: bool,
+    egt_sensor: EgtSensor,
+    history: History,
 }
 
 impl Turbine {
@@ -142,6 +159,9 @@ impl Turbine {
             no_light: false,
             bench_pump: false,
             bench_starter: false,
+            starts_hot: false,
+            egt_sensor: EgtSensor::Good,
+            history: History::default(),
         }
     }
 
@@ -182,6 +202,37 @@ impl Turbine {
         self.no_light = dark;
     }
 
+    /// Whether a start may begin at any exhaust temperature and with a shaft that still turns, rather than below
+    /// [`COOL_EGT`] only.
+    pub fn set_starts_hot(&mut self, hot: bool) {
+        self.starts_hot = hot;
+    }
+
+    /// Begins a start now, at whatever temperature and speed, as an ECU does that relights by itself.
+    pub fn relight(&mut self) {
+        self.trip = None;
+        self.enter(Phase::Ignition);
+    }
+
+    /// What becomes of the sensor of the exhaust gas temperature.
+    pub fn set_egt_sensor(&mut self, sensor: EgtSensor) {
+        self.egt_sensor = sensor;
+    }
+
+    /// Ignitions and fuel into a hot engine, since it was built.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Whether a command to run begins a start now.
+    pub fn is_ready_to_start(&self) -> bool {
+        match self.phase {
+            Phase::Standby => true,
+            Phase::Stopped | Phase::Cooling => self.starts_hot,
+            _ => false,
+        }
+    }
+
     /// Allows the next start after a trip.
     pub fn clear_trip(&mut self) {
         self.trip = None;
@@ -215,6 +266,15 @@ impl Turbine {
     /// Exhaust gas temperature in °C.
     pub fn egt(&self) -> f64 {
         self.egt
+    }
+
+    /// Exhaust gas temperature in °C as its sensor gives it, which may be far outside of what can be reported.
+    pub fn sensed_egt(&self) -> f64 {
+        match self.egt_sensor {
+            EgtSensor::Good => self.egt,
+            EgtSensor::Open => 9999.0,
+            EgtSensor::Short => -9999.0,
+        }
     }
 
     /// Fuel flow in ml/min.
@@ -273,8 +333,12 @@ impl Turbine {
     pub fn advance_to(&mut self, now: Nanos) {
         let mut at = *self.stepped_to.get_or_insert(now);
         while at + STEP <= now {
-            at += STEP;
+            self.stepped_to = Some(at + STEP);
             self.step();
+            if self.flow > 0.0 && !self.lit && !self.phase.is_live() && self.is_hot() {
+                self.history.add_hot_fuel(at, at + STEP);
+            }
+            at += STEP;
         }
         self.stepped_to = Some(at);
     }
@@ -292,8 +356,14 @@ impl Turbine {
         self.phase = phase;
         self.phase_steps = 0;
         match phase {
-            Phase::Ignition => self.start_steps = 0,
-            Phase::Preheat => self.lit = true,
+            Phase::Ignition => {
+                self.start_steps = 0;
+                self.history.ignitions.push(self.stepped_to.unwrap_or(0));
+            }
+            Phase::Preheat => {
+                self.lit = true;
+                self.history.light_offs.push(self.stepped_to.unwrap_or(0));
+            }
             Phase::Running => self.start_time_s = f64::from(self.start_steps) * DT,
             Phase::Stopped | Phase::Standby | Phase::Cooling => self.lit = false,
             Phase::FuelRamp | Phase::LearningIdle => {}
@@ -321,6 +391,7 @@ impl Turbine {
         }
         match self.phase {
             Phase::Stopped if self.switch == Switch::Stop => {}
+            Phase::Stopped | Phase::Cooling if may_start && self.starts_hot => self.enter(Phase::Ignition),
             Phase::Stopped if self.is_hot() => self.enter(Phase::Cooling),
             Phase::Stopped => self.enter(Phase::Standby),
             Phase::Standby if may_start => self.enter(Phase::Ignition),
@@ -414,7 +485,7 @@ impl Turbine {
         self.egt += (egt - self.egt) * DT / egt_lag;
 
         self.flow = match self.phase {
-            Phase::Stopped | Phase::Standby if self.bench_pump => 0.5 * p.flow_idle,
+            Phase::Stopped | Phase::Standby | Phase::Cooling if self.bench_pump => 0.5 * p.flow_idle,
             Phase::Preheat => 0.25 * p.flow_idle,
             Phase::FuelRamp => p.flow_idle * (0.3 + 0.6 * in_phase_s / p.ramp_s).min(0.9),
             Phase::LearningIdle | Phase::Running => {

@@ -286,6 +286,25 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
+    /// The same for one of the two wires.
+    pub fn cut_one(&self, direction: Direction, cut: bool) {
+        self.change(|wire| match direction {
+            Direction::ToNode => wire.to_node.set_cut(cut),
+            Direction::ToEcu => wire.to_ecu.set_cut(cut),
+        });
+    }
+
+    /// Another ECU, with the engine behind it, is plugged in and powered up now. Gives the one before.
+    pub fn replace_ecu(&self, ecu: E) -> E {
+        self.change(|wire| {
+            let before = core::mem::replace(&mut wire.ecu, ecu);
+            wire.to_node.queue.clear();
+            wire.to_node.spoil();
+            wire.advance_ecu(clock::now_ns());
+            before
+        })
+    }
+
     /// A UART whose transmitter hangs: while `true`, no write and no flush of the node ever ends.
     ///
     /// The byte in the shifter still goes out; the ring stays as it is.

@@ -1,4 +1,4 @@
-//! A ZK ECU, from the ZK-Protocol document V1.2, protocol versions 1 to 5.
+//! A ZK ECU, from the ZK-Protocol document V1.2, protocol versions 1 to 6.
 //!
 //! Up to version 4 it speaks only when spoken to: one status frame for each valid command. From
 //! version 5 it sends by itself at its rate, and keeps the engine as it is when the host falls
@@ -19,7 +19,8 @@
 //!   hand-over, when ID 6 gives the switch back (SW = 0 and RPM_X = 0). While RPM_X is not 0,
 //!   ID 1 is not even remembered, and SW = 0 in ID 6 leaves the switch as it is.
 //! - State 2, "ignition (requires minimum throttle)": a start waits there while the throttle is
-//!   above 5 %, except in rpm mode. States 6, 7 (learning the stick) and 13 (restart) never occur.
+//!   above 5 %, except in rpm mode. States 6 and 7 (learning the stick) never occur, and 13 (restart)
+//!   only with [`ZkTemper::relights`].
 //! - A service test lasts [`ZkConfig::service_time`], needs an engine at rest, and ends when the
 //!   engine is switched to run.
 //! - ID 4 and 5 without ID 3 directly before are not answered ("ECU will not respond").
@@ -27,6 +28,7 @@
 
 mod command;
 mod status;
+mod temper;
 
 use crate::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use crate::line::Line;
@@ -37,6 +39,7 @@ pub use self::command::{Action, BadCommand, Sw, ZkCommand, crc8, parse_command, 
 use self::command::{Heard, Receiver};
 use self::status::Values;
 pub use self::status::{LAST_ID, error, since_version, state};
+pub use self::temper::ZkTemper;
 
 /// How often status is sent (ZK-11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,8 +83,10 @@ pub struct Pwm {
 /// How a ZK ECU is set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZkConfig {
-    /// Protocol version, 1 to 5; higher ones behave as 5.
+    /// Protocol version, 1 to 6; higher ones behave as 6.
     pub version: u8,
+    /// What the document leaves open and ECUs may do differently.
+    pub temper: ZkTemper,
     /// Its serial line (ZK-12).
     pub line: Line,
     /// Status rate.
@@ -126,11 +131,12 @@ impl ZkConfig {
     pub fn new(version: u8) -> Self {
         Self {
             version,
+            temper: ZkTemper::DEFAULT,
             line: Line::n1(9600),
             rate: Rate::Hz20,
             turbine: Parameters::ZK_160K,
             esr: false,
-            ids: (1..=LAST_ID).filter(|&id| since_version(id) <= version).collect(),
+            ids: (1..=10).filter(|&id| since_version(id) <= version).collect(),
             boot: 300 * MILLIS,
             answer_delay: MILLIS / 2,
             rate_bounds_answers: false,
@@ -284,16 +290,35 @@ struct Session {
     /// The switch as the UART last had it, for rpm mode without one.
     held_sw: Sw,
 
+    /// When a command last came that keeps the control signal from counting as lost.
+    last_control: Option<Nanos>,
     /// No start before the switch has left run.
     held_off: bool,
     waits_for_throttle: bool,
+    /// The start under way is a relight: state 13.
+    restarting: bool,
+    /// The engine was starting or running when the ECU lost its power: the next start is a relight.
+    resumes: bool,
+    /// Relights by itself that are left in this run.
+    relights_left: u8,
+    /// What so many status frames ID 1 still show: state and switch from before the loss of power.
+    stale: Option<(u8, LastState)>,
     error: u8,
     service: Option<Service>,
     pressure: Option<u16>,
 }
 
+/// What was reported last before power was lost.
+#[derive(Clone, Copy, Debug)]
+struct LastState {
+    state: u8,
+    switch: u8,
+    live: bool,
+}
+
 impl Session {
-    fn begin(config: &ZkConfig, now: Nanos) -> Self {
+    fn begin(config: &ZkConfig, now: Nanos, last: Option<LastState>) -> Self {
+        let temper = &config.temper;
         let ready_at = now + config.boot;
         Self {
             ready_at,
@@ -312,12 +337,22 @@ impl Session {
             factor: 0,
             rpm_code: 0,
             held_sw: Sw::None,
-            held_off: false,
+            last_control: None,
+            held_off: temper.wants_standby_first,
             waits_for_throttle: false,
+            restarting: false,
+            resumes: temper.relights > 0 && last.is_some_and(|last| last.live),
+            relights_left: temper.relights,
+            stale: last.map(|last| (temper.last_state_first, last)),
             error: 0,
             service: None,
             pressure: None,
         }
+    }
+
+    /// What the status still shows from before the loss of power.
+    fn stale(&self) -> Option<LastState> {
+        self.stale.filter(|&(frames, _)| frames > 0).map(|(_, last)| last)
     }
 
     /// The switch as the UART has it, in whichever of the three modes (ZK-9).
@@ -379,6 +414,7 @@ pub struct ZkEcu {
     turbine: Turbine,
     power: Power,
     pwm: Option<Pwm>,
+    last_state: Option<LastState>,
     thrust_zero: f64,
     forced_error: Option<u8>,
     forced_state: Option<u8>,
@@ -397,11 +433,16 @@ impl ZkEcu {
                 ignition_voltage: config.ignition_voltage,
                 curve_up: config.curve_up,
             },
-            turbine: Turbine::new(config.turbine),
+            turbine: {
+                let mut turbine = Turbine::new(config.turbine);
+                turbine.set_starts_hot(config.temper.starts_hot);
+                turbine
+            },
             commands: CommandLog::new(config.log),
             config,
             power: Power::Unborn,
             pwm: None,
+            last_state: None,
             thrust_zero: 0.0,
             forced_error: None,
             forced_state: None,
@@ -489,6 +530,9 @@ impl ZkEcu {
         let Some(session) = self.session() else {
             return state::STOP;
         };
+        if let Some(last) = session.stale() {
+            return last.state;
+        }
         if let Some(service) = session.service {
             return match service.action {
                 Action::DrainOil => state::EXHAUST_AIR,
@@ -500,6 +544,7 @@ impl ZkEcu {
             };
         }
         match self.turbine.phase() {
+            phase if session.restarting && phase.is_starting() => state::RESTART,
             Phase::Stopped => state::STOP,
             Phase::Standby if session.waits_for_throttle => state::IGNITION_WAITS,
             Phase::Standby => state::STANDBY,
@@ -519,6 +564,20 @@ impl ZkEcu {
         }
     }
 
+    /// The switch that is reported now.
+    fn switch_status(&self, session: &Session) -> u8 {
+        if let Some(last) = session.stale() {
+            return last.switch;
+        }
+        match session.switch(self.pwm) {
+            Some(Switch::Run) if !session.held_off => 2,
+            Some(Switch::Run | Switch::Standby) => 1,
+            // After a loss of the input it cools: that is standby.
+            None if session.held_off => 1,
+            Some(Switch::Stop) | None => 0,
+        }
+    }
+
     fn throttle_of(&self, session: &Session) -> f64 {
         match session.demand(self.pwm) {
             Demand::Throttle(permille) => f64::from(permille) / 10.0,
@@ -534,14 +593,8 @@ impl ZkEcu {
             rpm: turbine.rpm(),
             state: self.state(),
             error: self.error(),
-            egt: turbine.egt(),
-            switch: match session.switch(self.pwm) {
-                Some(Switch::Run) if !session.held_off => 2,
-                Some(Switch::Run | Switch::Standby) => 1,
-                // After a loss of the input it cools: that is standby.
-                None if session.held_off => 1,
-                Some(Switch::Stop) | None => 0,
-            },
+            egt: turbine.sensed_egt(),
+            switch: self.switch_status(session),
             radio_v: config.radio_v,
             supply_v: config.supply_v,
             pump_v: turbine.pump_voltage(),
@@ -632,6 +685,9 @@ impl ZkEcu {
             return;
         }
         self.stats.accepted += 1;
+        if command != ZkCommand::Empty || self.config.temper.empty_keeps_control {
+            session.last_control = Some(now);
+        }
         if let Some(last) = session.last_command.replace(now) {
             self.stats.intervals.add(now - last);
         }
@@ -702,7 +758,11 @@ impl ZkEcu {
             | Action::TestPump
             | Action::TestStarter
             | Action::OpenPump => {
-                let at_rest = matches!(self.turbine.phase(), Phase::Stopped | Phase::Standby);
+                let at_rest = match self.turbine.phase() {
+                    Phase::Stopped | Phase::Standby => true,
+                    Phase::Cooling => self.config.temper.services_while_cooling,
+                    _ => false,
+                };
                 if !at_rest || session.switch(self.pwm) == Some(Switch::Run) {
                     return Err(Refused::Busy);
                 }
@@ -734,7 +794,7 @@ fn control(
     let lost = match session.ruler() {
         Ruler::Pwm => pwm.is_none() && live,
         Ruler::Uart => {
-            let silent = session.last_command.is_none_or(|last| at >= last + config.control_loss);
+            let silent = session.last_control.is_none_or(|last| at >= last + config.control_loss);
             config.version < 5 && switch == Some(Switch::Run) && silent
         }
     };
@@ -742,6 +802,14 @@ fn control(
         stats.control_losses += 1;
         session.held_off = true;
         session.error = error::CONTROL_LOST;
+    } else if turbine.trip() == Some(Trip::FlameOut)
+        && switch == Some(Switch::Run)
+        && !session.held_off
+        && session.relights_left > 0
+    {
+        session.relights_left -= 1;
+        session.restarting = true;
+        turbine.relight();
     } else if let Some(trip) = turbine.trip().filter(|_| !session.held_off) {
         session.held_off = true;
         session.error = match trip {
@@ -753,9 +821,17 @@ fn control(
     } else if matches!(switch, Some(Switch::Stop | Switch::Standby)) {
         session.held_off = false;
         session.error = 0;
+        session.resumes = false;
+        session.relights_left = config.temper.relights;
         turbine.clear_trip();
     }
+    if turbine.phase().is_starting() {
+        session.restarting |= core::mem::take(&mut session.resumes);
+    } else {
+        session.restarting = false;
+    }
 
+    let live = turbine.phase().is_live();
     let demand = session.demand(pwm);
     let high_throttle = matches!(demand, Demand::Throttle(51..));
     let wants_start = switch == Some(Switch::Run) && !session.held_off && !live;
@@ -774,6 +850,7 @@ fn control(
     session.service.take_if(|service| at >= service.until);
     let (pump, starter) = match session.service.map(|service| service.action) {
         Some(Action::TestPump | Action::OpenPump | Action::DrainOil) => (true, false),
+        Some(Action::TestMainValve | Action::TestIgnitionValve) => (config.temper.valves_pass_fuel, false),
         Some(Action::TestStarter) => (false, true),
         _ => (false, false),
     };
@@ -805,6 +882,11 @@ impl Ecu for ZkEcu {
             session.turn += 1;
             session.answer_at = None;
             session.last_status = Some(now);
+            if id == 1
+                && let Some((frames, _)) = &mut session.stale
+            {
+                *frames = frames.saturating_sub(1);
+            }
             session.line_free = now + self.config.line.byte_ns(7);
             // A late call does not shift the beat, and what was missed altogether is not sent.
             if let Some(late) = now.checked_sub(session.next_status) {
@@ -838,12 +920,17 @@ impl Ecu for ZkEcu {
                 self.turbine.advance_to(now);
                 self.turbine.clear_trip();
                 self.turbine.set_curves(self.settings.curve_up, self.config.curve_down);
-                self.power = Power::On(Box::new(Session::begin(&self.config, now)));
+                self.power = Power::On(Box::new(Session::begin(&self.config, now, self.last_state)));
             }
             (_, false) => {
                 if matches!(self.power, Power::On(_)) {
                     self.catch_up(now);
                 }
+                self.last_state = self.session().map(|session| LastState {
+                    state: self.state(),
+                    switch: self.switch_status(session),
+                    live: self.turbine.phase().is_live(),
+                });
                 // The valves close without current.
                 self.turbine.set_switch(Switch::Stop);
                 self.turbine.set_bench(false, false);

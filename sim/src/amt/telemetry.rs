@@ -94,6 +94,8 @@ pub enum Status {
     FullOperation,
     /// At its maximum speed.
     MaximumRpm,
+    /// A number without a name, 0 to 31.
+    Unnamed(u8),
 }
 
 impl Status {
@@ -107,6 +109,7 @@ impl Status {
             Self::IdleCalibration => 0b01000 << 3,
             Self::FullOperation => 0b01100 << 3,
             Self::MaximumRpm => 0b10000 << 3,
+            Self::Unnamed(number) => number << 3,
         }
     }
 }

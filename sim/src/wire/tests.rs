@@ -317,6 +317,39 @@ fn a_cut_loses_both_ways_and_the_byte_under_way() {
 }
 
 #[test]
+fn one_wire_is_cut_and_the_other_is_not() {
+    for (direction, to_node, to_ecu) in
+        [(Direction::ToNode, vec![], vec![1, 2, 3]), (Direction::ToEcu, vec![Ok(1), Ok(2), Ok(3)], vec![])]
+    {
+        clock::reset();
+        let (mut rx, mut tx, plug) = connect(Scripted::says(0, &[1, 2, 3]), Line::n1(9600), 0);
+        plug.cut_one(direction, true);
+        let received = with(&plug, async {
+            tx.write_all(&[1, 2, 3]).await.unwrap();
+            read_for(&mut rx, 50).await
+        });
+        assert_eq!(received, to_node);
+        assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), to_ecu);
+    }
+}
+
+#[test]
+fn another_ecu_is_plugged_in_and_speaks_from_then_on() {
+    clock::reset();
+    let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1, 2, 3, 4]), Line::n1(9600), 0);
+    let received = with(&plug, async {
+        let change = async {
+            Timer::after_micros(1500).await; // in the middle of the second byte
+            let next = Scripted::says(clock::now_ns() + 5_000_000, &[7, 8]);
+            let before = plug.replace_ecu(next);
+            assert!(before.next_wake() > clock::now_ns());
+        };
+        join(change, read_for(&mut rx, 50)).await.1
+    });
+    assert_eq!(received, [Ok(1), Ok(7), Ok(8)]);
+}
+
+#[test]
 fn a_stalled_transmitter_holds_writes_and_flushes_until_it_goes_on() {
     clock::reset();
     let (_rx, mut tx, plug) = connect(Scripted::default(), Line::n1(9600), 0);

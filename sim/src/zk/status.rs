@@ -26,6 +26,8 @@ pub mod state {
     pub const RUNNING: u8 = 11;
     /// Cooling.
     pub const COOLING: u8 = 12;
+    /// Restart.
+    pub const RESTART: u8 = 13;
     /// Glow plug test.
     pub const TEST_GLOW_PLUG: u8 = 14;
     /// Main valve test.
@@ -63,7 +65,8 @@ pub const fn since_version(id: u8) -> u8 {
         ..=6 => 1,
         7 => 2,
         8 => 3,
-        _ => 5,
+        9 => 5,
+        _ => 6,
     }
 }
 
@@ -160,6 +163,11 @@ impl Values {
                     let flags = u8::from(self.wants_pressure) << 5 | u8::from(self.closed_loop) << 4;
                     [idle, flags | high(start), low(start)]
                 }
+            }
+            // ZK-15: from version 6 with the shaft speed again.
+            9 if self.version >= 6 => {
+                let rpm = bits(self.rpm / 10.0, 16);
+                [low(bits(self.ecu_temperature + 50.0, 8)), low(rpm), high(rpm)]
             }
             9 => [low(bits(self.ecu_temperature + 50.0, 8)), 0, 0],
             _ => [0; 3],

@@ -1,6 +1,9 @@
 //! The ZK ECU alone, with a host of a few lines that is written from the same document.
 
+mod temper;
+
 use super::*;
+use crate::turbine::EgtSensor;
 use crate::{clock, wire};
 use std::collections::VecDeque;
 
