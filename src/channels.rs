@@ -8,7 +8,7 @@
 use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::engine::Engine;
-use crate::engine::keep::Memory;
+use crate::engine::keep::{Memory, Reset};
 use crate::runner::Runner;
 use crate::telemetry::{Event, Telemetry};
 use crate::units::Hectopascals;
@@ -40,8 +40,15 @@ pub struct Channel {
     pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
     pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
     progress: AtomicU32,
-    /// Where what must survive a reset is kept.
-    memory: Option<&'static Memory>,
+    /// Where what must survive a reset is retained.
+    memory: Option<Retained>,
+}
+
+/// Memory that survives a reset, and what it holds may be believed.
+struct Retained {
+    memory: &'static Memory,
+    fingerprint: u32,
+    reset: Reset,
 }
 
 impl core::fmt::Debug for Channel {
@@ -64,10 +71,13 @@ impl Channel {
         }
     }
 
-    /// The same, with memory that a reset leaves alone: an engine that runs goes on after it.
-    pub fn with_memory(config: &EngineConfig, memory: &'static Memory) -> Self {
-        let channel = Self { memory: Some(memory), ..Self::new(config) };
-        channel.engine.lock(|engine| engine.borrow_mut().keep(memory.load()));
+    /// The same, with memory that a reset leaves alone: an engine that runs goes on after it. `reset` is what the node comes
+    /// out of: after a loss of power nothing is believed that could start or raise an engine.
+    pub fn with_memory(config: &EngineConfig, memory: &'static Memory, reset: Reset) -> Self {
+        let fingerprint = config.fingerprint();
+        let retained = Retained { memory, fingerprint, reset };
+        let channel = Self { memory: Some(retained), ..Self::new(config) };
+        channel.engine.lock(|engine| engine.borrow_mut().keep(memory.load(fingerprint, reset)));
         channel
     }
 
@@ -94,7 +104,7 @@ impl Channel {
 
     /// The engine begins, with what was kept over the reset.
     pub(crate) fn begin(&self, now: Instant) {
-        let kept = self.memory.and_then(Memory::load);
+        let kept = self.memory.as_ref().and_then(|kept| kept.memory.load(kept.fingerprint, kept.reset));
         self.with(|engine| engine.start(now, kept));
     }
 
@@ -103,10 +113,10 @@ impl Channel {
         self.engine.lock(|engine| {
             let engine = &mut *engine.borrow_mut();
             let result = act(engine);
-            if let Some(memory) = self.memory
+            if let Some(kept) = &self.memory
                 && let Some(record) = engine.to_keep()
             {
-                memory.store(&record);
+                kept.memory.store(&record, kept.fingerprint);
             }
             result
         })

@@ -34,14 +34,23 @@ pub enum Command {
     /// Release a latched emergency stop; the engine is then in standby. Accepted from the source that stopped it or a higher
     /// one, with its demand at idle, the ECU heard, and no running engine reported in the last 3 s.
     ReleaseStop,
-    /// Standby, with cooling: the normal way to shut down, and the first step to a start.
+    /// Standby, with cooling: a word of a stream. In standby it is the first step to a start, and permits the source's own
+    /// next `Run` to start the engine, once. An engine that has reached running is shut down by two of them within the
+    /// source's age limit, or within two of its own periods if those are longer: one stray word of a lost stream does not.
     Standby,
-    /// Run. From standby it asks for a start, so it is refused unless [`Command::Standby`] was commanded
-    /// before: a source that keeps sending `Run` can never restart an engine that stopped.
+    /// Standby, with cooling: the explicit order of a person, obeyed at the first word. Permits no start.
+    ShutDown,
+    /// Run. From standby it asks for a start, which needs the permission of the same source's own [`Command::Standby`] and
+    /// every interlock at that instant. A refusal uses the permission up, so that a source that keeps sending `Run` can
+    /// never start an engine later. A demand beyond the engine's maximum is clamped to it.
     Run(Demand),
-    /// Allow a start. Running engines are not touched by it. Any source may arm and disarm.
+    /// The source is present and wants nothing. It is then not in control, holds no demand and means no standby.
+    Present,
+    /// Allow a start. Running engines are not touched by it. Any source may arm and disarm. After an emergency stop a
+    /// source that has said `Arm` all along has to say `Disarm` first.
     Arm,
-    /// Allow no start. Running engines are not touched by it: a throttle dip at disarming would stop a turbine.
+    /// Allow no start, and end one that has not reached running. Running engines are not touched by it: a throttle dip at
+    /// disarming would stop a turbine.
     Disarm,
     /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise. Refused while a higher
     /// source rules.
@@ -104,8 +113,12 @@ pub enum Accepted {
     /// It waits: this source is held until its demand is close to the one in force, or has spoken for long enough
     /// after it was lost.
     Held,
-    /// It waits behind this source, which rules.
+    /// It waits behind this source, which is in control.
     Behind(Origin),
+    /// The start waits while another engine of the group starts; see [`crate::telemetry::Telemetry::start_waits_until`].
+    StartWaits,
+    /// One word of standby to a running engine: the second within the source's age limit shuts it down.
+    OneMore,
 }
 
 /// What is ordered of an engine now, and by whom.
@@ -130,8 +143,13 @@ pub enum Order {
     Run(Demand),
     /// The ECU's PWM input rules (ZK-8).
     Pwm,
-    /// Nothing: after a reset, until the ECU has said what its engine does. ZK sends ID 0; AMT says back to the ECU what it says it obeys.
+    /// Nothing, and nothing is in force: until the ECU has reported what its engine does. ZK: ID 0. AMT: replies are
+    /// withheld.
     Listen,
+    /// This demand stays in force, but whether it still belongs to a living engine is in doubt: nothing goes out that
+    /// could start one. ZK: ID 0, and in mode 3 ID 7 in turn with it, because an ECU that restarted ignores it (ZK-9).
+    /// AMT: replies are withheld.
+    Doubt(Demand),
 }
 
 /// Why a command was refused. Nothing changes when one is.
@@ -142,6 +160,8 @@ pub enum Rejected {
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
+    /// The source has said `Arm` since before the emergency stop was released: it has to say `Disarm` first.
+    DisarmFirst,
     /// Only the source that commanded the emergency stop, or one above it, may release it.
     NotYours(Origin),
     /// The node still listens to what the engine does after a reset.
@@ -234,6 +254,7 @@ impl core::fmt::Display for Rejected {
                 f.write_str("an emergency stop is latched: release it when the engine has stopped")
             }
             Self::StandbyFirst => f.write_str("command standby before a start"),
+            Self::DisarmFirst => f.write_str("disarm, then arm: the emergency stop has ended the arming"),
             Self::NotYours(origin) => {
                 write!(
                     f,

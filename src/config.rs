@@ -93,6 +93,23 @@ impl EngineConfig {
     }
 }
 
+impl EngineConfig {
+    /// Changes with the protocol, the port and the engine, and not with limits or other settings: what was retained of
+    /// another engine is not believed, and a changed setting must not cost an engine.
+    pub fn fingerprint(&self) -> u32 {
+        let mut digest = FINGERPRINT.digest();
+        let (protocol, engine) = match &self.ecu {
+            EcuConfig::Amt(config) => (1, config.engine.map_or(0, |engine| engine as u8 + 1)),
+            EcuConfig::Zk(_) => (2, 0),
+        };
+        digest.update(&[protocol, engine, self.port]);
+        digest.update(self.name.as_bytes());
+        digest.finalize()
+    }
+}
+
+const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
 /// What is wrong with a table of engines, and in which of its rows (from 0).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -107,6 +124,8 @@ pub enum ConfigError {
     AmtStopBits(usize),
     /// No reply fits the window: the guard is too long (AMT-11).
     NoReplyFits(usize),
+    /// The serial delay time is not 0.5 s to 60 s, or half of idle not 1 to 254 (AMT-12).
+    AmtEngine(usize),
     /// A link would never be up, or would be lost at once or never.
     Timing(usize),
     /// A field of the supervision is out of its range.
@@ -126,6 +145,9 @@ impl ConfigError {
             }
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
+            Self::AmtEngine(_) => {
+                "an AMT engine has a serial delay of 0.5 s to 60 s, and half of idle of 1 to 254"
+            }
             Self::Supervision(_, field) => field.message(),
             Self::Timing(_) => {
                 "an engine's link needs at least one frame to be up, and 0.2 s to 60 s of silence to be lost"
@@ -141,6 +163,7 @@ impl ConfigError {
             | Self::RateTooFast(row)
             | Self::AmtStopBits(row)
             | Self::NoReplyFits(row)
+            | Self::AmtEngine(row)
             | Self::Timing(row)
             | Self::Supervision(row, _) => row,
         }
@@ -188,6 +211,10 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
                 }
                 if config.reply_slack(engine.line).is_none() {
                     return Err(ConfigError::NoReplyFits(row));
+                }
+                let delay = config.serial_delay.as_millis();
+                if delay < 500 || delay > 60_000 || config.half_idle == 0 || config.half_idle == 255 {
+                    return Err(ConfigError::AmtEngine(row));
                 }
             }
         }

@@ -16,6 +16,7 @@ use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
 use jetlink::config::ENGINES;
+use jetlink::engine::keep::Reset;
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::Runner;
@@ -45,15 +46,11 @@ const SUPERVISION: Duration = Duration::from_millis(250);
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let mut board = board::init(LINES);
-    defmt::info!(
-        "jetlink {=str} on {=str}, last reset: {}",
-        env!("CARGO_PKG_VERSION"),
-        board::NAME,
-        board::reset_cause()
-    );
+    let cause = board::reset_cause();
+    defmt::info!("jetlink {=str} on {=str}, last reset: {}", env!("CARGO_PKG_VERSION"), board::NAME, cause);
     log_ports();
 
-    let node = node();
+    let node = node(board::retained(cause));
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for handle in node.handles() {
@@ -81,9 +78,9 @@ fn main() -> ! {
 
 /// Sets up all engines. Not a part of `main`: the node is built by value, and `main` never gives its stack back.
 #[inline(never)]
-fn node() -> &'static Node<N> {
+fn node(reset: Reset) -> &'static Node<N> {
     static NODE: StaticCell<Node<N>> = StaticCell::new();
-    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT)))
+    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT, reset)))
 }
 
 /// Logs what is on each port.

@@ -6,9 +6,9 @@
 
 use crate::command::{Order, Rejected};
 use crate::ecu::Service;
-use crate::line::LineError;
+use crate::line::{Line, LineError};
 use crate::telemetry::{Counters, Event, LinkState, NotSent, Report, bump};
-use crate::units::Hectopascals;
+use crate::units::{Celsius, Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
@@ -65,6 +65,65 @@ pub struct Timing {
     pub lost_after: Duration,
 }
 
+/// How far an engine is, as one frame of its ECU reports it. The order is that of a start.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Stage {
+    /// At rest: stopped, standby, cooling, a test of the ECU (ZK 0, 1, 12, 14 to 19; AMT 00000).
+    Rest,
+    /// Cleared for a start (AMT 00001).
+    Clearance,
+    /// Ignition and preheat (ZK 2 to 4).
+    Ignition,
+    /// Fuel ramp (ZK 5).
+    FuelRamp,
+    /// Starting (AMT 00010).
+    Starting,
+    /// Started up (AMT 00100).
+    StartedUp,
+    /// Idle calibration (AMT 01000).
+    Calibrating,
+    /// Running (ZK 6 to 11; AMT 01100, 10000, 11100).
+    Running,
+    /// Restart by the ECU itself (ZK 13).
+    Restart,
+    /// A state without a name in the document.
+    Unknown,
+}
+
+/// What one frame of an ECU says about the life of its engine. Raw: each frame as it came, nothing debounced.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Sign {
+    /// The ECU was just powered up (AMT set-up set).
+    PowerUp,
+    /// A state of the engine (ZK status ID 1, AMT normal set).
+    State {
+        /// How far it is.
+        stage: Stage,
+        /// The shaft turns at half of idle or faster; `None` where nothing says.
+        turning: Option<bool>,
+        /// The throttle that the ECU obeys, where the frame carries it (AMT).
+        throttle: Option<Throttle>,
+    },
+    /// The shaft speed alone (the other ZK statuses).
+    Shaft {
+        /// The shaft turns at half of idle or faster.
+        turning: bool,
+    },
+    /// Faults in place of a state (AMT error set).
+    Faulted {
+        /// The throttle that the ECU obeys.
+        throttle: Option<Throttle>,
+        /// The exhaust temperature, unless the ECU calls its sensor faulty.
+        egt: Option<Celsius>,
+    },
+    /// Nothing about the engine (AMT alternate set, a frame without a name).
+    Stateless,
+    /// A frame whose values are not believed, because the UART saw a fault in it (AMT).
+    Damaged,
+}
+
 /// A conversation with an ECU.
 pub trait Link {
     /// The conversation begins.
@@ -100,6 +159,36 @@ pub trait Link {
     fn timeout(&mut self, now: Instant);
     /// What to do now.
     fn poll(&mut self) -> Output;
+    /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
+    fn take_sign(&mut self) -> Option<Sign>;
+    /// The engine runs, so that a demand goes out; until then "run" carries the throttle of a start.
+    fn release(&mut self, released: bool);
+    /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
+    fn gap_at(&self) -> Option<Instant>;
+    /// When the ECU last kept its beat, with a frame or with a damaged one.
+    fn last_beat(&self) -> Option<Instant>;
+    /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
+    fn answers_frames(&self) -> bool;
+    /// When a life that has been in doubt since then loses its order, should nothing confirm it.
+    fn doubt_ends(&self, since: Instant) -> Instant;
+    /// The gap that [`Link::gap_at`] announced is there: nothing said before it holds for what comes after it.
+    fn gap(&mut self);
+    /// The ECU was given its switch by ZK ID 6, so it ignores the one of ID 1 (ZK-9).
+    fn switch_by_id6(&self) -> bool {
+        false
+    }
+    /// After a reset: the ECU was given its switch by ZK ID 6 before it.
+    fn resume_switch_by_id6(&mut self) {}
+    /// Close a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
+    fn close_pump(&mut self) {}
+    /// A service command has not gone out yet.
+    fn service_pending(&self) -> bool {
+        false
+    }
+    /// The fuel pump is being closed.
+    fn closing_pump(&self) -> bool {
+        false
+    }
     /// What the ECU has said.
     fn report(&self) -> &Report;
     /// Whether the ECU is heard.
@@ -188,6 +277,69 @@ impl Presence {
     }
 }
 
+/// Gaps in the beat of an ECU. Damaged frames keep the beat, for 10 s at most after the last good one: bursts of about a
+/// frame's length with a pause before each. A steady babble and a break do not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beat {
+    /// Bytes of a frame.
+    frame_len: u8,
+    /// A longer pause separates two bursts.
+    pause: Duration,
+    last: Option<Instant>,
+    good: Option<Instant>,
+    last_byte: Option<Instant>,
+    burst: u8,
+    gap: bool,
+}
+
+/// Damaged frames keep the beat for so long after the last good one.
+const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
+/// Expected frames that have to fail for a gap.
+const GAP_FRAMES: u32 = 3;
+
+impl Beat {
+    pub fn new(frame_len: u8, line: Line) -> Self {
+        let pause = line.time_of(2) + Duration::from_millis(2);
+        Self { frame_len, pause, last: None, good: None, last_byte: None, burst: 0, gap: false }
+    }
+
+    /// Bytes came, of whatever kind.
+    pub fn bytes(&mut self, now: Instant, count: usize) {
+        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);
+        self.last_byte = Some(now);
+        let before = if paused { 0 } else { self.burst };
+        self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
+        // One byte may be lost in the noise.
+        let enough = self.frame_len.saturating_sub(1);
+        let lately = self.good.is_some_and(|good| now < good + DAMAGED_BEAT_MAX);
+        if before < enough && self.burst >= enough && lately {
+            self.last = Some(now);
+            self.gap = false;
+        }
+    }
+
+    /// A good frame came.
+    pub fn frame(&mut self, now: Instant) {
+        self.last = Some(now);
+        self.good = Some(now);
+        self.gap = false;
+    }
+
+    /// When the gap begins, with frames expected at this interval.
+    pub fn gap_at(&self, interval: Duration) -> Option<Instant> {
+        self.last.filter(|_| !self.gap)?.checked_add(interval * GAP_FRAMES)
+    }
+
+    pub const fn last(&self) -> Option<Instant> {
+        self.last
+    }
+
+    /// The gap was seen.
+    pub fn gap(&mut self) {
+        self.gap = true;
+    }
+}
+
 /// What waits to be handed out, and whether the UART is busy with what was.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outbox {
@@ -202,13 +354,6 @@ impl Outbox {
     /// Replaces what waits: the latest wins.
     pub fn put(&mut self, transmission: Transmission) {
         self.waiting = Some(transmission);
-    }
-
-    /// Gives what waits, not yet handed out, other bytes: the latest order wins up to the last moment.
-    pub fn rewrite<const N: usize>(&mut self, frame: impl FnOnce() -> [u8; N]) {
-        if let Some(waiting) = &mut self.waiting {
-            *waiting = Transmission::new(frame(), waiting.start_by);
-        }
     }
 
     pub fn event(&mut self, event: Event) {

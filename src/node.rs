@@ -3,7 +3,7 @@
 use crate::channels::{Channel, Handle};
 use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::{ConfigError, EngineConfig, validate};
-use crate::engine::keep::Memory;
+use crate::engine::keep::{Memory, Reset};
 use crate::runner::Runner;
 
 /// `N` engines, each on its own channel.
@@ -24,14 +24,18 @@ impl<const N: usize> Node<N> {
     }
 
     /// The same, with memory that a reset leaves alone, by port: engines that run go on after a reset. One on a port
-    /// without memory goes on by what its ECU says.
+    /// without memory goes on by what its ECU says. `reset` is what the node comes out of.
     ///
     /// # Errors
     /// As [`Node::new`].
-    pub fn with_memory(engines: &[EngineConfig; N], memory: &'static [Memory]) -> Result<Self, ConfigError> {
+    pub fn with_memory(
+        engines: &[EngineConfig; N],
+        memory: &'static [Memory],
+        reset: Reset,
+    ) -> Result<Self, ConfigError> {
         validate(engines)?;
         let channel = |engine: &EngineConfig| match memory.get(usize::from(engine.port)) {
-            Some(memory) => Channel::with_memory(engine, memory),
+            Some(memory) => Channel::with_memory(engine, memory, reset),
             None => Channel::new(engine),
         };
         Ok(Self { channels: engines.each_ref().map(channel) })

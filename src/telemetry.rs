@@ -2,6 +2,7 @@
 
 use crate::command::{Demand, Ordered, Origin, Rejected};
 use crate::ecu::{Faults, Service, amt, zk};
+use crate::engine::life::End;
 use crate::engine::state::EngineState;
 use crate::engine::watch::Passed;
 use crate::line::LineError;
@@ -303,9 +304,18 @@ pub enum Event {
     OtherFailed(u8),
     /// After a reset the engine was found running, and goes on with this demand.
     WentOn(Demand),
-    /// The ECU reports a stopped engine although it was to run, or fell silent before the engine came alive: the order fell
-    /// to standby.
-    RunWithdrawn,
+    /// The life of the engine that was ordered to run is over: the order is cancelled, and standby goes out.
+    RunWithdrawn(End),
+    /// Whether the engine still lives is in doubt: the demand does not reach it until the ECU has reported it running twice.
+    LifeInDoubt,
+    /// The ECU reports it running again: the demand goes out.
+    LifeConfirmed,
+    /// A demand beyond the engine's maximum was clamped to it.
+    Clamped(Rpm),
+    /// For 1 s nothing that was to be sent went out.
+    TransmitterFailed,
+    /// Transmissions go out again.
+    TransmitterWorks,
 }
 
 /// What was counted since the node started. All counts wrap.
@@ -414,6 +424,12 @@ pub struct Telemetry {
     pub loss: LossStage,
     /// A limit has lowered the demand to the fail-safe throttle, where it stays until standby is commanded.
     pub limited: bool,
+    /// Since when it is in doubt whether the engine that was ordered to run still lives: what is commanded does not reach it.
+    pub in_doubt: Option<Instant>,
+    /// A start waits while another engine of the group starts, until then at the latest.
+    pub start_waits_until: Option<Instant>,
+    /// For 1 s nothing that was to be sent went out.
+    pub transmitter_failed: bool,
     /// The engine is armed.
     pub armed: bool,
     /// An emergency stop is latched.

@@ -6,6 +6,7 @@ use jetlink::ecu::EcuConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
+use jetlink::units::{Celsius, Rpm};
 
 fn amt(port: u8, line: Line) -> EngineConfig {
     EngineConfig::amt("amt", port, line, None)
@@ -111,7 +112,7 @@ fn every_field_has_a_range() {
     use jetlink::engine::config::{Field, Governor, Limit};
     type Change = fn(&mut EngineConfig, u64);
     // What is changed, how it is refused, the least and the most of it.
-    let changes: [(Change, ConfigError, u64, u64); 24] = {
+    let changes: [(Change, ConfigError, u64, u64); 29] = {
         let of = |field| ConfigError::Supervision(1, field);
         [
             (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 200, 60_000),
@@ -198,7 +199,40 @@ fn every_field_has_a_range() {
                 5_000,
             ),
             (|e, n| e.supervision.when_other_fails = Some(n as u16), of(Field::WhenOtherFails), 0, 1000),
-            (|e, t| e.supervision.listen = Duration::from_millis(t), of(Field::Listen), 300, 60_000),
+            (
+                |e, t| e.supervision.return_within = Duration::from_millis(t),
+                of(Field::ReturnWithin),
+                0,
+                10_000,
+            ),
+            (
+                |e, t| e.supervision.loss.lower_standby_after = Duration::from_millis(t),
+                of(Field::LossLowerStandby),
+                0,
+                3_600_000,
+            ),
+            (|e, n| e.supervision.rise = n as u16, of(Field::Rise), 10, 65_535),
+            (
+                |e, t| e.supervision.burning_egt = Celsius::from_tenths(t as i16),
+                of(Field::BurningEgt),
+                1000,
+                6000,
+            ),
+            (
+                |e, t| e.supervision.service_time = Duration::from_millis(t),
+                of(Field::ServiceTime),
+                1000,
+                300_000,
+            ),
+            (
+                |e, n| {
+                    let max_rpm = Rpm::new(n as u32);
+                    e.supervision.governor = Some(Governor { max_rpm, ..Governor::DEFAULT });
+                },
+                of(Field::GovernorMaxRpm),
+                10_000,
+                250_000,
+            ),
         ]
     };
     for (i, (change, error, least, most)) in changes.into_iter().enumerate() {
@@ -223,7 +257,7 @@ fn every_field_has_a_range() {
         ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
         (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, Field::LossHold)),
         (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, Field::AgeRc)),
-        (|e| e.supervision.listen = Duration::MAX, ConfigError::Supervision(0, Field::Listen)),
+        (|e| e.supervision.service_time = Duration::MAX, ConfigError::Supervision(0, Field::ServiceTime)),
     ] {
         let mut engine = amt(0, Line::new(9600));
         change(&mut engine);

@@ -219,7 +219,7 @@ proptest! {
         let ecu = if is_zk { Ecu::Zk } else { Ecu::Amt };
         let safe = Throttle::from_percent(10).unwrap();
         let config = ecu.with(|s| {
-            s.loss = Loss { hold: micros(400_000), throttle: safe, ramp: 5000, standby_after: Some(micros(600_000)) };
+            s.loss = Loss { hold: micros(400_000), throttle: safe, ramp: 5000, standby_after: Some(micros(600_000)), ..Loss::DEFAULT };
         });
         let mut scenario = Scenario::with(ecu, config);
         let mut latched = false;

@@ -251,6 +251,7 @@ fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
         throttle: Throttle::from_percent(safe).unwrap(),
         ramp,
         standby_after: standby_after.map(micros),
+        ..Loss::DEFAULT
     }
 }
 

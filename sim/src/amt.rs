@@ -54,9 +54,6 @@ pub mod error {
 /// Normal sets between two alternate ones.
 const NORMAL_SETS: u8 = 10;
 
-/// How long start clearance lasts before the start (assumed).
-const CLEARANCE: Nanos = SECOND;
-
 /// How an AMT ECU is set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AmtConfig {
@@ -464,7 +461,7 @@ fn control(config: &AmtConfig, session: &mut Session, turbine: &mut Turbine, sta
         Ops::Run if !session.locked && live => Switch::Run,
         Ops::Run if may_start => {
             let since = *session.clearance_since.get_or_insert(at);
-            if at >= since + CLEARANCE { Switch::Run } else { Switch::Standby }
+            if at >= since + config.temper.clearance { Switch::Run } else { Switch::Standby }
         }
         Ops::Ctf if !session.locked => turbine.switch(),
         Ops::AutoStop | Ops::Run | Ops::Ctf => Switch::Standby,

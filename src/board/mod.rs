@@ -37,7 +37,7 @@ pub use {
     chosen::{NAME, PORTS, TELEMETRY_PORT, init},
     embassy_executor::Executor,
     port::EcuPort,
-    stm32::{Led, Watchdog, start_engine_executor},
+    stm32::{Led, Watchdog, retained, start_engine_executor},
 };
 #[cfg(feature = "board-matek-h743")]
 use {matek_h743 as chosen, stm32h7 as chip};

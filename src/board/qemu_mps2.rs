@@ -18,6 +18,7 @@ use super::{Board, ENGINE_EXECUTOR};
 use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 use cortex_m_rt::exception;
 use embassy_executor::SendSpawner;
+use jetlink::engine::keep::Reset;
 use jetlink::line::Line;
 
 #[cfg(feature = "trial")]
@@ -134,6 +135,11 @@ pub fn start_engine_executor() -> SendSpawner {
 /// Why the chip was reset. QEMU does not have the board's register for it.
 pub fn reset_cause() -> &'static str {
     "not known in QEMU"
+}
+
+/// QEMU keeps no RAM over a reset that could be believed.
+pub fn retained(_cause: &'static str) -> Reset {
+    Reset::PowerLost
 }
 
 /// USERLED0. QEMU has it, and shows it to nobody but its own trace.

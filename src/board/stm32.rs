@@ -9,6 +9,7 @@ use embassy_stm32::{
     interrupt::{InterruptExt, Priority},
     wdg::IndependentWatchdog,
 };
+use jetlink::engine::keep::Reset;
 
 /// Why the chip was reset last, as far as its flags tell.
 #[derive(Clone, Copy, defmt::Format)]
@@ -29,6 +30,19 @@ pub enum ResetCause {
     Pin,
     /// No flag is set.
     Unknown,
+}
+
+/// What of the retained state may be believed after such a reset. Where the flags say nothing, as after a bootloader that
+/// clears them, the power may have gone away.
+pub fn retained(cause: ResetCause) -> Reset {
+    match cause {
+        ResetCause::Watchdog
+        | ResetCause::WindowWatchdog
+        | ResetCause::Software
+        | ResetCause::LowPower
+        | ResetCause::Pin => Reset::Warm,
+        ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::Unknown => Reset::PowerLost,
+    }
 }
 
 /// An LED that lights when its pin is low.

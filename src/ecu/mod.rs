@@ -6,7 +6,7 @@ pub mod zk;
 
 use crate::command::{Order, Rejected};
 use crate::line::{Line, LineError};
-use crate::link::{Link, Output, Timing};
+use crate::link::{Link, Output, Sign, Timing};
 use crate::telemetry::{Counters, LinkState, NotSent, Report};
 use crate::units::Hectopascals;
 use embassy_time::Instant;
@@ -32,6 +32,19 @@ pub enum Service {
 }
 
 impl Service {
+    /// It moves fuel or heats, so the engine has to be cold and at rest, and it is ended after a time.
+    pub const fn moves_fuel(self) -> bool {
+        match self {
+            Self::Amt(_) => false,
+            Self::Zk(service) => service.moves_fuel(),
+        }
+    }
+
+    /// It ends what one that moves fuel began.
+    pub const fn closes_pump(self) -> bool {
+        matches!(self, Self::Zk(zk::link::Service::Action(zk::codec::Action::ClosePump)))
+    }
+
     /// Whether the ECU has to report a stopped engine first.
     pub const fn needs_stopped_engine(self) -> bool {
         match self {
@@ -161,6 +174,54 @@ impl Link for AnyLink {
 
     fn poll(&mut self) -> Output {
         each!(self, link => link.poll())
+    }
+
+    fn take_sign(&mut self) -> Option<Sign> {
+        each!(self, link => link.take_sign())
+    }
+
+    fn release(&mut self, released: bool) {
+        each!(self, link => link.release(released));
+    }
+
+    fn gap_at(&self) -> Option<Instant> {
+        each!(self, link => link.gap_at())
+    }
+
+    fn last_beat(&self) -> Option<Instant> {
+        each!(self, link => link.last_beat())
+    }
+
+    fn answers_frames(&self) -> bool {
+        each!(self, link => link.answers_frames())
+    }
+
+    fn doubt_ends(&self, since: Instant) -> Instant {
+        each!(self, link => link.doubt_ends(since))
+    }
+
+    fn gap(&mut self) {
+        each!(self, link => link.gap());
+    }
+
+    fn switch_by_id6(&self) -> bool {
+        each!(self, link => link.switch_by_id6())
+    }
+
+    fn resume_switch_by_id6(&mut self) {
+        each!(self, link => link.resume_switch_by_id6());
+    }
+
+    fn close_pump(&mut self) {
+        each!(self, link => link.close_pump());
+    }
+
+    fn service_pending(&self) -> bool {
+        each!(self, link => link.service_pending())
+    }
+
+    fn closing_pump(&self) -> bool {
+        each!(self, link => link.closing_pump())
     }
 
     fn report(&self) -> &Report {

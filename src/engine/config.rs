@@ -12,6 +12,9 @@ pub struct Supervision {
     pub ages: SourceAges,
     /// A source that was lost has to speak for so long without a gap before it rules again. Default 1 s, 0.1 s to 60 s.
     pub recover_after: Duration,
+    /// A source that has spoken without a gap for `recover_after` and returns within this after its age limit goes on at
+    /// `rise`, without a take-over. Default 1 s, at most 10 s.
+    pub return_within: Duration,
     /// What happens to the demand when another source takes over.
     pub takeover: Takeover,
     /// What happens when the ruling source falls silent while the engine is ordered to run.
@@ -20,6 +23,9 @@ pub struct Supervision {
     pub start: StartRules,
     /// How fast the demand may change. Off by default.
     pub slew: Slew,
+    /// How fast the demand rises after a start, a take-over, a reduction, a gap or a reset, in tenths of a percent a
+    /// second; until it has reached what is commanded. Default 500 (50 % a second), at least 10.
+    pub rise: u16,
     /// What is watched, and what is done about it.
     pub limits: Limits,
     /// Speed control over the throttle, for ECUs without one. Off by default.
@@ -27,8 +33,10 @@ pub struct Supervision {
     /// The demand is reduced to so many thousandths while another engine of the group has failed. Default `None`: that is
     /// told, and this engine left alone. At most 1000.
     pub when_other_fails: Option<u16>,
-    /// The longest wait for the ECU's state after its first frame, following a reset. Default 1 s, at least 0.3 s.
-    pub listen: Duration,
+    /// An exhaust hotter than this burns, where an ECU reports faults in place of a state (AMT-8). Default 300 °C.
+    pub burning_egt: Celsius,
+    /// A service that opens the fuel is closed after this. Default 30 s, 1 s to 300 s.
+    pub service_time: Duration,
 }
 
 /// How long each source may be silent, in the order of their priority. 0.05 s to 60 s.
@@ -81,8 +89,12 @@ pub struct Loss {
     pub throttle: Throttle,
     /// It goes there at so many tenths of a percent a second. Default 500 (50 % a second), at least 10.
     pub ramp: u16,
-    /// Then, so long after `hold` has passed, standby. Default `None`: never.
+    /// Then, so long after `hold` has passed, standby. Default `None`: never, as long as the ECU reports a running engine.
+    /// Where it does not, standby after 10 s.
     pub standby_after: Option<Duration>,
+    /// A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted this
+    /// long. Default 5 s, at most 3600 s.
+    pub lower_standby_after: Duration,
 }
 
 /// What has to be true for a start. A refusal names the first that is not.
@@ -95,7 +107,8 @@ pub struct StartRules {
     pub link_stable: Duration,
     /// The demand that asks for the start is at most this throttle. Default 2 %.
     pub idle_band: Throttle,
-    /// The exhaust is at most so hot; a hot engine is cooled first. Default 100 °C.
+    /// The exhaust is at most so hot; a hot engine is cooled first. Default 100 °C. Below −40 °C or above 1100 °C the
+    /// thermocouple is broken and the temperature not known.
     pub egt_max: Celsius,
     /// The supply had at least so much when the ECU last gave it, if it has. Default `None`: not checked.
     pub supply_min: Option<Millivolts>,
@@ -194,6 +207,8 @@ pub struct Governor {
     pub authority: Throttle,
     /// Tenths of a percent a second that its output may rise. 10 to 1000.
     pub slew: u16,
+    /// The highest shaft speed that may be asked for; higher ones are clamped. 10 000 rpm to 250 000 rpm.
+    pub max_rpm: Rpm,
     /// Older rpm telemetry is not believed: the throttle then goes to idle. 0.2 s to 5 s.
     pub max_age: Duration,
 }
@@ -207,14 +222,20 @@ impl Governor {
         integral: 6,
         authority: Throttle::FULL,
         slew: 300,
+        max_rpm: Rpm::new(110_000),
         max_age: Duration::from_millis(600),
     };
 }
 
 impl Loss {
     /// Hold 1 s, then to idle at 50 % a second, never standby.
-    pub const DEFAULT: Self =
-        Self { hold: Duration::from_secs(1), throttle: Throttle::IDLE, ramp: 500, standby_after: None };
+    pub const DEFAULT: Self = Self {
+        hold: Duration::from_secs(1),
+        throttle: Throttle::IDLE,
+        ramp: 500,
+        standby_after: None,
+        lower_standby_after: Duration::from_secs(5),
+    };
 }
 
 impl Supervision {
@@ -227,6 +248,7 @@ impl Supervision {
             bench: Duration::from_millis(500),
         },
         recover_after: Duration::from_secs(1),
+        return_within: Duration::from_secs(1),
         takeover: Takeover {
             throttle_band: percent(5),
             rpm_band: Rpm::new(5000),
@@ -243,6 +265,7 @@ impl Supervision {
             gap: Duration::from_secs(10),
         },
         slew: Slew { up: None, down: None },
+        rise: 500,
         limits: Limits {
             over_speed: Limit::NONE,
             over_temperature: Limit::tell(Celsius::from_tenths(8000)),
@@ -255,7 +278,8 @@ impl Supervision {
         },
         governor: None,
         when_other_fails: None,
-        listen: Duration::from_secs(1),
+        burning_egt: Celsius::from_tenths(3000),
+        service_time: Duration::from_secs(30),
     };
 
     /// Checks every range.
@@ -327,6 +351,9 @@ impl Supervision {
             if governor.slew < 10 || governor.slew > 1000 {
                 return Err(Field::GovernorSlew);
             }
+            if governor.max_rpm.get() < 10_000 || governor.max_rpm.get() > 250_000 {
+                return Err(Field::GovernorMaxRpm);
+            }
             if below(governor.max_age, 200) || above(governor.max_age, 5_000) {
                 return Err(Field::GovernorMaxAge);
             }
@@ -334,8 +361,20 @@ impl Supervision {
         if matches!(self.when_other_fails, Some(1001..)) {
             return Err(Field::WhenOtherFails);
         }
-        if below(self.listen, 300) || above(self.listen, 60_000) {
-            return Err(Field::Listen);
+        if above(self.return_within, 10_000) {
+            return Err(Field::ReturnWithin);
+        }
+        if above(self.loss.lower_standby_after, 3_600_000) {
+            return Err(Field::LossLowerStandby);
+        }
+        if self.rise < 10 {
+            return Err(Field::Rise);
+        }
+        if self.burning_egt.tenths() < 1000 || self.burning_egt.tenths() > 6000 {
+            return Err(Field::BurningEgt);
+        }
+        if below(self.service_time, 1000) || above(self.service_time, 300_000) {
+            return Err(Field::ServiceTime);
         }
         Ok(())
     }
@@ -389,8 +428,18 @@ pub enum Field {
     GovernorMaxAge,
     /// `when_other_fails`.
     WhenOtherFails,
-    /// `listen`.
-    Listen,
+    /// `return_within`.
+    ReturnWithin,
+    /// `loss.lower_standby_after`.
+    LossLowerStandby,
+    /// `rise`.
+    Rise,
+    /// `burning_egt`.
+    BurningEgt,
+    /// `service_time`.
+    ServiceTime,
+    /// `governor.max_rpm`.
+    GovernorMaxRpm,
 }
 
 impl Field {
@@ -421,7 +470,12 @@ impl Field {
             Self::GovernorSlew => "governor.slew: 10 to 1000 tenths of a percent a second",
             Self::GovernorMaxAge => "governor.max_age: 0.2 s to 5 s",
             Self::WhenOtherFails => "when_other_fails: at most 1000 thousandths",
-            Self::Listen => "listen: 0.3 s to 60 s",
+            Self::ReturnWithin => "return_within: at most 10 s",
+            Self::LossLowerStandby => "loss.lower_standby_after: at most 3600 s",
+            Self::Rise => "rise: at least 10 tenths of a percent a second",
+            Self::BurningEgt => "burning_egt: 100 °C to 600 °C",
+            Self::ServiceTime => "service_time: 1 s to 300 s",
+            Self::GovernorMaxRpm => "governor.max_rpm: 10 000 rpm to 250 000 rpm",
         }
     }
 }

@@ -12,6 +12,8 @@ use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
+/// The last stage of loss of an order to run without a living engine, after the fail-safe stage began.
+pub(super) const RUN_OUT: Duration = Duration::from_secs(10);
 /// Between two updates of a demand that moves.
 const STEP: Duration = Duration::from_millis(20);
 /// Stands for the maximum rpm of an engine that does not tell its own, when a rate in % is made one in rpm.
@@ -34,6 +36,8 @@ pub(super) enum Plan {
 pub(super) struct Shape {
     /// The ECU reports a running engine; until then the demand stays at idle.
     pub running: bool,
+    /// Nothing puts that in doubt.
+    pub living: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
@@ -45,27 +49,34 @@ pub(super) struct Shape {
     pub governed: bool,
 }
 
+/// What is known when the source in control of a running engine is found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arbitration<'a> {
+    pub sources: &'a Sources,
+    pub config: &'a Supervision,
+    /// The ECU reports a running engine, and nothing puts that in doubt.
+    pub living: bool,
+}
+
 impl Run {
-    /// Finds who rules now. Gives whose standby it is, if it is to be standby.
-    pub fn rule(
-        &mut self,
-        now: Instant,
-        sources: &Sources,
-        config: &Supervision,
-        told: &mut Deque<Event, 4>,
-    ) -> Option<Origin> {
+    /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
+    pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
+        let Arbitration { sources, config, .. } = by;
         match sources.ruler(now) {
-            // Of the ruling source, or of one above it, standby comes at once.
-            Some((origin, Intent::Standby)) if origin.priority() >= self.ruler.priority() => {
-                return Some(origin);
-            }
-            Some((origin, intent)) => {
-                if let Intent::Run(demand) = intent
-                    && origin == self.ruler
-                    && self.fail_safe_at.is_none()
-                {
+            // Of the source in control, or of one above it, standby comes at once.
+            Some((origin, Intent::Standby)) if origin.priority() >= self.ruler.priority() => Some(origin),
+            Some((origin, Intent::Run(demand))) => {
+                // It was never lost, or for a moment only.
+                if origin == self.ruler && (self.fail_safe_at.is_none() || !sources.was_lost(origin)) {
                     self.taking_over = None;
+                    if self.fail_safe_at.take().is_some() {
+                        self.shaper.rise();
+                    }
+                    if sources.has_spoken(origin) {
+                        self.carried = Duration::from_ticks(0);
+                    }
                     self.demand = demand;
+                    self.stage(LossStage::None, told);
                     return None;
                 }
                 let latest = match self.taking_over {
@@ -74,44 +85,67 @@ impl Run {
                     None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
-                let Intent::Run(demand) = intent else {
-                    return (now >= latest).then_some(origin);
-                };
                 if now >= latest || self.shaper.is_close(demand, &config.takeover) {
                     self.taking_over = None;
                     self.fail_safe_at = None;
+                    self.carried = Duration::from_ticks(0);
                     self.demand = demand;
                     self.ruler = origin;
+                    self.shaper.rise();
                     self.stage(LossStage::None, told);
                 }
+                None
             }
-            None => {
+            // Nobody, or a lower source that streams standby: the stages of loss go on.
+            lower => {
                 self.taking_over = None;
-                let heard = sources.last_heard(self.ruler).unwrap_or(now);
-                let silent_from = heard.checked_add(config.ages.of(self.ruler)).unwrap_or(now);
-                let fail_safe_at = *self.fail_safe_at.get_or_insert(silent_from.min(now) + config.loss.hold);
-                let standby_at = config.loss.standby_after.map(|after| fail_safe_at + after);
-                if standby_at.is_some_and(|at| now >= at) {
+                let fail_safe_at = self.lose(now, sources, config);
+                if self.standby_at(fail_safe_at, &by).is_some_and(|at| now >= at) {
                     self.stage(LossStage::Standby, told);
                     return Some(Origin::Node);
                 }
                 let stage = if now >= fail_safe_at { LossStage::FailSafe } else { LossStage::Hold };
                 self.stage(stage, told);
+                lower
+                    .map(|(origin, _)| origin)
+                    .filter(|_| now >= fail_safe_at + config.loss.lower_standby_after)
             }
         }
-        None
+    }
+
+    /// When the fail-safe stage begins. Silence from before a reset counts.
+    fn lose(&mut self, now: Instant, sources: &Sources, config: &Supervision) -> Instant {
+        let silent_from = sources.silent_from(self.ruler).unwrap_or(now).min(now);
+        let before = self.carried.as_ticks().saturating_sub(config.ages.of(self.ruler).as_ticks());
+        let hold = Duration::from_ticks(config.loss.hold.as_ticks().saturating_sub(before));
+        *self.fail_safe_at.get_or_insert(silent_from + hold)
+    }
+
+    /// When the last stage of loss begins: as configured, and where no engine is known to live, 10 s into the fail-safe
+    /// stage. Silence from before a reset counts.
+    fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {
+        let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
+        let until_fail_safe =
+            by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
+        let before =
+            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+        fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))
     }
 
     /// When the next stage of loss begins.
-    pub fn loss_deadline(&self, config: &Supervision) -> Option<Instant> {
+    pub fn loss_deadline(&self, by: &Arbitration<'_>) -> Option<Instant> {
         if self.taking_over.is_some() {
-            // The stages stand still: the source that waits takes over, or falls silent.
+            // The stages stay as they are: the source that waits takes over, or falls silent.
             return None;
         }
         let fail_safe_at = self.fail_safe_at?;
         match self.stage {
             LossStage::None | LossStage::Hold => Some(fail_safe_at),
-            LossStage::FailSafe => config.loss.standby_after.map(|after| fail_safe_at + after),
+            LossStage::FailSafe => {
+                let lower = fail_safe_at + by.config.loss.lower_standby_after;
+                let lower = Some(lower).filter(|at| *at > self.shaper.at());
+                earlier(self.standby_at(fail_safe_at, by), lower)
+            }
             LossStage::Standby => None,
         }
     }
@@ -152,13 +186,29 @@ pub(super) struct Shaper {
     governor: Option<Governor>,
     /// The throttle that the governor has set.
     governed: Throttle,
+    /// It rises at its set rate until it is where it is commanded to: after a start, a take-over, a gap.
+    rising: bool,
+    /// It was reduced, because another engine failed.
+    was_reduced: bool,
     at: Instant,
 }
 
 impl Shaper {
     /// At rest at a demand.
     pub fn new(now: Instant, demand: Demand) -> Self {
-        Self { moving: Moving::new(now, demand), governor: None, governed: Throttle::IDLE, at: now }
+        Self {
+            moving: Moving::new(now, demand),
+            governor: None,
+            governed: Throttle::IDLE,
+            rising: true,
+            was_reduced: false,
+            at: now,
+        }
+    }
+
+    /// From here the demand rises at its set rate, until it is where it is commanded to.
+    pub const fn rise(&mut self) {
+        self.rising = true;
     }
 
     /// When it last moved.
@@ -186,12 +236,20 @@ impl Shaper {
         config: &Supervision,
     ) -> (Demand, Option<Instant>) {
         self.at = now;
+        if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
+            self.rising = true;
+        }
         // The reduction for an engine that failed is a fail-safe, and no slower than one.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
             None => config.slew.down,
         };
-        let slew = Rates { up: config.slew.up.map(u32::from), down: down.map(u32::from) };
+        let up = match config.slew.up {
+            Some(up) if self.rising => Some(up.min(config.rise)),
+            None if self.rising => Some(config.rise),
+            up => up,
+        };
+        let slew = Rates { up: up.map(u32::from), down: down.map(u32::from) };
         let (target, rates) = match plan {
             // It waits for nobody else.
             Plan::Hold(asked)
@@ -201,7 +259,19 @@ impl Shaper {
                 (reduced(asked, shape.reduced_to), slew)
             }
             Plan::Hold(_) => (self.moving.demand(), Rates::AT_ONCE),
-            Plan::To(demand) => (reduced(demand, shape.reduced_to), slew),
+            // Whether it lives is in doubt: it may go down, and not up.
+            Plan::To(demand)
+                if shape.running
+                    && !shape.living
+                    && !reduced(demand, shape.reduced_to).is_below(self.moving.demand()) =>
+            {
+                (self.moving.demand(), Rates::AT_ONCE)
+            }
+            Plan::To(demand) => {
+                let target = reduced(demand, shape.reduced_to);
+                self.rising &= !shape.running || self.moving.demand() != target;
+                (target, slew)
+            }
             Plan::FailSafe { asked, ruled } => {
                 let most = reduced(asked, shape.reduced_to);
                 if ruled && most.is_below(self.moving.demand()) {
@@ -222,6 +292,11 @@ impl Shaper {
         if !shape.running {
             self.governor = None;
             return (Demand::Throttle(Throttle::IDLE), next);
+        }
+        if !shape.living {
+            // Whether the engine lives is in doubt: it neither controls nor winds up.
+            self.governor = None;
+            return (Demand::Throttle(self.governed), next);
         }
         let governor = self
             .governor
@@ -304,15 +379,21 @@ const LOWERED_BY: u32 = 20;
 pub(super) struct Lowered {
     from: Demand,
     at: Instant,
+    last: Option<Instant>,
 }
 
 impl Lowered {
     pub const fn new(now: Instant, demand: Demand) -> Self {
-        Self { from: demand, at: now }
+        Self { from: demand, at: now, last: None }
     }
 
     pub const fn at(&self) -> Instant {
         self.at
+    }
+
+    /// When the demand was last lowered in this run, if it was.
+    pub const fn last(&self) -> Option<Instant> {
+        self.last
     }
 
     pub fn see(&mut self, now: Instant, demand: Demand) {
@@ -329,7 +410,7 @@ impl Lowered {
         if value >= from {
             self.from = demand;
         } else if from - value > band {
-            *self = Self { from: demand, at: now };
+            *self = Self { from: demand, at: now, last: Some(now) };
         }
     }
 }

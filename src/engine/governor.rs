@@ -11,6 +11,9 @@ use embassy_time::{Duration, Instant};
 /// Parts of a tenth of a percent in which the integral is kept.
 const PARTS: i64 = 1_000_000;
 
+/// A shaft that falls faster than this, in rpm a second, while more speed is asked for, is not being accelerated.
+const FALLING: u32 = 5000;
+
 /// Sets a throttle for a shaft speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Governor {
@@ -19,7 +22,7 @@ pub(super) struct Governor {
     integral: i64,
     /// In parts of a tenth of a percent.
     output: i64,
-    seen: Option<Instant>,
+    seen: Option<Timed<Rpm>>,
 }
 
 impl Governor {
@@ -40,12 +43,16 @@ impl Governor {
                 (Throttle::IDLE, now + self.config.max_age)
             }
             Some(rpm) => {
-                if self.seen != Some(rpm.at) {
+                if self.seen.map(|seen| seen.at) != Some(rpm.at) {
                     // Not more than 0.5 s: a gap must not become one big step.
-                    let passed = self.seen.map_or(Duration::from_ticks(0), |seen| rpm.at - seen);
+                    let passed = self
+                        .seen
+                        .map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
                     let passed = passed.min(Duration::from_millis(500));
-                    self.seen = Some(rpm.at);
-                    self.step(target, rpm.value, passed);
+                    let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
+                    let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * passed.as_micros();
+                    self.seen = Some(rpm);
+                    self.step(target, rpm.value, passed, falls && passed.as_ticks() > 0);
                 }
                 let tenths = u16::try_from(self.output / PARTS).unwrap_or(0);
                 let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
@@ -54,14 +61,15 @@ impl Governor {
         }
     }
 
-    fn step(&mut self, target: Rpm, rpm: Rpm, passed: Duration) {
+    fn step(&mut self, target: Rpm, rpm: Rpm, passed: Duration, falls: bool) {
         let micros = passed.as_micros() as i64;
         let error = i64::from(target.get()) - i64::from(rpm.get());
         // Gains are for 1000 rpm, the integral's for a second: µs and parts cancel out.
         let proportional = error * i64::from(self.config.proportional) * PARTS / 1000;
         let step = error * i64::from(self.config.integral) * micros / 1000;
         let highest = i64::from(self.config.authority.tenths()) * PARTS;
-        let rise = i64::from(self.config.slew) * micros;
+        // A shaft that falls under a throttle that was not lowered has no flame: more fuel would only flood it.
+        let rise = if falls { 0 } else { i64::from(self.config.slew) * micros };
         let risen = self.output + rise;
         let wanted = self.integral + step + proportional;
         let limit = highest.min(risen);

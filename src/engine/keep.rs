@@ -1,17 +1,35 @@
 //! What has to survive a reset: the order in force, its demand and its source, in memory that start-up does not
 //! clear. Two copies with a checksum and a sequence number, so that a reset in the middle of a write leaves the
 //! one before.
+//!
+//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. What is then left
+//! of a whole record can only stop an engine or preserve one: [`Record::without_start`].
 
 use crate::command::{Demand, Order, Origin};
 use crate::telemetry::LossStage;
 use crate::units::{Rpm, Throttle};
 use core::sync::atomic::{AtomicU32, Ordering};
 use crc::{CRC_32_ISO_HDLC, Crc};
+use embassy_time::Duration;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Changes with the layout, so that an older firmware's memory is not believed.
-const LAYOUT: u32 = 0x4A4C_0003;
-const WORDS: usize = 5;
+const LAYOUT: u32 = 0x4A4C_0004;
+const WORDS: usize = 8;
+/// Silence is retained in steps of this, so that a record does not change with every frame.
+const SILENCE_STEP: Duration = Duration::from_millis(200);
+const SILENCE_STEPS_MAX: u64 = 0xFFFF;
+
+/// What the reset was that the node comes out of.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Reset {
+    /// The power never went away: watchdog, software, pin.
+    Warm,
+    /// The power went away or dipped: nothing that could start or raise an engine is believed.
+    #[default]
+    PowerLost,
+}
 
 /// What is kept of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -29,18 +47,64 @@ pub struct Record {
     pub loss: LossStage,
     /// The engine ran, and stopped or fell silent without a command: the other engines are told.
     pub failed: bool,
+    /// The engine has reached running, and no standby, stop or end of its life has come since.
+    pub ran: bool,
+    /// The ECU was given its switch by ZK ID 6 (ZK-9).
+    pub by_id6: bool,
+    /// A service command may have opened the fuel pump, and it was not closed.
+    pub pump_open: bool,
+    /// How long the source in control has been silent, resets included. In steps of 0.2 s, 3.6 h at most.
+    pub silent: Duration,
+    /// Resets in a row in which no source has spoken.
+    pub resets: u8,
 }
 
 impl Record {
     /// An order of somebody, and nothing else.
     pub const fn new(order: Order, origin: Origin) -> Self {
-        Self { order, origin, armed: false, limited: false, loss: LossStage::None, failed: false }
+        Self {
+            order,
+            origin,
+            armed: false,
+            limited: false,
+            loss: LossStage::None,
+            failed: false,
+            ran: matches!(order, Order::Run(_)),
+            by_id6: false,
+            pump_open: false,
+            silent: Duration::from_ticks(0),
+            resets: 0,
+        }
+    }
+
+    /// What is left after a loss of power, or of another engine's record: nothing that could start or raise an engine, all
+    /// that can only stop or preserve one.
+    pub const fn without_start(self) -> Self {
+        let order = match self.order {
+            Order::EmergencyStop => Order::EmergencyStop,
+            Order::Standby => Order::Standby,
+            Order::Run(_) | Order::Doubt(_) | Order::Pwm | Order::Listen => Order::Listen,
+        };
+        let origin = match order {
+            Order::EmergencyStop => self.origin,
+            _ => Origin::Node,
+        };
+        let (ran, by_id6, pump_open) = (self.ran, self.by_id6, self.pump_open);
+        Self { ran, by_id6, pump_open, ..Self::new(order, origin) }
+    }
+
+    /// Silence in the steps in which it is retained.
+    pub(super) fn steps(silent: Duration) -> Duration {
+        SILENCE_STEP * silence_steps(silent)
     }
 }
 
 /// Memory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
 /// then arbitrary, and not believed.
+///
+/// Each copy is a multiple of 32 bytes: the word that is written is never in the ECC unit of the other copy.
 #[derive(Debug)]
+#[repr(C, align(32))]
 pub struct Memory {
     copies: [[AtomicU32; WORDS]; 2],
 }
@@ -57,19 +121,23 @@ impl Memory {
         Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
     }
 
-    /// The newer of the two copies that are whole.
-    pub fn load(&self) -> Option<Record> {
+    /// The newer of the two copies that are whole. `fingerprint` says whose it has to be
+    /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's, and after a loss of power, only
+    /// [`Record::without_start`] is left.
+    pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<Record> {
         let (_, words) = self.newest()?;
-        unpack(words)
+        let record = unpack(words)?;
+        let whole = words[4] == fingerprint && reset == Reset::Warm;
+        Some(if whole { record } else { record.without_start() })
     }
 
-    /// Keeps a record, over the older copy.
-    pub fn store(&self, record: &Record) {
+    /// Retains a record of the engine with this fingerprint, over the older copy.
+    pub fn store(&self, record: &Record, fingerprint: u32) {
         let (place, sequence) = match self.newest() {
             Some((place, words)) => (1 - place, words[1].wrapping_add(1)),
             None => (0, 0),
         };
-        let words = pack(record, sequence);
+        let words = pack(record, sequence, fingerprint);
         if let Some(copy) = self.copies.get(place) {
             for (slot, word) in copy.iter().zip(words) {
                 // Release keeps the order of writes for whoever looks after a reset in between.
@@ -77,7 +145,8 @@ impl Memory {
             }
         }
         // An H7 keeps the last half of a 64-bit word, the unit of its RAM's checksum, in a buffer until the next
-        // write elsewhere; a reset before that loses it. So the other copy is written with what it holds.
+        // write elsewhere; a reset before that loses it. So the other copy, which shares no such word with this one, is
+        // written with what it holds.
         if let Some(word) = self.copies.get(1 - place).and_then(|copy| copy.first()) {
             word.store(word.load(Ordering::Acquire), Ordering::Release);
         }
@@ -114,12 +183,19 @@ fn checksum(words: &[u32; WORDS]) -> u32 {
     digest.finalize()
 }
 
-fn pack(record: &Record, sequence: u32) -> [u32; WORDS] {
+fn silence_steps(silent: Duration) -> u32 {
+    let steps = silent.as_ticks() / SILENCE_STEP.as_ticks();
+    steps.min(SILENCE_STEPS_MAX) as u32
+}
+
+fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
     let (order, value) = match record.order {
         Order::EmergencyStop => (1, 0),
         Order::Standby => (2, 0),
-        Order::Run(Demand::Throttle(throttle)) => (3, u32::from(throttle.tenths())),
-        Order::Run(Demand::Rpm(rpm)) => (4, rpm.get()),
+        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+            (3, u32::from(throttle.tenths()))
+        }
+        Order::Run(Demand::Rpm(rpm)) | Order::Doubt(Demand::Rpm(rpm)) => (4, rpm.get()),
         Order::Pwm => (5, 0),
         Order::Listen => (6, 0),
     };
@@ -128,13 +204,17 @@ fn pack(record: &Record, sequence: u32) -> [u32; WORDS] {
         | u32::from(record.armed) << 16
         | u32::from(record.limited) << 17
         | u32::from(record.failed) << 18
-        | (record.loss as u32) << 20;
-    let mut words = [LAYOUT, sequence, flags, value, 0];
+        | u32::from(record.ran) << 19
+        | u32::from(record.by_id6) << 20
+        | u32::from(record.pump_open) << 21
+        | (record.loss as u32) << 24;
+    let silence = silence_steps(record.silent) | u32::from(record.resets) << 16;
+    let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, 0, 0];
     words[WORDS - 1] = checksum(&words);
     words
 }
 
-fn unpack([_, _, flags, value, _]: [u32; WORDS]) -> Option<Record> {
+fn unpack([_, _, flags, value, _, silence, _, _]: [u32; WORDS]) -> Option<Record> {
     let order = match flags & 0xFF {
         1 => Order::EmergencyStop,
         2 => Order::Standby,
@@ -146,7 +226,7 @@ fn unpack([_, _, flags, value, _]: [u32; WORDS]) -> Option<Record> {
     };
     let priority = flags >> 8 & 0xFF;
     let origin = Origin::ALL.into_iter().find(|origin| u32::from(origin.priority()) == priority)?;
-    let loss = match flags >> 20 {
+    let loss = match flags >> 24 {
         0 => LossStage::None,
         1 => LossStage::Hold,
         2 => LossStage::FailSafe,
@@ -154,7 +234,19 @@ fn unpack([_, _, flags, value, _]: [u32; WORDS]) -> Option<Record> {
         _ => return None,
     };
     let flag = |bit: u32| flags >> bit & 1 == 1;
-    Some(Record { order, origin, armed: flag(16), limited: flag(17), failed: flag(18), loss })
+    Some(Record {
+        order,
+        origin,
+        armed: flag(16),
+        limited: flag(17),
+        failed: flag(18),
+        ran: flag(19),
+        by_id6: flag(20),
+        pump_open: flag(21),
+        loss,
+        silent: SILENCE_STEP * (silence & 0xFFFF),
+        resets: u8::try_from(silence >> 16).ok()?,
+    })
 }
 
 #[cfg(test)]
@@ -166,19 +258,37 @@ mod tests {
         Record { armed: true, ..Record::new(order, Origin::Rc) }
     }
 
+    const OURS: u32 = 0x1234_5678;
+
+    fn load(memory: &Memory) -> Option<Record> {
+        memory.load(OURS, Reset::Warm)
+    }
+
     #[test]
     fn every_order_and_source_comes_back() {
         let memory = Memory::new();
-        assert_eq!(memory.load(), None, "empty");
+        assert_eq!(load(&memory), None, "empty");
         let orders = [Order::EmergencyStop, Order::Standby, run(637).order, Order::Pwm, Order::Listen];
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
             for origin in Origin::ALL {
                 let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
-                for (flags, loss) in (0..8).flat_map(|flags| stages.map(|loss| (flags, loss))) {
-                    let [armed, limited, failed] = [flags & 1, flags & 2, flags & 4].map(|flag| flag != 0);
-                    let record = Record { order, origin, armed, limited, loss, failed };
-                    memory.store(&record);
-                    assert_eq!(memory.load(), Some(record));
+                for (flags, loss) in (0..64).flat_map(|flags| stages.map(|loss| (flags, loss))) {
+                    let flag = |bit: u32| flags >> bit & 1 == 1;
+                    let record = Record {
+                        order,
+                        origin,
+                        armed: flag(0),
+                        limited: flag(1),
+                        failed: flag(2),
+                        ran: flag(3),
+                        by_id6: flag(4),
+                        pump_open: flag(5),
+                        loss,
+                        silent: Duration::from_millis(200 * flags as u64),
+                        resets: flags as u8,
+                    };
+                    memory.store(&record, OURS);
+                    assert_eq!(load(&memory), Some(record));
                 }
             }
         }
@@ -190,14 +300,14 @@ mod tests {
         for before in [run(100), run(200)] {
             for words in 0..WORDS {
                 let memory = Memory::new();
-                memory.store(&run(50));
-                memory.store(&before);
+                memory.store(&run(50), OURS);
+                memory.store(&before, OURS);
                 let (place, newest) = memory.newest().unwrap();
-                let next = pack(&run(900), newest[1].wrapping_add(1));
+                let next = pack(&run(900), newest[1].wrapping_add(1), OURS);
                 for (slot, word) in memory.copies[1 - place].iter().zip(next).take(words) {
                     slot.store(word, Ordering::Relaxed);
                 }
-                assert_eq!(memory.load(), Some(before), "{words} words");
+                assert_eq!(load(&memory), Some(before), "{words} words");
             }
         }
     }
@@ -206,10 +316,10 @@ mod tests {
     fn one_flipped_bit_is_not_believed() {
         for bit in 0..WORDS * 32 {
             let memory = Memory::new();
-            memory.store(&run(500));
+            memory.store(&run(500), OURS);
             let (place, _) = memory.newest().unwrap();
             memory.copies[place][bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
-            assert_eq!(memory.load(), None, "bit {bit}");
+            assert_eq!(load(&memory), None, "bit {bit}");
         }
     }
 
@@ -217,10 +327,36 @@ mod tests {
     fn the_sequence_wraps() {
         let memory = Memory::new();
         for (copy, sequence, tenths) in [(0, u32::MAX, 1), (1, 0, 2)] {
-            for (slot, word) in memory.copies[copy].iter().zip(pack(&run(tenths), sequence)) {
+            for (slot, word) in memory.copies[copy].iter().zip(pack(&run(tenths), sequence, OURS)) {
                 slot.store(word, Ordering::Relaxed);
             }
         }
-        assert_eq!(memory.load(), Some(run(2)));
+        assert_eq!(load(&memory), Some(run(2)));
+    }
+
+    #[test]
+    fn lost_power_or_another_engine_leaves_nothing_that_starts_or_raises() {
+        let memory = Memory::new();
+        let full = Record { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
+        memory.store(&full, OURS);
+        let left =
+            Record { ran: true, by_id6: true, pump_open: true, ..Record::new(Order::Listen, Origin::Node) };
+        assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
+        assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
+        assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");
+        let stop = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+        memory.store(&stop, OURS);
+        assert_eq!(
+            memory.load(OURS, Reset::PowerLost),
+            Some(Record { armed: false, ..stop }),
+            "a stop stays"
+        );
+    }
+
+    #[test]
+    fn copies_share_no_ecc_unit() {
+        let memory = Memory::new();
+        let [a, b] = memory.copies.each_ref().map(|copy| core::ptr::from_ref(copy).addr());
+        assert_eq!((a % 32, b % 32, b - a), (0, 0, 32));
     }
 }

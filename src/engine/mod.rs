@@ -1,14 +1,15 @@
 //! One engine in plain words: what was commanded and by whom, and what is ordered of its ECU.
 //!
-//! The rules here hold for every ECU:
+//! The rules here hold for every ECU; `docs/failsafe.md` has them as tables:
 //!
-//! - An emergency stop is latched until it is released with the engine stopped.
-//! - A start is two commands, standby and then run, and every interlock has to allow it. A source that goes on sending
-//!   `Run` can neither start an engine at power-up nor restart one that stopped.
-//! - The highest source that is fresh rules. When none is, the stages of loss begin: hold, fail-safe throttle, and
-//!   only if so configured standby. Silence is found by a timer.
-//! - The ECU's own state wins: an engine that stopped is ordered to standby, whatever was commanded.
-//! - After a reset nothing is ordered until the ECU has said what its engine does. One that runs goes on.
+//! - An emergency stop is latched until it is released with the engine stopped. It disarms.
+//! - A start is a permission that is used once: one source's own standby, then its own `Run` at idle, armed, with every
+//!   interlock true at that instant. A refusal uses it up ([`commands`]).
+//! - A run belongs to one life of an engine ([`life`]). In doubt nothing goes out that could start one; when the life is
+//!   over, the order ends.
+//! - The highest source that is fresh is in control. When none is, the stages of loss begin: hold, fail-safe throttle, and
+//!   standby where configured or where no engine is known to live. Silence is found by a timer, and resets do not end it.
+//! - The ECU's own state wins over what was commanded.
 
 pub mod config;
 pub mod keep;
@@ -17,22 +18,26 @@ pub mod watch;
 
 mod commands;
 mod demand;
+mod exhaust;
 mod governor;
+pub mod life;
 mod ramp;
 mod reset;
 mod sources;
 
 use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
-use self::demand::{Lowered, Shape, Shaper};
+use self::demand::{Arbitration, Lowered, RUN_OUT, Shape, Shaper};
+use self::exhaust::{Burning, Exhaust};
 use self::keep::Record;
+use self::life::{End, Finding, Life};
 use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
 use self::watch::{Passed, Watch, Watched};
-use crate::command::{Accepted, Command, Demand, Order, Ordered, Origin, Rejected};
+use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
-use crate::link::{Link, Output, earlier};
+use crate::link::{Link, Output, Sign, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -40,28 +45,31 @@ use heapless::Deque;
 
 pub use self::config::Loss;
 
+/// Resets in a row without a source after which an engine is resumed at the fail-safe stage.
+const RESETS_MAX: u8 = 3;
+
 /// For so long the ECU may report something else than what is ordered.
 const OBEYS_WITHIN: Duration = Duration::from_secs(3);
 /// So far the throttle that it reports may be from the one ordered, in tenths of a percent.
 const OBEYED_BAND: u16 = 100;
-/// So many reports in a row of a standing engine withdraw an order to run.
-const STOPPED_REPORTS: u8 = 3;
+/// A transmitter that fails for this long is reported.
+const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
 enum Mode {
-    /// After a reset: until the ECU has said what its engine does.
-    Listen {
-        kept: Option<Record>,
-        until: Option<Instant>,
-        /// When it first reported an engine that stands; a second report has to agree.
-        stands: Option<Instant>,
-    },
+    /// Nothing is in force: until the ECU has reported what its engine does.
+    Listen(Finding),
     /// Emergency stop, latched by this source.
     Stop(Origin),
     Standby,
     Run(Run),
-    Pwm,
+    /// Handed over to the ECU's PWM input.
+    Pwm {
+        life: Life,
+        /// When the engine has to run by.
+        start_by: Option<Instant>,
+    },
 }
 
 /// How an order to run begins.
@@ -69,19 +77,13 @@ enum Mode {
 enum Beginning {
     /// A start.
     FromStandby,
-    /// After a reset, with an engine that runs.
-    GoingOn {
-        /// A limit had lowered its demand.
-        limited: bool,
-        /// How far the loss of its source had gone.
-        loss: LossStage,
+    /// Nothing was in force, and the ECU reports a running engine.
+    Found {
+        /// Two reports say so; otherwise the exhaust does.
+        confirmed: bool,
     },
-}
-
-impl Mode {
-    const fn listen(kept: Option<Record>) -> Self {
-        Self::Listen { kept, until: None, stands: None }
-    }
+    /// After a reset of the node, with an order in force: in doubt until two reports confirm it.
+    Reset(Record),
 }
 
 /// An engine that is ordered to run.
@@ -89,27 +91,27 @@ impl Mode {
 struct Run {
     /// When it was ordered.
     began: Instant,
+    /// The life of the engine that this run belongs to.
+    life: Life,
     /// When it has to run by.
     start_by: Option<Instant>,
-    /// The ECU reported it starting or running under this order.
-    came_alive: bool,
-    /// The ECU reports it running, in two reports in a row: the demand goes out. One report otherwise, perhaps of a damaged
-    /// frame, and a state without a name do not end that.
-    running: bool,
-    /// The report before.
-    before: Option<Phase>,
-    seen: Option<Instant>,
-    /// Reports in a row that the engine stands.
-    stopped_reports: u8,
-    /// Whose demand is in force.
+    /// The source in control: whose demand is in force.
     ruler: Origin,
     /// That demand, before it is shaped.
     demand: Demand,
+    /// The demand as it was last shaped.
+    shaped: Demand,
     /// Another source waits to take over, until then at the latest.
     taking_over: Option<(Origin, Instant)>,
     /// No source is fresh: when the fail-safe stage begins, or has begun.
     fail_safe_at: Option<Instant>,
     stage: LossStage,
+    /// Silence of the source in control from before the last reset.
+    carried: Duration,
+    /// It goes on after a reset, which is reported when its life is confirmed.
+    resumed: bool,
+    /// It was resumed at the fail-safe stage, because resets follow one another without a source.
+    resumed_low: bool,
     /// A limit was passed whose action is the fail-safe throttle.
     limited: bool,
     shaper: Shaper,
@@ -117,6 +119,22 @@ struct Run {
     lowered: Lowered,
     /// When the shaped demand moves on.
     next: Option<Instant>,
+}
+
+/// A start that waits while another engine of the group starts.
+#[derive(Clone, Copy, Debug)]
+struct StartWait {
+    origin: Origin,
+    until: Instant,
+}
+
+/// A service that may have opened the fuel.
+#[derive(Clone, Copy, Debug)]
+struct OpenPump {
+    origin: Origin,
+    /// When its source last spoke.
+    heard: Instant,
+    until: Instant,
 }
 
 /// One engine: its link, and what is commanded.
@@ -128,10 +146,15 @@ pub struct Engine {
     mode: Mode,
     ordered: Ordered,
     armed: bool,
-    /// Standby was commanded, and no run since: the next run may start the engine.
-    start_allowed: bool,
+    /// The sources whose own standby permits their own next run to start the engine, in the order of [`Origin::ALL`].
+    permitted: [bool; Origin::ALL.len()],
+    /// The sources whose last word about arming was "arm", and those that have to say "disarm" before it counts again.
+    said_arm: [bool; Origin::ALL.len()],
+    must_disarm: [bool; Origin::ALL.len()],
+    start_wait: Option<StartWait>,
     /// When the last start was asked for.
     last_start: Option<Instant>,
+    pump: Option<OpenPump>,
     /// The last stage of loss brought it to standby.
     ended_by_loss: bool,
     /// It ran, and stopped or fell silent without a command.
@@ -139,9 +162,19 @@ pub struct Engine {
     /// So many other engines of the group have failed.
     others_failed: u8,
     watch: Watch,
+    exhaust: Exhaust,
+    /// Resets in a row in which no source has spoken, this one counted.
+    resets: u8,
+    /// Since when nothing that was to be sent went out; and that was reported.
+    transmitter: Option<Instant>,
+    transmitter_failed: bool,
+    /// What survived the reset, until the engine begins.
+    kept: Option<Record>,
     given_to_keep: Option<Record>,
     /// The last ruler that was told.
     ruler_told: Option<Origin>,
+    /// A demand beyond the maximum was reported.
+    clamp_told: bool,
     /// Since when the ECU has reported something else than what is ordered.
     disobeys_since: Option<Instant>,
     /// That was told.
@@ -149,6 +182,8 @@ pub struct Engine {
     commands_rejected: u32,
     /// The last refusal of each source, in the order of [`Origin::ALL`].
     last_rejection: [Option<Rejected>; Origin::ALL.len()],
+    /// The time of the last update: deadlines before it have been dealt with.
+    at: Instant,
     /// When it asked to be woken last.
     wake: Option<Instant>,
     /// A frame came then that nobody has looked at yet.
@@ -164,21 +199,32 @@ impl Engine {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
             config: config.supervision,
             sources: Sources::new(&config.supervision),
-            mode: Mode::listen(None),
+            mode: Mode::Listen(Finding::new(Instant::MIN, false)),
             ordered: Ordered { order: Order::Listen, origin: Origin::Node },
             armed: false,
-            start_allowed: false,
+            permitted: [false; Origin::ALL.len()],
+            said_arm: [false; Origin::ALL.len()],
+            must_disarm: [false; Origin::ALL.len()],
+            start_wait: None,
             last_start: None,
+            pump: None,
             ended_by_loss: false,
             failed: false,
             others_failed: 0,
             watch: Watch::new(config.supervision.limits),
+            exhaust: Exhaust::new(config.supervision.burning_egt),
+            resets: 0,
+            transmitter: None,
+            transmitter_failed: false,
+            kept: None,
             given_to_keep: None,
             ruler_told: None,
+            clamp_told: false,
             disobeys_since: None,
             disobeys: false,
             commands_rejected: 0,
             last_rejection: [None; Origin::ALL.len()],
+            at: Instant::MIN,
             wake: None,
             unseen: None,
             events: Deque::new(),
@@ -191,17 +237,16 @@ impl Engine {
         self.unseen.is_some()
     }
 
-    /// Bytes came from the ECU; see [`Link::receive`]. The reply says what is ordered by now; what the frame itself changes
-    /// is found when the reply has been handed out, and is in the next one.
+    /// Bytes came from the ECU; see [`Link::receive`]. What the frame says about the life of the engine is judged before
+    /// its reply is handed out; everything else that it changes is found after that, and is in the next one.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.wake.is_some_and(|at| at <= now) {
             self.update(now);
         }
-        // Not the time of the last frame: several can come at once.
-        let before = self.link.frames();
         let taken = self.link.receive(now, bytes);
-        if self.link.frames() != before {
+        if let Some(sign) = self.link.take_sign() {
             self.unseen = Some(now);
+            self.judge(now, sign);
         }
         taken
     }
@@ -214,11 +259,23 @@ impl Engine {
     /// See [`Link::sent`].
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);
+        self.transmitter = None;
+        if core::mem::take(&mut self.transmitter_failed) {
+            self.event(Event::TransmitterWorks);
+        }
     }
 
     /// See [`Link::not_sent`].
     pub fn not_sent(&mut self, now: Instant, why: NotSent) {
         self.link.not_sent(now, why);
+        if why == NotSent::TooLate {
+            return;
+        }
+        let since = *self.transmitter.get_or_insert(now);
+        let failed = now >= since + TRANSMITTER_FAILED;
+        if failed && !core::mem::replace(&mut self.transmitter_failed, true) {
+            self.event(Event::TransmitterFailed);
+        }
     }
 
     /// See [`Link::timeout`]. What is ordered is brought up to date first, so that a turn of the link carries it.
@@ -286,7 +343,8 @@ impl Engine {
     /// Whether another engine of the group has to wait with its start.
     pub fn keeps_others_from_start(&self, now: Instant) -> bool {
         let starting = match &self.mode {
-            Mode::Run(run) => run.start_by.is_some(),
+            Mode::Run(run) => !run.life.reached(),
+            Mode::Pwm { life, .. } => !life.reached(),
             _ => false,
         };
         starting || self.last_start.is_some_and(|at| now < at + self.config.start.gap)
@@ -330,6 +388,12 @@ impl Engine {
             waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
             loss: run.map_or(ended, |run| run.stage),
             limited: run.is_some_and(|run| run.limited),
+            in_doubt: match &self.mode {
+                Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.in_doubt(),
+                _ => None,
+            },
+            start_waits_until: self.start_wait.map(|wait| wait.until),
+            transmitter_failed: self.transmitter_failed,
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
             start_by: run.and_then(|run| run.start_by),
@@ -343,85 +407,180 @@ impl Engine {
     // What is ordered
     // -----------------------------------------------------------------------------------------
 
+    /// Emergency stop, latched. It disarms, and arming again needs a change from disarmed to armed.
     fn stop(&mut self, now: Instant, origin: Origin) {
-        // Whoever latched it first, or a higher one, holds it; also if that was before a reset.
-        let before = match self.mode {
-            Mode::Stop(by) => Some(by),
-            Mode::Listen { kept: Some(Record { order: Order::EmergencyStop, origin, .. }), .. } => {
-                Some(origin)
-            }
-            _ => None,
+        // Whoever latched it first, or a higher one, holds it.
+        let by = match self.mode {
+            Mode::Stop(by) if by.priority() > origin.priority() => by,
+            _ => origin,
         };
-        let by = before.filter(|by| by.priority() > origin.priority()).unwrap_or(origin);
+        self.end(now);
         self.mode = Mode::Stop(by);
-        self.start_allowed = false;
         self.failed = false;
-        self.ended_by_loss = false;
+        for (must, said) in self.must_disarm.iter_mut().zip(self.said_arm) {
+            *must |= said;
+        }
+        if core::mem::take(&mut self.armed) {
+            self.event(Event::Armed(false, by));
+        }
         self.order(now, Order::EmergencyStop, by);
     }
 
     fn standby(&mut self, now: Instant, origin: Origin) {
+        self.end(now);
         self.mode = Mode::Standby;
-        self.start_allowed = false;
-        self.ended_by_loss = false;
         self.order(now, Order::Standby, origin);
     }
 
-    /// Orders a run: a start, or going on after a reset.
+    /// What a stop and a standby both end: permissions, a start that waits, fuel that a service opened.
+    fn end(&mut self, now: Instant) {
+        let _ = now;
+        self.permitted = [false; Origin::ALL.len()];
+        self.start_wait = None;
+        self.ended_by_loss = false;
+        self.link.release(false);
+        self.close_pump();
+    }
+
+    fn close_pump(&mut self) {
+        if self.pump.take().is_some() {
+            self.link.close_pump();
+        }
+    }
+
+    /// Orders a run: a start, or going on with an engine that runs.
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
-        let timeout = match self.link.report().startup {
-            // The ECU's own figure, doubled, where it has one.
-            Some(startup) if startup.value.as_ticks() > 0 => {
-                (startup.value * 2).clamp(START_TIMEOUT_MIN, START_TIMEOUT_MAX)
-            }
-            _ => self.config.start.timeout,
+        let life = match beginning {
+            Beginning::FromStandby => Life::ordered(),
+            Beginning::Found { confirmed: true } => Life::found_running(),
+            Beginning::Found { confirmed: false } | Beginning::Reset(_) => Life::after_reset(now),
         };
-        let from_standby = beginning == Beginning::FromStandby;
-        let phase = self.phase();
-        // An ECU with a fault that does not say what its engine does counts as running here, as it did before.
-        let runs = !from_standby && phase != Some(Phase::Starting);
-        let (limited, stage) = match beginning {
-            Beginning::FromStandby => (false, LossStage::None),
-            Beginning::GoingOn { limited, loss } => (limited, loss),
+        let (limited, stage, carried, resumed_low) = match beginning {
+            Beginning::Reset(record) => {
+                let low = record.resets >= RESETS_MAX;
+                let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
+                (record.limited, stage, record.silent, low)
+            }
+            _ => (false, LossStage::None, Duration::from_ticks(0), false),
         };
         let fail_safe_at = match stage {
-            LossStage::None => None,
-            LossStage::Hold => Some(now + self.config.loss.hold),
+            LossStage::None | LossStage::Hold => None,
             // It had begun before the reset, and does not begin anew.
             LossStage::FailSafe | LossStage::Standby => Some(now),
         };
+        let started = beginning == Beginning::FromStandby;
         self.mode = Mode::Run(Run {
             began: now,
-            start_by: (!runs).then(|| now + timeout),
-            came_alive: !from_standby,
-            running: runs,
-            before: runs.then_some(Phase::Running),
-            seen: None,
-            stopped_reports: 0,
+            life,
+            start_by: started.then(|| now + self.start_time()),
             ruler: origin,
             demand,
+            shaped: demand,
             taking_over: None,
             fail_safe_at,
             stage,
+            carried,
+            resumed: matches!(beginning, Beginning::Reset(_)),
+            resumed_low,
             limited,
             shaper: Shaper::new(now, demand),
             lowered: Lowered::new(now, demand),
             next: None,
         });
-        self.start_allowed = false;
+        self.permitted = [false; Origin::ALL.len()];
+        self.start_wait = None;
         self.ended_by_loss = false;
-        if !runs {
+        if started {
             self.last_start = Some(now);
         }
         self.update(now);
     }
 
+    /// The time that a start may take: the ECU's own figure, doubled, where it has one.
+    fn start_time(&self) -> Duration {
+        match self.link.report().startup {
+            Some(startup) if startup.value.as_ticks() > 0 => {
+                (startup.value * 2).clamp(START_TIMEOUT_MIN, START_TIMEOUT_MAX)
+            }
+            _ => self.config.start.timeout,
+        }
+    }
+
+    /// One frame, before its reply is handed out: what it says about the life of the engine.
+    fn judge(&mut self, now: Instant, sign: Sign) {
+        self.see_exhaust(now, sign);
+        let exhaust = self.exhaust.burning();
+        let answers = self.link.answers_frames();
+        match &mut self.mode {
+            Mode::Stop(_) | Mode::Standby => {}
+            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
+                let doubted = life.in_doubt().is_some();
+                let end = life.see(now, sign, exhaust);
+                let doubts = life.in_doubt().is_some();
+                match end {
+                    Some(end) => self.life_over(now, end),
+                    None => {
+                        self.tell_doubt(doubted, doubts);
+                        self.express(now);
+                    }
+                }
+            }
+            Mode::Listen(finding) => {
+                let found = finding.see(sign, exhaust, answers);
+                self.found(now, found, sign);
+            }
+        }
+    }
+
+    fn see_exhaust(&mut self, now: Instant, sign: Sign) {
+        let egt = match sign {
+            Sign::State { .. } => self.link.report().egt.filter(|egt| egt.at == now).map(|egt| egt.value),
+            Sign::Faulted { egt, .. } => egt,
+            _ => return,
+        };
+        let lowered = match &self.mode {
+            Mode::Run(run) => run.lowered.last(),
+            _ => None,
+        };
+        self.exhaust.see(now, egt, lowered);
+    }
+
+    /// The life that the run belongs to is over: the order ends.
+    fn life_over(&mut self, now: Instant, end: End) {
+        let reached = match &self.mode {
+            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
+            _ => false,
+        };
+        let failed = reached && !self.link.shutting_down();
+        self.sources.forget_runs();
+        self.standby(now, Origin::Node);
+        self.failed = failed;
+        self.event(Event::RunWithdrawn(end));
+    }
+
+    fn tell_doubt(&mut self, doubted: bool, doubts: bool) {
+        match (doubted, doubts) {
+            (false, true) => self.event(Event::LifeInDoubt),
+            (true, false) => {
+                let mut event = Event::LifeConfirmed;
+                if let Mode::Run(run) = &mut self.mode {
+                    run.shaper.rise();
+                    if core::mem::take(&mut run.resumed) {
+                        event = Event::WentOn(run.shaped);
+                    }
+                }
+                self.event(event);
+            }
+            _ => {}
+        }
+    }
+
     /// Brings what is ordered up to date: with the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
-        if matches!(self.mode, Mode::Listen { .. }) {
-            self.listen(now);
-        }
-        self.follow(now);
+        self.at = self.at.max(now);
+        self.find_gap(now);
+        self.expire(now);
+        self.note_failure(now);
         self.keep_limits(now);
         self.rule(now);
         self.shape(now);
@@ -432,27 +591,142 @@ impl Engine {
         }
     }
 
+    /// Three expected frames did not come: whatever lived is in doubt, at once.
+    fn find_gap(&mut self, now: Instant) {
+        if self.link.gap_at().is_none_or(|at| now < at) {
+            return;
+        }
+        self.link.gap();
+        match &mut self.mode {
+            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
+                let doubted = life.in_doubt().is_some();
+                match life.gap(now) {
+                    Some(end) => self.life_over(now, end),
+                    None => self.tell_doubt(doubted, true),
+                }
+            }
+            Mode::Listen(finding) => *finding = Finding::new(finding.since, finding.ran),
+            Mode::Stop(_) | Mode::Standby => {}
+        }
+    }
+
+    /// Ends what has had its time.
+    fn expire(&mut self, now: Instant) {
+        if let Some(pump) = self.pump {
+            let age = self.config.ages.of(pump.origin);
+            let heard = self.sources.last_heard(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
+            if now >= pump.until || now >= heard.checked_add(age).unwrap_or(Instant::MAX) {
+                self.close_pump();
+            }
+        }
+        if let Some(wait) = self.start_wait {
+            let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == wait.origin);
+            if !in_control || now >= wait.until {
+                self.start_wait = None;
+                self.event(Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), wait.origin));
+            }
+        }
+        let start_time = self.start_time();
+        let (late, unconfirmed) = match &self.mode {
+            Mode::Run(Run { life, start_by, .. }) | Mode::Pwm { life, start_by } => {
+                let restart = life.restarting().map(|since| since + start_time);
+                let by = if life.reached() { restart } else { *start_by };
+                let doubt = life.in_doubt().map(|since| self.link.doubt_ends(since));
+                (by.filter(|by| now >= *by), doubt.is_some_and(|ends| now >= ends))
+            }
+            Mode::Listen(finding) => {
+                if self.listened_out(now, *finding).is_some_and(|at| now >= at) {
+                    self.standby(now, Origin::Node);
+                    self.ended_by_loss = true;
+                }
+                return;
+            }
+            Mode::Stop(_) | Mode::Standby => return,
+        };
+        if let Some(by) = late {
+            let began = match &self.mode {
+                Mode::Run(run) => run.began,
+                _ => by,
+            };
+            let ms = |until: Instant| {
+                i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
+            };
+            let passed = Passed { what: Watched::StartTimeout, value: ms(now), limit: ms(by), at: now };
+            self.sources.forget_runs();
+            self.standby(now, Origin::Node);
+            self.event(Event::Limit(passed));
+        } else if unconfirmed {
+            self.give_up_order(now);
+        }
+    }
+
+    /// Nothing has confirmed the life in time: permission and order are gone, the engine is not. Should the ECU report a
+    /// running engine, however late, it goes on as one that was found running. A start ends.
+    fn give_up_order(&mut self, now: Instant) {
+        let (reached, pwm) = match &self.mode {
+            Mode::Run(run) => (run.life.reached(), false),
+            // ID 0 leaves the PWM input in charge for as long as it takes.
+            Mode::Pwm { life, .. } => (life.reached(), true),
+            _ => return,
+        };
+        if pwm && reached {
+            return;
+        }
+        if !reached {
+            self.life_over(now, End::GapInStart);
+            return;
+        }
+        self.failed = true;
+        self.mode = Mode::Listen(Finding::new(now, true));
+        self.order(now, Order::Listen, Origin::Node);
+    }
+
+    /// When nothing is in force and no source has wanted anything: standby goes out then. A ZK ECU from version 5 would keep
+    /// running otherwise (ZK-10).
+    fn listened_out(&self, now: Instant, finding: Finding) -> Option<Instant> {
+        let silent_from = self.sources.all_silent_from(now)?.unwrap_or(finding.since).max(finding.since);
+        let after = self.config.loss.standby_after.unwrap_or(RUN_OUT);
+        silent_from.checked_add(self.config.loss.hold)?.checked_add(after)
+    }
+
     /// Who rules: of a running engine the source whose demand is in force, of a stopped one whoever stopped it.
     fn ruler(&self, now: Instant) -> Option<Origin> {
         match &self.mode {
-            Mode::Listen { .. } => None,
+            Mode::Listen(_) => None,
             Mode::Stop(by) => Some(*by),
             Mode::Run(run) => Some(run.ruler),
-            Mode::Standby | Mode::Pwm => self.sources.ruler(now).map(|(ruler, _)| ruler),
+            Mode::Standby | Mode::Pwm { .. } => self.sources.ruler(now).map(|(ruler, _)| ruler),
         }
     }
 
     /// Finds whose demand is in force, and how far a loss has gone.
     fn rule(&mut self, now: Instant) {
+        let living = self.lives();
         let Mode::Run(run) = &mut self.mode else { return };
         let mut told: Deque<Event, 4> = Deque::new();
-        let standby_by = run.rule(now, &self.sources, &self.config, &mut told);
+        let by = Arbitration { sources: &self.sources, config: &self.config, living };
+        let standby_by = run.rule(now, by, &mut told);
         for event in &told {
             self.event(*event);
         }
         if let Some(origin) = standby_by {
             self.standby(now, origin);
             self.ended_by_loss = origin == Origin::Node;
+            self.permit(origin);
+        }
+    }
+
+    /// The ECU reports a running engine, and nothing puts that in doubt; or it reports faults only, and the exhaust burns.
+    fn lives(&self) -> bool {
+        let Mode::Run(Run { life, .. }) = &self.mode else { return false };
+        let burns = life.only_faults() && !life.after_gap() && self.exhaust.burning() == Burning::Yes;
+        life.reached() && (life.in_doubt().is_none() || burns)
+    }
+
+    /// The source's own standby is in force: its own next run may start the engine.
+    fn permit(&mut self, origin: Origin) {
+        if let Some(permitted) = slot(&mut self.permitted, origin) {
+            *permitted = origin != Origin::Node;
         }
     }
 
@@ -462,62 +736,28 @@ impl Engine {
         match self.watch.in_force() {
             Some((_, Action::FailSafe)) => run.limited = true,
             Some((_, Action::Standby)) => {
-                self.failed = run.came_alive && run.start_by.is_none();
+                let failed = run.life.reached();
                 self.sources.forget_runs();
                 self.standby(now, Origin::Node);
+                self.failed = failed;
             }
             _ => {}
         }
     }
 
-    /// The ECU's own state wins over what was commanded.
-    fn follow(&mut self, now: Instant) {
-        let phase = self.link.report().phase;
-        let link = self.link.state();
-        let Mode::Run(run) = &mut self.mode else { return };
-        if let Some(phase) = phase.filter(|phase| run.seen.replace(phase.at) != Some(phase.at)) {
-            run.came_alive |= phase.value.is_alive();
-            let before = run.before.replace(phase.value);
-            run.running = match phase.value {
-                Phase::Running => run.running || before == Some(Phase::Running),
-                Phase::Unknown => run.running,
-                _ => run.running && matches!(before, Some(Phase::Running | Phase::Unknown)),
-            };
-            if run.running {
-                run.start_by = None;
-            }
-            run.stopped_reports =
-                if phase.value.is_stopped() { run.stopped_reports.saturating_add(1) } else { 0 };
+    /// Whether an engine that ran counts as failed: its ECU is not heard, or reports faults in place of a state.
+    fn note_failure(&mut self, now: Instant) {
+        let Mode::Run(run) = &self.mode else { return };
+        if !run.life.reached() {
+            return;
         }
-        let ran = run.came_alive && run.start_by.is_none();
-        // On a noisy line one or two damaged frames can say so of an engine that runs.
-        let stopped = run.came_alive && run.stopped_reports >= STOPPED_REPORTS;
-        let gone = !run.came_alive && link == LinkState::Lost;
-        let late = run.start_by.filter(|by| now >= *by);
-        // With a fault an AMT ECU says no more what its engine does (AMT-8).
+        let phase = self.link.report().phase;
         let old = phase.is_none_or(|phase| phase.age(now) > STATE_MAX_AGE);
         let only_faults = old && self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
-        let said_lately =
-            phase.is_some_and(|phase| self.link.up_since().is_some_and(|since| phase.at > since));
-        if ran && (link == LinkState::Lost || only_faults) {
+        if self.link.state() == LinkState::Lost || only_faults {
             self.failed = true;
-        } else if ran && said_lately && run.stopped_reports == 0 {
+        } else if run.life.in_doubt().is_none() && !old {
             self.failed = false;
-        }
-        if stopped || gone {
-            self.failed = ran && !self.link.shutting_down();
-            self.sources.forget_runs();
-            self.standby(now, Origin::Node);
-            self.event(Event::RunWithdrawn);
-        } else if let Some(by) = late {
-            let ms = |until: Instant| {
-                let taken = until.saturating_duration_since(run.began).as_millis();
-                i32::try_from(taken).unwrap_or(i32::MAX)
-            };
-            let passed = Passed { what: Watched::StartTimeout, value: ms(now), limit: ms(by), at: now };
-            self.sources.forget_runs();
-            self.standby(now, Origin::Node);
-            self.event(Event::Limit(passed));
         }
     }
 
@@ -525,7 +765,8 @@ impl Engine {
     fn shape(&mut self, now: Instant) {
         let idle_rpm = self.link.report().idle_rpm.map(|idle| idle.value);
         let shape = Shape {
-            running: matches!(&self.mode, Mode::Run(run) if run.running),
+            running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
+            living: self.lives(),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
@@ -539,14 +780,51 @@ impl Engine {
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;
         run.lowered.see(now, demand);
-        let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
-        // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
-        for demand in [demand, Demand::Throttle(Throttle::IDLE)] {
-            if self.link.order(now, Order::Run(demand)).is_ok() {
-                self.note_order(Order::Run(demand), origin);
-                break;
+        run.shaped = demand;
+        self.express(now);
+    }
+
+    /// Gives the link what may go out now: the demand, or, while the life of the engine is in doubt, nothing that could
+    /// start one.
+    fn express(&mut self, now: Instant) {
+        match &self.mode {
+            Mode::Run(run) => {
+                let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
+                let (doubts, demand) = (run.life.in_doubt().is_some(), run.shaped);
+                let open = !doubts || (self.link.answers_frames() && run.life.answers());
+                self.link.release(run.life.reached());
+                let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
+                self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }
+            Mode::Pwm { life, .. } => {
+                let order = if life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
+                let origin = self.ordered.origin;
+                self.order(now, order, origin);
+            }
+            Mode::Listen(_) | Mode::Stop(_) | Mode::Standby => {}
         }
+    }
+
+    fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
+        if self.link.order(now, Order::Run(demand)).is_ok() {
+            return Order::Run(demand);
+        }
+        // An ECU that came back has not given its version yet: it keeps its rpm until it has.
+        let waits = matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }));
+        if waits && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
+            return self.order_doubt(now, demand);
+        }
+        // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
+        let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
+        let _ = self.link.order(now, idle);
+        idle
+    }
+
+    fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
+        let order = Order::Doubt(demand);
+        // No link refuses it.
+        let _ = self.link.order(now, order);
+        order
     }
 
     /// Looks for limits that were passed, and whether the ECU obeys.
@@ -573,7 +851,7 @@ impl Engine {
         let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
         let stands = self.phase().is_some_and(Phase::is_stopped);
         let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
-            (Order::Listen | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
+            (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
             // It may end there by itself.
             (Order::EmergencyStop | Order::Standby, _) if stands => true,
             (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
@@ -593,28 +871,38 @@ impl Engine {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        match &self.mode {
-            // Once it has reported an engine that stands, the next report decides.
-            Mode::Listen { until, stands, .. } => until.filter(|_| stands.is_none()),
+        let now = self.at;
+        let gap = self.link.gap_at();
+        let wait = self.start_wait.map(|wait| wait.until);
+        let pump = self.pump.and_then(|pump| {
+            let age = self.config.ages.of(pump.origin);
+            let heard = self.sources.last_heard(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
+            heard.checked_add(age).map(|silent| silent.min(pump.until))
+        });
+        let sources = self.sources.deadline(now);
+        let of_mode = match &self.mode {
+            Mode::Listen(finding) => self.listened_out(now, *finding),
             Mode::Run(run) => {
-                let now = self.ordered_at();
-                let loss = run.loss_deadline(&self.config);
+                let by = Arbitration { sources: &self.sources, config: &self.config, living: self.lives() };
                 let take_over = run.taking_over.map(|(_, at)| at);
-                [self.sources.deadline(now), loss, take_over, run.start_by, run.next]
+                [run.loss_deadline(&by), take_over, run.next, self.life_deadline(&run.life, run.start_by)]
                     .into_iter()
                     .flatten()
                     .min()
             }
-            _ => None,
-        }
+            Mode::Pwm { life, start_by } => self.life_deadline(life, *start_by),
+            Mode::Stop(_) | Mode::Standby => None,
+        };
+        // One that is over has been dealt with, and comes again with what it waits for.
+        [gap, wait, pump, sources, of_mode].into_iter().flatten().filter(|at| *at > now).min()
     }
 
-    /// The time of the last update: deadlines before it have been dealt with.
-    fn ordered_at(&self) -> Instant {
-        match &self.mode {
-            Mode::Run(run) => run.shaper.at(),
-            _ => Instant::MIN,
-        }
+    /// When the start, a restart of the ECU's own, or the wait for a confirmation has had its time.
+    fn life_deadline(&self, life: &Life, start_by: Option<Instant>) -> Option<Instant> {
+        let start = start_by.filter(|_| !life.reached());
+        let restart = life.restarting().map(|since| since + self.start_time());
+        let doubt = life.in_doubt().map(|since| self.link.doubt_ends(since));
+        [start, restart, doubt].into_iter().flatten().min()
     }
 
     /// An order that no link refuses.
@@ -643,4 +931,9 @@ impl Engine {
             bump(&mut self.events_lost);
         }
     }
+}
+
+/// The place of a source in a table in the order of [`Origin::ALL`].
+fn slot<T>(table: &mut [T; Origin::ALL.len()], origin: Origin) -> Option<&mut T> {
+    Origin::ALL.into_iter().zip(table).find(|(place, _)| *place == origin).map(|(_, slot)| slot)
 }

@@ -1,39 +1,95 @@
-//! What survives a reset, and how an engine goes on after one: it listens first, and what the ECU reports decides.
+//! What survives a reset, and how an engine goes on after one.
+//!
+//! With an order in force in the record, the run goes on with its life in doubt: nothing goes out that could start an
+//! engine, until two reports say that it runs. Without one, nothing is in force, and what the ECU reports decides.
 
 use super::keep::Record;
-use super::{Beginning, Engine, Mode, Run};
+use super::life::{Finding, Found};
+use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX, Run};
 use crate::command::{Demand, Order, Origin};
-use crate::link::Link;
-use crate::telemetry::{Event, LossStage, Phase, ReportedSwitch};
+use crate::link::{Link, Sign};
+use crate::telemetry::{Event, LossStage};
 use crate::units::Throttle;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
+
+/// What a reset takes at least: a loop of resets that is too short to be measured still counts.
+const RESET_TAKES: Duration = Duration::from_millis(200);
+/// A throttle that the ECU reported longer ago is not what it obeys now.
+const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
 impl Engine {
     /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
     /// does not take its place.
     pub fn keep(&mut self, kept: Option<Record>) {
-        self.armed = kept.is_some_and(|kept| kept.armed);
-        self.failed = kept.is_some_and(|kept| kept.failed);
-        self.mode = Mode::listen(kept);
-        self.given_to_keep = kept;
+        let Some(kept) = kept else { return };
+        (self.armed, self.failed) = (kept.armed, kept.failed);
+        // This reset counts, until a source speaks.
+        self.resets = kept.resets.saturating_add(1);
+        self.given_to_keep = Some(kept);
+        self.kept = Some(kept);
+        if kept.by_id6 {
+            self.link.resume_switch_by_id6();
+        }
+        let now = self.at;
+        match kept.order {
+            Order::EmergencyStop => {
+                self.armed = false;
+                self.mode = Mode::Stop(kept.origin);
+            }
+            Order::Standby => self.mode = Mode::Standby,
+            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran)),
+        }
+        if kept.pump_open {
+            let origin = Origin::Node;
+            self.pump = Some(OpenPump { origin, heard: now, until: now });
+        }
     }
 
-    /// Begins, after a reset of whatever kind. Listens first; `kept` is what survived the reset.
+    /// Begins, after a reset of whatever kind, with what survived it.
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
-        if matches!(self.mode, Mode::Stop(_)) {
-            return;
+        self.at = self.at.max(now);
+        if self.kept.is_none() {
+            self.keep(kept);
         }
-        if let Some(kept) = kept {
-            (self.armed, self.failed) = (kept.armed, kept.failed);
+        let kept = self.kept.take();
+        self.close_pump();
+        match self.mode {
+            // Commanded before the runner began, or retained.
+            Mode::Stop(by) => self.order(now, Order::EmergencyStop, by),
+            Mode::Standby => self.order(now, Order::Standby, Origin::Node),
+            _ => self.go_on(now, kept),
         }
-        match kept {
-            // A latched stop does not wait.
-            Some(Record { order: Order::EmergencyStop, origin, .. }) => self.stop(now, origin),
-            kept => {
-                self.mode = Mode::listen(kept);
-                self.order(now, Order::Listen, Origin::Node);
+    }
+
+    fn go_on(&mut self, now: Instant, kept: Option<Record>) {
+        let ran = kept.is_some_and(|kept| kept.ran);
+        self.mode = Mode::Listen(Finding::new(now, ran));
+        self.order(now, Order::Listen, Origin::Node);
+        let Some(kept) = kept else { return };
+        match kept.order {
+            Order::Run(demand) if ran => {
+                let silent = kept.silent + RESET_TAKES;
+                let low = self.resets >= RESETS_MAX;
+                let lost = low || kept.loss != LossStage::None;
+                // After resets in a row without a word it is not waited for once more.
+                let believed_silent = if low { Duration::MAX } else { silent };
+                self.sources.resume(now, kept.origin, demand, lost, believed_silent);
+                let record = Record { silent, resets: self.resets, ..kept };
+                self.begin(now, demand, kept.origin, Beginning::Reset(record));
+                if kept.loss != LossStage::None {
+                    self.event(Event::SourceLoss(kept.loss));
+                }
             }
+            // A start that the reset has cut short.
+            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false)),
+            Order::Pwm => {
+                let life = super::life::Life::after_reset(now);
+                self.mode = Mode::Pwm { life, start_by: None };
+                self.note_order(Order::Pwm, kept.origin);
+                self.express(now);
+            }
+            _ => {}
         }
     }
 
@@ -47,17 +103,32 @@ impl Engine {
     pub fn record(&self) -> Record {
         let by = self.ordered.origin;
         let kept = match &self.mode {
-            Mode::Listen { kept: Some(kept), .. } => *kept,
-            Mode::Listen { kept: None, .. } => Record::new(Order::Listen, by),
+            Mode::Listen(_) if self.kept.is_some() => self.kept.unwrap_or(Record::new(Order::Listen, by)),
+            Mode::Listen(finding) => Record { ran: finding.ran, ..Record::new(Order::Listen, by) },
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
             Mode::Standby => Record::new(Order::Standby, by),
             Mode::Run(run) => {
-                let (limited, loss) = (run.limited, run.stage);
-                Record { limited, loss, ..Record::new(self.run_to_keep(run), run.ruler) }
+                let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
+                let silent = Record::steps(self.silent(run));
+                Record { limited, loss, ran, silent, ..Record::new(self.run_to_keep(run), run.ruler) }
             }
-            Mode::Pwm => Record::new(Order::Pwm, by),
+            Mode::Pwm { life, .. } => Record { ran: life.reached(), ..Record::new(Order::Pwm, by) },
         };
-        Record { armed: self.armed, failed: self.failed, ..kept }
+        let resets = if self.sources.any_spoken() { 0 } else { self.resets };
+        Record {
+            armed: self.armed,
+            failed: self.failed,
+            by_id6: self.link.switch_by_id6(),
+            pump_open: self.pump.is_some() || self.link.closing_pump(),
+            resets,
+            ..kept
+        }
+    }
+
+    /// How long the source in control has been silent, resets included.
+    fn silent(&self, run: &Run) -> Duration {
+        let heard = self.sources.last_heard(run.ruler).unwrap_or(run.began);
+        run.carried + self.at.saturating_duration_since(heard)
     }
 
     fn run_to_keep(&self, run: &Run) -> Order {
@@ -65,98 +136,36 @@ impl Engine {
             // A reset ends the service command, not the shutdown.
             return Order::Standby;
         }
-        let ordered = self.ordered.order;
         // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring the rest
         // back. A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
         // source takes over, is none to jump to.
-        let behind = matches!(ordered, Order::Run(now) if now.is_below(run.demand));
-        if run.stage != LossStage::None || run.limited || behind { ordered } else { Order::Run(run.demand) }
+        let behind = run.shaped.is_below(run.demand);
+        let shaped = run.stage != LossStage::None || run.limited || behind;
+        Order::Run(if shaped { run.shaped } else { run.demand })
     }
 
-    /// After a reset: goes on with an engine that runs, and orders standby where none does.
-    pub(super) fn listen(&mut self, now: Instant) {
-        let Mode::Listen { kept, until, stands } = &mut self.mode else { return };
-        let Some(heard) = self.link.heard() else { return };
-        let until = *until.get_or_insert(heard + self.config.listen);
-        let kept = *kept;
-        let phase = self.link.report().phase;
-        // One report that it stands, perhaps of a damaged frame, is not enough: a second one has to agree.
-        let standing = phase.filter(|phase| !phase.value.is_alive() && phase.value != Phase::Unknown);
-        let stands = match standing {
-            Some(phase) => *stands.get_or_insert(phase.at) != phase.at,
-            None => {
-                *stands = None;
-                false
-            }
+    /// Nothing was in force, and the ECU has reported what its engine does.
+    pub(super) fn found(&mut self, now: Instant, found: Found, sign: Sign) {
+        let throttle = match sign {
+            Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
+            _ => None,
         };
-        if self.link.report().powered_up.is_some() {
-            // An ECU that has just been powered up runs nothing.
-            self.standby(now, Origin::Node);
-            return;
-        }
-        // An AMT ECU with a fault sends, and does not say what its engine does. What was kept is all there is.
-        let only_faults = self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
-        match phase.map(|phase| phase.value) {
-            // A ZK ECU says what it does before it says what it obeys.
-            Some(phase) if phase.is_alive() && now < until && !self.knows_enough(now, kept) => {}
-            Some(phase) if phase.is_alive() => self.go_on(now, kept),
-            // The document has no name for it: whatever was in force stays in force, and if nothing was, standby.
-            Some(Phase::Unknown) if kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) => {
-                self.go_on(now, kept);
-            }
-            Some(_) if standing.is_none() || stands => self.standby(now, Origin::Node),
-            Some(_) => {}
-            None if (now >= until || only_faults)
-                && kept.is_some_and(|kept| matches!(kept.order, Order::Run(_))) =>
-            {
-                self.go_on(now, kept);
-            }
-            None if now >= until => self.standby(now, Origin::Node),
-            None => {}
-        }
-    }
-
-    /// Whether the ECU has said what it takes to go on as before.
-    fn knows_enough(&self, now: Instant, kept: Option<Record>) -> bool {
-        match kept.map(|kept| kept.order) {
-            Some(Order::Run(Demand::Rpm(_))) if self.config.governor.is_none() => {
-                self.link.speed_control().is_ok()
-            }
-            Some(Order::Run(demand)) => self.can(now, demand).is_ok(),
-            Some(Order::Standby | Order::Pwm) => true,
-            _ => self.link.report().throttle.is_some(),
-        }
-    }
-
-    fn go_on(&mut self, now: Instant, kept: Option<Record>) {
-        let report = self.link.report();
-        let reported = report.throttle.map_or(Throttle::IDLE, |throttle| throttle.value);
-        let Record { order, origin, limited, loss, .. } = match kept {
-            Some(kept @ Record { order: Order::Run(_) | Order::Standby | Order::Pwm, .. }) => kept,
-            // Nothing was kept: what the ECU obeys is what was commanded. By whom is not known, so it is nobody's, and
-            // the stages of loss begin.
-            _ => match report.switch.map(|switch| switch.value) {
-                Some(ReportedSwitch::Run) | None => {
-                    Record::new(Order::Run(Demand::Throttle(reported)), Origin::Node)
+        let reported = self.link.report().throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
+        let throttle = throttle.or(reported.map(|throttle| throttle.value));
+        match (found, throttle) {
+            (Found::Nothing, _) | (Found::Running, None) => {}
+            (Found::NotRunning, _) => self.standby(now, Origin::Node),
+            // It is nobody's, so the stages of loss begin.
+            (Found::Running | Found::Burning, throttle) => {
+                let demand = Demand::Throttle(throttle.unwrap_or(Throttle::IDLE));
+                let confirmed = found == Found::Running;
+                self.begin(now, demand, Origin::Node, Beginning::Found { confirmed });
+                if let Mode::Run(run) = &mut self.mode {
+                    run.life.answer();
                 }
-                Some(_) => Record::new(Order::Standby, Origin::Node),
-            },
-        };
-        match order {
-            Order::Run(demand) => {
-                let demand = if self.can(now, demand).is_ok() { demand } else { Demand::Throttle(reported) };
-                self.sources.resume(now, origin, demand, loss != LossStage::None);
-                self.begin(now, demand, origin, Beginning::GoingOn { limited, loss });
+                self.express(now);
                 self.event(Event::WentOn(demand));
-                if loss != LossStage::None {
-                    self.event(Event::SourceLoss(loss));
-                }
             }
-            Order::Pwm if self.link.order(now, Order::Pwm).is_ok() => {
-                self.mode = Mode::Pwm;
-                self.note_order(Order::Pwm, origin);
-            }
-            _ => self.standby(now, Origin::Node),
         }
     }
 }

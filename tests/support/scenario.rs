@@ -40,7 +40,7 @@ pub enum Ecu {
 pub const BOTH: [Ecu; 2] = [Ecu::Amt, Ecu::Zk];
 
 /// Shaft speed of an engine that turns.
-pub const TURNING: u32 = 7_000;
+pub const TURNING: u32 = 12_000;
 /// What the ZK engine gives as its idle speed, below that, and its maximum.
 pub const ZK_IDLE: u32 = 5_000;
 pub const ZK_MAX: u32 = 160_000;
@@ -177,7 +177,7 @@ impl Scenario {
         scenario
     }
 
-    /// From now on the ECU says this, and has said it four times: enough to withdraw an order to run.
+    /// From now on the ECU reports this, and has reported it four times: enough to end the life of an engine.
     pub fn says(&mut self, says: Says) -> &mut Self {
         self.says = Some(says);
         self.pass(4 * EVERY)

@@ -330,8 +330,9 @@ impl Audit {
             Order::Standby => Sw::Standby,
             Order::Run(_) => Sw::Run,
             Order::Pwm => Sw::None,
-            // Nothing but ID 0, until the ECU has said what its engine does.
+            // Nothing but ID 0, until the ECU has reported what its engine does; in mode 3 the rpm as well.
             Order::Listen => return command == ZkCommand::Empty,
+            Order::Doubt(_) => return matches!(command, ZkCommand::Empty | ZkCommand::Rpm(_)),
         };
         match (command, order) {
             (ZkCommand::Empty, _) => true,

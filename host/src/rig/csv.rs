@@ -83,6 +83,7 @@ fn row(at: Instant, name: &str, sample: &Sample) -> String {
             Order::Run(_) => "run",
             Order::Pwm => "pwm",
             Order::Listen => "listen",
+            Order::Doubt(_) => "doubt",
         }
         .to_owned(),
         tenths(match sample.on_wire {

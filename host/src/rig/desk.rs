@@ -197,8 +197,8 @@ impl<'a> Desk<'a> {
                 audit.may_be_up_to(at, throttle.tenths());
             }
             (Ok(Accepted::Held), _) => audit.ordered(at, order),
-            // Refused, or behind another source: nothing changes.
-            (Ok(Accepted::Behind(_)) | Err(_), _) => {}
+            // Refused, behind another source, a start that waits, the first of two words: nothing changes yet.
+            (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::OneMore) | Err(_), _) => {}
         }
     }
 

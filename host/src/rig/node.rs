@@ -7,7 +7,7 @@ use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
 use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{self, Memory};
 use jetlink::telemetry::{Counters, Telemetry};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
@@ -60,7 +60,7 @@ impl<'a> Node<'a> {
             .engines
             .iter()
             .zip(&MEMORY)
-            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory))
+            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, keep::Reset::Warm))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
         for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {

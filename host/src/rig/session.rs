@@ -301,7 +301,7 @@ async fn listen(
         if matches!(event, Event::Limit(Passed { what: Watched::StartTimeout, .. })) {
             desk.audit.borrow_mut().withdrawn(clock::now_ns());
         }
-        if event == Event::RunWithdrawn {
+        if matches!(event, Event::RunWithdrawn(_)) {
             let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
             let mut audit = desk.audit.borrow_mut();
             if !live || channel.handle().telemetry().link == LinkState::Lost {
@@ -374,7 +374,12 @@ fn text(event: Event) -> Option<String> {
             format!("the node has started and goes on at {:.1} %", f64::from(throttle.tenths()) / 10.0)
         }
         Event::WentOn(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
-        Event::RunWithdrawn => "the engine stopped: the node goes to standby".to_owned(),
+        Event::RunWithdrawn(end) => format!("{}: the node goes to standby", end.name()),
+        Event::LifeInDoubt => "in doubt whether the engine runs: the demand does not reach it".to_owned(),
+        Event::LifeConfirmed => "the engine runs: the demand goes out".to_owned(),
+        Event::Clamped(max) => format!("the demand is beyond the maximum: {} rpm go out", max.get()),
+        Event::TransmitterFailed => "NOTHING GOES OUT: the transmitter has failed for 1 s".to_owned(),
+        Event::TransmitterWorks => "the transmitter works again".to_owned(),
         Event::Ordered(Ordered { order: Order::EmergencyStop, origin }) => {
             format!("EMERGENCY STOP by {}", origin.name())
         }

@@ -1,7 +1,7 @@
 //! What the AMT document leaves open, as options: a host has to be right for each of them.
 
 use super::telemetry::Status;
-use crate::ecu::Nanos;
+use crate::ecu::{Nanos, SECOND};
 
 /// How one AMT ECU behaves where the document does not say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +14,8 @@ pub struct AmtTemper {
     /// A start begins at any exhaust temperature and with a coasting shaft. Default `false`: the engine is cooled to
     /// [`COOL_EGT`](crate::turbine::COOL_EGT) first.
     pub starts_hot: bool,
+    /// How long start clearance lasts before the start. Default 1 s (assumed).
+    pub clearance: Nanos,
     /// What a running engine is reported as now and then. Default `None`: full operation throughout.
     pub in_flight: Option<InFlight>,
     /// A trip's error and its lock go away by themselves after so long, and OPS = run that still stands then starts the
@@ -38,6 +40,7 @@ impl AmtTemper {
         wants_auto_stop_first: false,
         last_state_first: 0,
         starts_hot: false,
+        clearance: SECOND,
         in_flight: None,
         trips_clear_after: None,
     };

@@ -321,6 +321,11 @@ impl ErrorBits {
         "bit7",
     ];
 
+    /// The ECU calls its exhaust temperature faulty.
+    pub const fn egt(self) -> bool {
+        self.0 & 1 << 3 != 0
+    }
+
     /// Names of the bits that are on, in bit order.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         (0..).zip(Self::NAMES).filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)

@@ -1,7 +1,8 @@
 //! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
 //!
 //! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So there is no keep-alive
-//! of our own, and a reply always carries what is ordered now.
+//! of our own, and a reply always carries what is ordered when it is handed out. Where nothing may be said that could
+//! start an engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld: no answer starts nothing.
 //!
 //! ```text
 //!          ECU frame                       ECU frame
@@ -11,12 +12,12 @@
 //!                       │◄── 30 ms ──►│                 the last stop bit is out before this (AMT-11)
 //! ```
 
-use super::codec::{CONTROL_LEN, VoltageScale};
+use super::codec::{CONTROL_LEN, FRAME_LEN, VoltageScale};
 use super::codec::{Control, Decoder, Engine, ErrorBits, Frame, Message, Ops, State, SwitchPosition};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::line::{Line, LineError};
-use crate::link::{Agreed, Link, Outbox, Output, Presence, Timing, Transmission};
+use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Timing, Transmission};
 use crate::telemetry::{
     Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
     bump,
@@ -38,12 +39,27 @@ pub struct Config {
     pub start_throttle: Throttle,
     /// Left free at the end of the reply window, for the difference between two clocks.
     pub reply_guard: Duration,
+    /// The ECU's serial delay time: without replies for so long it stops its turbine by itself (AMT-12). After a longer
+    /// silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU. 0.5 s to 60 s.
+    pub serial_delay: Duration,
+    /// Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed.
+    /// An engine whose shaft turns slower is not running. 1 to 254.
+    pub half_idle: u8,
 }
 
+/// Between two sets of an ECU at 2400 baud (AMT-12: about eight a second). No document gives another for other rates.
+const SET_INTERVAL: Duration = Duration::from_millis(125);
+
 impl Config {
-    /// Engine not known, start throttle 0 %, guard 0.5 ms.
-    pub const DEFAULT: Self =
-        Self { engine: None, start_throttle: Throttle::IDLE, reply_guard: Duration::from_micros(500) };
+    /// Engine not known, start throttle 0 %, guard 0.5 ms, serial delay time 4 s, half of idle 20 (10 000 rpm of an
+    /// Olympus, which idles at 36 000 rpm and lights at 6000 rpm).
+    pub const DEFAULT: Self = Self {
+        engine: None,
+        start_throttle: Throttle::IDLE,
+        reply_guard: Duration::from_micros(500),
+        serial_delay: Duration::from_secs(4),
+        half_idle: 20,
+    };
 
     /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
@@ -88,9 +104,8 @@ pub struct AmtLink {
     outbox: Outbox,
     counters: Counters,
     order: Order,
-    /// What the ECU says it obeys, in two sets in a row: said back to it while nothing is ordered, which changes
-    /// nothing. One odd set must not be said back: it could say emergency stop, or run.
-    mirror: Agreed<Control>,
+    beat: Beat,
+    sign: Option<Sign>,
     ctf: bool,
     /// That it went out was told.
     ctf_told: bool,
@@ -98,14 +113,13 @@ pub struct AmtLink {
     damaged: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
-    /// End of the window of a frame that came while the reply before it was still going out.
+    /// End of the window of a frame that has no reply yet.
     due: Option<Instant>,
     phase: Agreed<Phase>,
     switch: Agreed<ReportedSwitch>,
     /// Whether the sets are error sets. One odd set is no fault.
     faulty: Agreed<bool>,
-    /// Full operation was reported, and nothing below it since: the demand goes out (AMT-14). A state
-    /// without a name does not end it.
+    /// The engine runs, so the demand goes out; until then the start throttle does (AMT-14).
     released: bool,
     /// `Some(None)`: the ECU named an engine that no table has.
     engine: Agreed<Option<Engine>>,
@@ -123,7 +137,8 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            mirror: Agreed::new(None),
+            beat: Beat::new(FRAME_LEN as u8, line),
+            sign: None,
             ctf: false,
             ctf_told: false,
             damaged: false,
@@ -142,6 +157,7 @@ impl AmtLink {
         // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
         if core::mem::take(&mut self.damaged) {
             bump(&mut self.counters.damaged_frames);
+            self.sign = Some(Sign::Damaged);
         } else {
             self.hear(now);
             self.believe(now, frame);
@@ -150,6 +166,7 @@ impl AmtLink {
     }
 
     fn hear(&mut self, now: Instant) {
+        self.beat.frame(now);
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
         if self.presence.timeout(now) {
             self.outbox.event(Event::LinkLost);
@@ -163,23 +180,25 @@ impl AmtLink {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
-                self.mirror.see(Control {
-                    ops: match switch {
-                        SwitchPosition::EmergencyStop => Ops::EmergencyStop,
-                        SwitchPosition::AutoStop => Ops::AutoStop,
-                        SwitchPosition::Run => Ops::Run,
-                    },
-                    throttle: Throttle::from_tenths(throttle.tenths()).unwrap_or(Throttle::IDLE),
+                self.sign = Some(Sign::State {
+                    stage: stage_of(state),
+                    turning: Some(rpm >= self.config.half_idle),
+                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
                 });
                 self.rpm(now, rpm);
                 self.common(now, egt, throttle, vout);
                 self.faults(now, ErrorBits(0));
             }
             Message::Error { errors, egt, throttle, vout } => {
+                self.sign = Some(Sign::Faulted {
+                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    egt: (!errors.egt()).then(|| egt.celsius()),
+                });
                 self.common(now, egt, throttle, vout);
                 self.faults(now, errors);
             }
             Message::Alternate { engine_id, idle, max, battery, external } => {
+                self.sign = Some(Sign::Stateless);
                 // An ID that no table has is another engine all the same: its scale is then not known (AMT-4).
                 let certain = self.engine.get().is_none();
                 self.identify(now, Engine::from_id(engine_id), certain);
@@ -198,12 +217,13 @@ impl AmtLink {
                     self.identify(now, Some(engine), true);
                 }
                 self.report.amt_setup = Some(Timed::new(setup, now));
-                // It comes after a power-up only, so its engine stands.
+                // It comes after a power-up only, so its engine is at rest.
                 self.report.powered_up = Some(now);
-                self.mirror.set(Control { ops: Ops::AutoStop, throttle: Throttle::IDLE });
+                self.sign = Some(Sign::PowerUp);
                 self.outbox.event(Event::EcuStarted);
             }
             Message::Unknown => {
+                self.sign = Some(Sign::Stateless);
                 self.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
             }
         }
@@ -226,7 +246,6 @@ impl AmtLink {
             && let Some(phase) = self.phase.get()
         {
             self.outbox.event(Event::Phase(phase));
-            self.released = phase == Phase::Running || (phase == Phase::Unknown && self.released);
         }
         // A frame that says otherwise does not make the phase any newer.
         if self.phase.get() == Some(seen) {
@@ -291,34 +310,33 @@ impl AmtLink {
         self.engine.get().flatten()
     }
 
-    /// AMT-11: one reply to this frame, right now or not at all.
+    /// AMT-11: one reply to this frame, right now or not at all. What it says is decided when it is handed out, so that
+    /// what this very frame says about the engine is in it.
     fn answer(&mut self, now: Instant) {
-        if self.order == Order::Listen && self.mirror.get().is_none() {
-            // After a reset, and the ECU has not said yet what it obeys. A wrong answer could stop a running engine;
-            // no answer does not, for the ECU's serial delay time.
-            return;
-        }
-        let window_end = now + REPLY_WINDOW;
-        if self.outbox.idle() {
-            self.reply(now, window_end);
-        } else if self.due.replace(window_end).is_some() {
+        let in_time = self.slack.is_some();
+        if self.due.take().is_some() || !in_time {
             self.missed();
         }
+        self.due = in_time.then(|| now + REPLY_WINDOW);
     }
 
-    fn reply(&mut self, now: Instant, window_end: Instant) {
-        let start_by = self.slack.map(|slack| window_end - REPLY_WINDOW + slack);
-        match start_by {
-            Some(start_by) if now <= start_by => {
-                self.sending = Some(window_end);
-                let control = self.control();
-                if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_told, true) {
-                    self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
-                }
-                self.outbox.put(Transmission::new(control.encode(), Some(start_by)));
-            }
-            _ => self.missed(),
+    /// Hands the reply to the outbox, if the UART is free for it.
+    fn reply(&mut self) {
+        if self.outbox.busy() {
+            return;
         }
+        let Some(window_end) = self.due.take() else { return };
+        let Some(control) = self.control() else { return };
+        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_told, true) {
+            self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
+        }
+        self.sending = Some(window_end);
+        self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
+    }
+
+    /// By when the first start bit of a reply has to be out.
+    fn start_by(&self, window_end: Instant) -> Option<Instant> {
+        self.slack.map(|slack| window_end - REPLY_WINDOW + slack)
     }
 
     fn missed(&mut self) {
@@ -326,31 +344,31 @@ impl AmtLink {
         self.outbox.event(Event::NotSent(NotSent::TooLate));
     }
 
-    /// What the reply says.
-    fn control(&self) -> Control {
+    /// What the reply says; `None` where it is withheld.
+    fn control(&self) -> Option<Control> {
         let (ops, throttle) = match self.order {
+            Order::Listen | Order::Doubt(_) => return None,
             Order::EmergencyStop => (Ops::EmergencyStop, Throttle::IDLE),
             Order::Run(Demand::Throttle(throttle)) => {
                 // AMT-14: until full operation, the start throttle.
                 (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
             }
-            Order::Listen => match self.mirror.get() {
-                Some(Control { ops, throttle }) => (ops, throttle),
-                None => (Ops::AutoStop, Throttle::IDLE),
-            },
             // An rpm is refused by `order`, a hand-over too.
             Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
         };
         // AMT-13: asked for by its own name, and never instead of an emergency stop.
         let ops = if self.ctf && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
-        Control { ops, throttle }
+        Some(Control { ops, throttle })
     }
 
     fn transmission_over(&mut self, now: Instant) {
         self.sending = None;
         self.outbox.done();
-        if let Some(window_end) = self.due.take() {
-            self.reply(now, window_end);
+        if let Some(window_end) = self.due
+            && self.start_by(window_end).is_none_or(|start_by| now > start_by)
+        {
+            self.due = None;
+            self.missed();
         }
     }
 }
@@ -362,6 +380,7 @@ impl Link for AmtLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -380,19 +399,17 @@ impl Link for AmtLink {
         match order {
             Order::Run(Demand::Rpm(_)) => return Err(Rejected::NoSpeedControl),
             Order::Pwm => return Err(Rejected::NotSupported),
-            Order::EmergencyStop | Order::Standby | Order::Listen | Order::Run(Demand::Throttle(_)) => {}
+            Order::EmergencyStop
+            | Order::Standby
+            | Order::Listen
+            | Order::Doubt(_)
+            | Order::Run(Demand::Throttle(_)) => {}
         }
-        // Going on after a reset with an ECU that sends nothing but error sets: it runs as far as anybody knows, and
-        // the start throttle would be a dip.
-        let only_faults = self.report.faults.is_some_and(|faults| !faults.value.is_empty());
-        self.released |= self.order == Order::Listen && self.phase.get().is_none() && only_faults;
         self.order = order;
         // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
-        if !matches!(order, Order::Run(_)) {
+        if !matches!(order, Order::Run(_) | Order::Doubt(_)) {
             self.ctf = false;
         }
-        let control = self.control();
-        self.outbox.rewrite(|| control.encode());
         Ok(())
     }
 
@@ -402,7 +419,7 @@ impl Link for AmtLink {
 
     fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
         match service {
-            AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_)) => {
+            AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_) | Order::Doubt(_)) => {
                 self.ctf = true;
                 self.ctf_told = false;
                 Ok(())
@@ -444,7 +461,37 @@ impl Link for AmtLink {
     }
 
     fn poll(&mut self) -> Output {
+        self.reply();
         self.outbox.poll().unwrap_or(Output::Wait(self.presence.deadline()))
+    }
+
+    fn take_sign(&mut self) -> Option<Sign> {
+        self.sign.take()
+    }
+
+    fn release(&mut self, released: bool) {
+        self.released = released;
+    }
+
+    fn gap_at(&self) -> Option<Instant> {
+        self.beat.gap_at(SET_INTERVAL)
+    }
+
+    fn last_beat(&self) -> Option<Instant> {
+        self.beat.last()
+    }
+
+    fn gap(&mut self) {
+        self.beat.gap();
+    }
+
+    fn answers_frames(&self) -> bool {
+        true
+    }
+
+    fn doubt_ends(&self, since: Instant) -> Instant {
+        // Only silence counts: an ECU that sends and gets no reply for longer than this stops its turbine by itself.
+        self.beat.last().unwrap_or(since) + self.config.serial_delay
     }
 
     fn report(&self) -> &Report {
@@ -481,6 +528,19 @@ impl Link for AmtLink {
             events_lost: self.outbox.events_lost,
             ..self.counters
         }
+    }
+}
+
+/// How far the engine is (AMT-3).
+const fn stage_of(state: State) -> Stage {
+    match state {
+        State::NoStartClearance => Stage::Rest,
+        State::StartClearance => Stage::Clearance,
+        State::Starting => Stage::Starting,
+        State::StartedUp => Stage::StartedUp,
+        State::IdleCalibration => Stage::Calibrating,
+        State::FullOperation | State::MaxRpm | State::MaxRpmField => Stage::Running,
+        State::Unknown(_) => Stage::Unknown,
     }
 }
 

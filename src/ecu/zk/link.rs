@@ -5,19 +5,20 @@
 //!
 //! What goes out at a turn, first match first:
 //!
-//! 1. an emergency stop, also out of turn, and again at every turn;
+//! 1. an emergency stop, also out of turn, and again at every turn; in between, at every second turn at most, the end of
+//!    a service that opened the pump;
 //! 2. what an unlock was sent for, right behind it (ZK-13);
 //! 3. at every second turn at most: status rate, service command, atmospheric pressure;
 //! 4. the switch and the demand, in one of three modes (ZK-9), or ID 0.
 
 use super::codec::{
     AccelerationCurve, Action, Control, Decoder, ErrorCode, IgnitionPumpVoltage, Rate, RpmCode, RpmFactor,
-    State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte,
+    STATUS_LEN, State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte,
 };
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::line::{Line, LineError};
-use crate::link::{Agreed, Link, Outbox, Output, Presence, Timing, Transmission, earlier};
+use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Timing, Transmission, earlier};
 use crate::telemetry::{
     Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
     bump,
@@ -35,6 +36,16 @@ const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
 const SERVICE_ATTEMPTS: u8 = 3;
 /// For the ECU to show the switch that was ordered: status ID 1 comes round within 0.5 s.
 const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
+/// A life that nothing confirms within this loses permission and order.
+const UNCONFIRMED_MAX: Duration = Duration::from_secs(10);
+/// Frames of a close command for the pump; it ends sooner where the ECU reports a pump without voltage.
+const CLOSE_PUMP_FRAMES: u8 = 10;
+/// The pump voltage that ends it has to be as new as this.
+const PUMP_MAX_AGE: Duration = Duration::from_secs(1);
+/// A shaft that turns slower than this share of the maximum is not running, where no idle speed is known.
+const HALF_IDLE_SHARE: u32 = 10;
+/// The same where no maximum is known either. Below 4000 rpm the reading of a shaft at rest is noise (field note).
+const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 /// Between two pressures (ZK-14).
 const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
@@ -74,6 +85,20 @@ pub enum Service {
 impl Service {
     pub(crate) const fn needs_stopped_engine(self) -> bool {
         !matches!(self, Self::Action(Action::Rate20Hz | Action::Rate50Hz | Action::Rate100Hz))
+    }
+
+    pub(crate) const fn moves_fuel(self) -> bool {
+        matches!(
+            self,
+            Self::Action(
+                Action::Drain
+                    | Action::TestGlowPlug
+                    | Action::TestMainValve
+                    | Action::TestIgnitionValve
+                    | Action::TestPump
+                    | Action::OpenPump
+            )
+        )
     }
 
     const fn control(self) -> Control {
@@ -147,13 +172,15 @@ pub struct ZkLink {
     second_next: bool,
     /// The last turn was used for something else than switch and demand.
     extra_last: bool,
-    /// The ECU reported a running engine, and nothing below it twice since. A state without a name does not end it.
+    beat: Beat,
+    sign: Option<Sign>,
+    /// The engine runs, so that the demand goes out.
     released: bool,
-    /// Its last report was of a running engine.
-    released_before: bool,
-    /// The ECU was given a switch by ID 6: it ignores the one of ID 1 from then on (ZK-9). Never forgotten, whatever
-    /// version a status frame names.
+    /// The ECU was given a switch by ID 6: it ignores the one of ID 1 from then on (ZK-9).
     switch_by_id6: bool,
+    /// Close commands for the pump that are left to send, and whether the next turn is for one.
+    close_pump: u8,
+    close_next: bool,
     /// It may have been given one before we came: it ran when the first order was given, or it does not follow ID 1.
     wants_id6: bool,
     /// Reports in a row that the ECU obeys another switch than the one ordered.
@@ -171,9 +198,15 @@ pub struct ZkLink {
     partner_due: bool,
     /// ID 6 was in use when what is ordered last changed in kind.
     began_by_id6: bool,
-    // What decides how the ECU is spoken to changes only when two frames agree.
+    // What decides how the ECU is spoken to changes only when two frames agree, and is forgotten with the link.
     identity: Agreed<(Version, Rpm)>,
     idle: Agreed<Rpm>,
+    /// Identities that agreed in a row since the link came up.
+    identities: u8,
+    // What is believed of the engine, debounced.
+    phase: Agreed<Phase>,
+    switch: Agreed<ReportedSwitch>,
+    error: Agreed<ErrorCode>,
     wanted_rate: Rate,
     rate: RateState,
     service: ServiceState,
@@ -197,8 +230,12 @@ impl ZkLink {
             out_of_turn: false,
             second_next: false,
             extra_last: false,
+            beat: Beat::new(STATUS_LEN as u8, line),
+            sign: None,
             released: false,
             switch_by_id6: false,
+            close_pump: 0,
+            close_next: false,
             wants_id6: false,
             not_followed: 0,
             ordered_at: Instant::MIN,
@@ -209,7 +246,10 @@ impl ZkLink {
             began_by_id6: false,
             identity: Agreed::new(None),
             idle: Agreed::new(None),
-            released_before: false,
+            identities: 0,
+            phase: Agreed::new(None),
+            switch: Agreed::new(None),
+            error: Agreed::new(None),
             wanted_rate: config.rate,
             rate: RateState::NotKnown,
             service: ServiceState::None,
@@ -225,9 +265,17 @@ impl ZkLink {
     fn frame(&mut self, now: Instant, frame: &StatusFrame) {
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
         self.check_presence(now);
+        self.beat.frame(now);
         if self.presence.frame(now) {
             self.outbox.event(Event::LinkUp);
         }
+        let turning = frame.rpm() >= self.half_idle();
+        self.sign = Some(match frame.status() {
+            Status::Engine { state, .. } => {
+                Sign::State { stage: stage_of(state), turning: Some(turning), throttle: None }
+            }
+            _ => Sign::Shaft { turning },
+        });
         let version = self.version();
         let voltage = |byte: VoltageByte| {
             Some(Timed::new(Reading { raw: byte.0, voltage: byte.millivolts(version) }, now))
@@ -237,8 +285,11 @@ impl ZkLink {
         match frame.status() {
             Status::Engine { state, error, egt, switch } => {
                 report.egt = Some(Timed::new(egt, now));
-                report.switch = Some(Timed::new(reported(switch), now));
-                self.check_switch(now);
+                let switch = reported(switch);
+                if self.switch.first_or_see(switch) {
+                    report.switch = Some(Timed::new(switch, now));
+                }
+                self.check_switch(now, switch);
                 self.state(now, state);
                 self.faults(now, error);
             }
@@ -269,7 +320,13 @@ impl ZkLink {
             Status::Identity { max_rpm, max_pump, version, rate } => {
                 let max_pump = Reading { raw: max_pump.0, voltage: max_pump.millivolts(Some(version)) };
                 report.pump_max = Some(Timed::new(max_pump, now));
+                let same = self.identity.get() == Some((version, max_rpm));
                 if self.identity.first_or_see((version, max_rpm)) {
+                    // Two that agree, be it the first two or two against what was known.
+                    self.identities = if same { self.identities.saturating_add(1) } else { 1 };
+                    if !same && report.version.is_some() {
+                        self.identities = 2;
+                    }
                     report.max_rpm = Some(Timed::new(max_rpm, now));
                     let before = report.version.replace(Timed::new(version, now));
                     if before.is_none_or(|before| before.value != version) {
@@ -305,8 +362,16 @@ impl ZkLink {
     fn check_presence(&mut self, now: Instant) {
         if self.presence.timeout(now) {
             self.outbox.event(Event::LinkLost);
-            // Whoever comes back may have restarted, with another rate.
+            // Whoever comes back may have restarted with another rate, or be another ECU: nothing that decides how it is
+            // spoken to outlives the link.
             self.rate = RateState::NotKnown;
+            self.identity = Agreed::new(None);
+            self.identities = 0;
+            self.idle = Agreed::new(None);
+            self.report.version = None;
+            self.report.max_rpm = None;
+            self.report.idle_rpm = None;
+            self.report.rate = None;
         }
     }
 
@@ -314,24 +379,35 @@ impl ZkLink {
         let ecu_state = EcuState { code: state.code(), name: state.name() };
         self.report.state = Some(Timed::new(ecu_state, now));
         let phase = phase_of(state);
-        self.released = match phase {
-            Phase::Running => true,
-            Phase::Unknown => self.released,
-            // One report alone, perhaps of a damaged frame, does not drop the throttle of a running engine.
-            _ => self.released && self.released_before,
-        };
-        self.released_before = matches!(phase, Phase::Running | Phase::Unknown);
-        let before = self.report.phase.replace(Timed::new(phase, now));
-        if before.is_none_or(|before| before.value != phase) {
-            self.outbox.event(Event::Phase(phase));
+        let before = self.phase.get();
+        // A frame that says otherwise does not make the phase any newer.
+        if self.phase.first_or_see(phase) {
+            self.report.phase = Some(Timed::new(phase, now));
+            if before != Some(phase) {
+                self.outbox.event(Event::Phase(phase));
+            }
         }
     }
 
     fn faults(&mut self, now: Instant, error: ErrorCode) {
+        if !self.error.first_or_see(error) {
+            return;
+        }
         let faults = Faults::Zk(error);
         let before = self.report.faults.replace(Timed::new(faults, now));
         if before.map_or(!faults.is_empty(), |before| before.value != faults) {
             self.outbox.event(Event::Faults(faults));
+        }
+    }
+
+    /// Half of the engine's idle speed, as far as it is known.
+    fn half_idle(&self) -> Rpm {
+        let idle = self.report.idle_rpm.map(|idle| idle.value.get()).filter(|idle| *idle > 0);
+        let max = self.report.max_rpm.map(|max| max.value.get()).filter(|max| *max > 0);
+        match (idle, max) {
+            (Some(idle), _) => Rpm::new(idle / 2),
+            (None, Some(max)) => Rpm::new(max / HALF_IDLE_SHARE),
+            (None, None) => HALF_IDLE_UNKNOWN,
         }
     }
 
@@ -369,9 +445,14 @@ impl ZkLink {
         self.report.version.map(|version| version.value)
     }
 
+    /// The version that two reports agree on since the link came up: what decides which commands the ECU gets.
+    fn agreed_version(&self) -> Option<Version> {
+        self.version().filter(|_| self.identities >= 2)
+    }
+
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.version().map(Version::get);
+        let known = self.agreed_version().map(Version::get);
         if needed.get() <= known.unwrap_or(1).max(1) {
             return Ok(());
         }
@@ -389,6 +470,9 @@ impl ZkLink {
     }
 
     fn compose(&mut self, now: Instant) -> Control {
+        if let Some(control) = self.close_command(now) {
+            return control;
+        }
         if self.order == Order::EmergencyStop {
             return self.switch_and_demand();
         }
@@ -406,6 +490,28 @@ impl ZkLink {
         }
         self.extra_last = false;
         self.switch_and_demand()
+    }
+
+    /// Closes the pump, at every second turn at most and never before the first frame of a stop. Whatever the version: a
+    /// pump that runs outweighs a command that is not known.
+    fn close_command(&mut self, now: Instant) -> Option<Control> {
+        if self.close_pump == 0 {
+            return None;
+        }
+        let closed = self.report.pump.is_some_and(|pump| {
+            pump.value.raw == 0 && pump.age(now) <= PUMP_MAX_AGE && self.close_pump < CLOSE_PUMP_FRAMES
+        });
+        if closed {
+            self.close_pump = 0;
+            return None;
+        }
+        self.close_next = !self.close_next;
+        if self.close_next {
+            // Its turn is the next one.
+            return None;
+        }
+        self.close_pump -= 1;
+        Some(Control::Action(Action::ClosePump))
     }
 
     /// What may take the place of the demand for one turn, if anything is due.
@@ -465,6 +571,7 @@ impl ZkLink {
         let order = self.order;
         let (switch, demand) = match order {
             Order::Listen => return Control::KeepAlive,
+            Order::Doubt(demand) => return self.doubt(demand),
             Order::EmergencyStop => (Switch::Stop, Demand::Throttle(Throttle::IDLE)),
             Order::Standby => (Switch::Standby, Demand::Throttle(Throttle::IDLE)),
             Order::Pwm => (Switch::Pwm, Demand::Throttle(Throttle::IDLE)),
@@ -503,14 +610,31 @@ impl ZkLink {
         control
     }
 
-    /// Whether the switch goes by ID 6.
+    /// Nothing that could start an engine: ID 0, and in mode 3 the rpm in turn with it. An ECU that restarted has
+    /// forgotten ID 6 and ignores ID 7 (ZK-9).
+    fn doubt(&mut self, demand: Demand) -> Control {
+        let Demand::Rpm(rpm) = demand else { return Control::KeepAlive };
+        let known = self.switch_by_id6 && knows(self.agreed_version(), 4) && self.report.max_rpm.is_some();
+        self.second_next = !self.second_next;
+        if !known || self.second_next {
+            return Control::KeepAlive;
+        }
+        Control::Rpm(RpmCode::for_target(rpm, self.factor()))
+    }
+
+    /// Whether the switch goes by ID 6. Run needs a version that two reports agree on and that knows it (ZK-7). Standby
+    /// goes by ID 6 as well wherever ID 6 was used, and a stop also where the version is not known: a version below 4
+    /// ignores it.
     fn by_id6(&self, order: Order) -> bool {
-        let wanted = match order {
-            Order::EmergencyStop => true,
-            Order::Pwm => self.wants_id6,
-            _ => self.config.split_switch || self.wants_id6,
-        };
-        self.switch_by_id6 || (wanted && knows(self.version(), 4))
+        let knows_it = knows(self.agreed_version(), 4);
+        match order {
+            Order::EmergencyStop => self.switch_by_id6 || knows_it || self.agreed_version().is_none(),
+            Order::Standby => {
+                self.switch_by_id6 || ((self.config.split_switch || self.wants_id6) && knows_it)
+            }
+            Order::Pwm => (self.switch_by_id6 || self.wants_id6) && knows_it,
+            _ => (self.switch_by_id6 || self.config.split_switch || self.wants_id6) && knows_it,
+        }
     }
 
     /// RPM_X for the rpm order in force (ZK-9).
@@ -520,13 +644,13 @@ impl ZkLink {
     }
 
     /// An ECU that does not follow the switch of ID 1 was given another by ID 6, before we came.
-    fn check_switch(&mut self, now: Instant) {
+    fn check_switch(&mut self, now: Instant, reported: ReportedSwitch) {
         let expected = match self.order {
             Order::Standby => ReportedSwitch::Standby,
             Order::Run(_) => ReportedSwitch::Run,
             _ => return,
         };
-        let follows = self.report.switch.is_none_or(|switch| switch.value == expected);
+        let follows = reported == expected;
         if follows || now < self.ordered_at + FOLLOWS_WITHIN {
             self.not_followed = 0;
         } else {
@@ -541,7 +665,7 @@ impl ZkLink {
     fn limited(&self, demand: Demand) -> Demand {
         match demand {
             // An ECU of a version without speed control took the place of the one that was asked.
-            Demand::Rpm(_) if !knows(self.version(), 4) => Demand::Throttle(Throttle::IDLE),
+            Demand::Rpm(_) if !knows(self.agreed_version(), 4) => Demand::Throttle(Throttle::IDLE),
             _ if self.released => demand,
             Demand::Throttle(_) => Demand::Throttle(Throttle::IDLE),
             Demand::Rpm(rpm) => {
@@ -579,6 +703,7 @@ impl Link for ZkLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         }
@@ -608,7 +733,7 @@ impl Link for ZkLink {
             self.factor = None;
             // An ECU that runs already may have been given its switch by ID 6 before we came.
             let alive = self.report.phase.is_some_and(|phase| phase.value.is_alive());
-            self.wants_id6 |= before == Order::Listen && alive;
+            self.wants_id6 |= before == Order::Listen && alive && matches!(order, Order::Run(_));
             // It needed a stopped engine, and is not to come out later.
             if !matches!(order, Order::Standby) {
                 self.cancel_service();
@@ -632,7 +757,7 @@ impl Link for ZkLink {
     fn service(&mut self, now: Instant, service: AnyService) -> Result<(), Rejected> {
         let AnyService::Zk(service) = service else { return Err(Rejected::NotSupported) };
         let control = service.control();
-        if service.needs_stopped_engine() && !matches!(self.order, Order::Standby | Order::Listen) {
+        if service.needs_stopped_engine() && self.order != Order::Standby {
             return Err(Rejected::NotStopped);
         }
         self.require(control.min_version())?;
@@ -714,6 +839,58 @@ impl Link for ZkLink {
         self.outbox.poll().unwrap_or_else(|| Output::Wait(earlier(self.next_turn, self.presence.deadline())))
     }
 
+    fn take_sign(&mut self) -> Option<Sign> {
+        self.sign.take()
+    }
+
+    fn release(&mut self, released: bool) {
+        self.released = released;
+    }
+
+    fn gap_at(&self) -> Option<Instant> {
+        let rate = self.report.rate.map_or(Rate::Hz20, |rate| rate.value);
+        self.beat.gap_at(rate.interval())
+    }
+
+    fn last_beat(&self) -> Option<Instant> {
+        self.beat.last()
+    }
+
+    fn gap(&mut self) {
+        self.beat.gap();
+    }
+
+    fn answers_frames(&self) -> bool {
+        false
+    }
+
+    fn doubt_ends(&self, since: Instant) -> Instant {
+        since + UNCONFIRMED_MAX
+    }
+
+    fn switch_by_id6(&self) -> bool {
+        self.switch_by_id6
+    }
+
+    fn resume_switch_by_id6(&mut self) {
+        self.switch_by_id6 = true;
+    }
+
+    fn close_pump(&mut self) {
+        // What opened it must not follow.
+        self.cancel_service();
+        self.close_pump = CLOSE_PUMP_FRAMES;
+        self.close_next = false;
+    }
+
+    fn service_pending(&self) -> bool {
+        !matches!(self.service, ServiceState::None)
+    }
+
+    fn closing_pump(&self) -> bool {
+        self.close_pump > 0
+    }
+
     fn report(&self) -> &Report {
         &self.report
     }
@@ -752,8 +929,8 @@ fn kind(order: Order) -> u8 {
     match order {
         Order::EmergencyStop => 0,
         Order::Standby => 1,
-        Order::Run(Demand::Throttle(_)) => 2,
-        Order::Run(Demand::Rpm(_)) => 3,
+        Order::Run(Demand::Throttle(_)) | Order::Doubt(Demand::Throttle(_)) => 2,
+        Order::Run(Demand::Rpm(_)) | Order::Doubt(Demand::Rpm(_)) => 3,
         Order::Pwm => 4,
         Order::Listen => 5,
     }
@@ -769,6 +946,32 @@ fn reported(switch: SwitchStatus) -> ReportedSwitch {
         SwitchStatus::Standby => ReportedSwitch::Standby,
         SwitchStatus::Run => ReportedSwitch::Run,
         SwitchStatus::Unknown(code) => ReportedSwitch::Unknown(code),
+    }
+}
+
+/// How far the engine is.
+const fn stage_of(state: State) -> Stage {
+    match state {
+        State::Stop
+        | State::Standby
+        | State::Cooling
+        | State::TestGlowPlug
+        | State::TestMainValve
+        | State::TestIgnitionValve
+        | State::TestPump
+        | State::TestStarter
+        | State::FuelExhaustAir => Stage::Rest,
+        // The numbers give no order: an ECU may preheat before it ignites.
+        State::IgnitionMinThrottle | State::Ignition | State::Preheat => Stage::Ignition,
+        State::FuelRamp => Stage::FuelRamp,
+        State::LearningMax
+        | State::LearningMin
+        | State::LearningIdle
+        | State::RunningMin
+        | State::RunningPumpLimit
+        | State::Running => Stage::Running,
+        State::Restart => Stage::Restart,
+        State::Unknown(_) => Stage::Unknown,
     }
 }
 

@@ -56,6 +56,18 @@ fn a_hot_engine_is_started_at_once_or_cooled_first() {
 }
 
 #[test]
+fn clearance_lasts_as_long_as_it_is_set() {
+    for clearance in [0, 1, 4] {
+        let clearance = clearance * SECOND;
+        let mut bench = Bench::new(config(AmtTemper { clearance, ..AmtTemper::DEFAULT }));
+        bench.reply(&AUTO).wait(2000);
+        bench.reply(&run(0));
+        let ms = bench.until(|ecu| ecu.turbine().phase() == Phase::Ignition) * MILLIS;
+        assert!((clearance..clearance + 300 * MILLIS).contains(&ms), "{ms}");
+    }
+}
+
+#[test]
 fn a_running_engine_shows_full_operation_or_something_else_now_and_then() {
     for shows in [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(31)] {
         let in_flight = Some(InFlight { shows, every: 2 * SECOND, lasts: SECOND });

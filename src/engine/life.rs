@@ -1,0 +1,366 @@
+//! The life of an engine: a run belongs to one life, and this says whether that life goes on, is in doubt, or is over.
+//!
+//! Doubt acts at once, in the reply to the very frame that raised it; the verdict needs two reports that agree. This is
+//! the one place where reports of an engine's state are debounced, for every protocol alike. The table is in
+//! `docs/failsafe.md` ("One life, one start").
+
+use super::exhaust::Burning;
+use crate::link::{Sign, Stage};
+use embassy_time::Instant;
+
+/// Reports in a row that have to agree before they confirm or end a life.
+const AGREEING: u8 = 2;
+
+/// How far an engine has come in this life.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Progress {
+    /// A start was ordered, and the ECU has not reported starting: a report at rest still fits.
+    Ordered,
+    /// The ECU reported starting, this far.
+    Starting(Stage),
+    /// The ECU reported a running engine.
+    Reached,
+}
+
+/// Why it is in doubt, and what was reported since.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Doubt {
+    since: Instant,
+    /// The ECU was not heard for a while, or the node was reset: it may have restarted meanwhile.
+    gap: bool,
+    confirming: u8,
+    ending: u8,
+}
+
+/// What ended a life.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum End {
+    /// The ECU was powered up.
+    PowerUp,
+    /// The ECU reports an engine at rest.
+    AtRest,
+    /// The ECU reports an engine that starts again.
+    StartsAgain,
+    /// The ECU was not heard before it reported starting.
+    GapInStart,
+    /// The ECU reports faults only, and the exhaust is cold or cools.
+    NotBurning,
+}
+
+impl End {
+    /// In plain words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PowerUp => "the ECU was powered up",
+            Self::AtRest => "the engine is at rest",
+            Self::StartsAgain => "the ECU starts the engine again",
+            Self::GapInStart => "the ECU fell silent during the start",
+            Self::NotBurning => "the exhaust is cold",
+        }
+    }
+}
+
+/// How one frame fits a life.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Fit {
+    /// As expected.
+    Fits,
+    /// Says nothing either way.
+    Neither,
+    /// A running engine with its shaft turning.
+    Confirms,
+    /// Does not fit a living engine, and is no verdict.
+    Doubtful,
+    /// Ends the life, if the next report agrees.
+    Ends(End),
+}
+
+/// One life of an engine.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Life {
+    progress: Progress,
+    /// The last report of a stage, for two that agree.
+    candidate: Option<Stage>,
+    doubt: Option<Doubt>,
+    /// Since when the ECU reports a restart of its own (ZK 13): bounded as a start is.
+    restarting: Option<Instant>,
+    /// Error sets in a row, with nothing but frames without a state between.
+    faulted: u8,
+    /// What the last frame was may be answered with the order in force (AMT).
+    answers: bool,
+}
+
+impl Life {
+    /// Begins with a start.
+    pub const fn ordered() -> Self {
+        Self {
+            progress: Progress::Ordered,
+            candidate: None,
+            doubt: None,
+            restarting: None,
+            faulted: 0,
+            answers: true,
+        }
+    }
+
+    /// Goes on with an engine that two reports said to be running.
+    pub const fn found_running() -> Self {
+        Self { progress: Progress::Reached, ..Self::ordered() }
+    }
+
+    /// After a reset of the node with an order in force: in doubt until two reports say.
+    pub const fn after_reset(now: Instant) -> Self {
+        let doubt = Doubt { since: now, gap: true, confirming: 0, ending: 0 };
+        Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
+    }
+
+    /// The engine has reached running in this life.
+    pub fn reached(&self) -> bool {
+        self.progress == Progress::Reached
+    }
+
+    /// Since when the life is in doubt.
+    pub fn in_doubt(&self) -> Option<Instant> {
+        self.doubt.map(|doubt| doubt.since)
+    }
+
+    /// The ECU was not heard for a while, or the node was reset, and nothing has confirmed the life since.
+    pub fn after_gap(&self) -> bool {
+        self.doubt.is_some_and(|doubt| doubt.gap)
+    }
+
+    /// An ECU that waits for a reply to its frame may have the order in force (AMT).
+    pub const fn answers(&self) -> bool {
+        self.answers
+    }
+
+    /// What was found is what is answered.
+    pub const fn answer(&mut self) {
+        self.answers = true;
+    }
+
+    /// The ECU sends faults in place of a state.
+    pub const fn only_faults(&self) -> bool {
+        self.faulted >= AGREEING
+    }
+
+    /// Since when the ECU restarts the engine by itself.
+    pub const fn restarting(&self) -> Option<Instant> {
+        self.restarting
+    }
+
+    /// Three expected frames did not come.
+    pub fn gap(&mut self, now: Instant) -> Option<End> {
+        self.candidate = None;
+        self.answers = false;
+        if self.progress == Progress::Ordered {
+            return Some(End::GapInStart);
+        }
+        let since = self.doubt.map_or(now, |doubt| doubt.since);
+        self.doubt = Some(Doubt { since, gap: true, confirming: 0, ending: 0 });
+        None
+    }
+
+    /// One frame. Gives what ended the life, if it did.
+    pub fn see(&mut self, now: Instant, sign: Sign, exhaust: Burning) -> Option<End> {
+        if sign == Sign::PowerUp {
+            self.answers = false;
+            return Some(End::PowerUp);
+        }
+        self.count_faults(now, sign);
+        let fit = self.fit(sign);
+        let end = match fit {
+            Fit::Fits => {
+                self.advance(sign);
+                None
+            }
+            Fit::Neither => None,
+            Fit::Confirms => {
+                self.confirm();
+                None
+            }
+            Fit::Doubtful => {
+                let doubt = self.raise(now);
+                doubt.confirming = 0;
+                // A shaft that slows down helps to end a life; it ends none alone.
+                doubt.ending = if doubt.ending > 0 { doubt.ending + 1 } else { 0 };
+                (doubt.ending >= AGREEING).then_some(End::AtRest)
+            }
+            Fit::Ends(end) => {
+                let doubt = self.raise(now);
+                doubt.confirming = 0;
+                doubt.ending += 1;
+                (doubt.ending >= AGREEING).then_some(end)
+            }
+        };
+        self.restarting = match sign {
+            Sign::State { stage: Stage::Restart, .. } => self.restarting.or(Some(now)),
+            Sign::State { .. } => None,
+            _ => self.restarting,
+        };
+        let cold = self.only_faults() && self.reached() && exhaust == Burning::No;
+        self.answers = end.is_none() && !cold && self.may_answer(sign, fit, exhaust);
+        end.or(cold.then_some(End::NotBurning))
+    }
+
+    /// How one frame fits, given how far the engine has come.
+    fn fit(&self, sign: Sign) -> Fit {
+        let gap = self.after_gap();
+        let (stage, turning) = match sign {
+            Sign::State { stage, turning, .. } => (stage, turning),
+            Sign::Shaft { turning: false } if self.reached() => return Fit::Doubtful,
+            _ => return Fit::Neither,
+        };
+        let slow = turning != Some(true);
+        match (self.progress, stage) {
+            (_, Stage::Running) if !slow || turning.is_none() => Fit::Confirms,
+            (Progress::Reached, Stage::Running) => Fit::Doubtful,
+            (_, Stage::Running) => Fit::Neither,
+            (Progress::Ordered, Stage::Rest) => Fit::Fits,
+            (_, Stage::Rest) => Fit::Ends(End::AtRest),
+            (Progress::Ordered, Stage::Clearance) => Fit::Fits,
+            (_, Stage::Clearance) if slow => Fit::Ends(End::AtRest),
+            (_, Stage::Clearance) => Fit::Neither,
+            // After a gap any starting state is a start again: of ZK at any shaft speed.
+            (_, Stage::Ignition | Stage::FuelRamp | Stage::Restart) if gap => Fit::Ends(End::StartsAgain),
+            (_, Stage::Starting) if gap && slow => Fit::Ends(End::StartsAgain),
+            (_, Stage::Restart | Stage::Unknown) => Fit::Neither,
+            (Progress::Reached, Stage::Ignition | Stage::FuelRamp | Stage::Starting) if slow => {
+                Fit::Ends(End::StartsAgain)
+            }
+            // Idle calibration and "started up" in flight are neither.
+            (Progress::Reached, _) => Fit::Neither,
+            (Progress::Starting(before), stage) if stage < before && slow => Fit::Ends(End::StartsAgain),
+            (_, _) => Fit::Fits,
+        }
+    }
+
+    /// A report that fits: two that agree move the life on. In doubt they do not: only a running engine confirms.
+    fn advance(&mut self, sign: Sign) {
+        let Sign::State { stage, .. } = sign else { return };
+        let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
+        if self.doubt.is_none() && agrees && stage > Stage::Clearance {
+            self.progress = Progress::Starting(stage);
+        }
+    }
+
+    fn confirm(&mut self) {
+        let agrees = match &mut self.doubt {
+            Some(doubt) => {
+                doubt.ending = 0;
+                doubt.confirming += 1;
+                doubt.confirming >= AGREEING
+            }
+            None => self.candidate == Some(Stage::Running),
+        };
+        self.candidate = Some(Stage::Running);
+        if agrees {
+            self.doubt = None;
+            self.progress = Progress::Reached;
+        }
+    }
+
+    fn raise(&mut self, now: Instant) -> &mut Doubt {
+        self.candidate = None;
+        self.doubt.get_or_insert(Doubt { since: now, gap: false, confirming: 0, ending: 0 })
+    }
+
+    /// With faults in place of a state nothing says that the engine runs: the next state has to.
+    fn count_faults(&mut self, now: Instant, sign: Sign) {
+        match sign {
+            Sign::Faulted { .. } => {
+                self.faulted = self.faulted.saturating_add(1);
+                if self.only_faults() && self.reached() {
+                    self.raise(now);
+                }
+            }
+            Sign::State { .. } => self.faulted = 0,
+            _ => {}
+        }
+    }
+
+    /// Whether the frame may be answered with the order in force. In doubt nothing may that could start an engine.
+    fn may_answer(&self, sign: Sign, fit: Fit, exhaust: Burning) -> bool {
+        let Some(doubt) = self.doubt else { return true };
+        match sign {
+            Sign::PowerUp | Sign::Shaft { .. } => false,
+            Sign::State { turning, .. } => {
+                turning == Some(true) && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
+            }
+            // Values that cannot be read are no gap: a second of noise must not cost the replies, and so the engine.
+            Sign::Damaged => !doubt.gap,
+            Sign::Stateless => !doubt.gap && doubt.ending == 0,
+            Sign::Faulted { .. } if doubt.gap => exhaust == Burning::Yes,
+            Sign::Faulted { .. } => exhaust != Burning::No,
+        }
+    }
+}
+
+/// What is known of an engine of which no order is in force: after a reset without a record, or where a life was not
+/// confirmed in time.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Finding {
+    /// Since when nothing is in force.
+    pub since: Instant,
+    /// The record says that the engine ran, and nothing has ended that.
+    pub ran: bool,
+    alive: u8,
+    ending: u8,
+    throttle: Option<crate::units::Throttle>,
+}
+
+/// What was found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Found {
+    /// Not yet anything.
+    Nothing,
+    /// An engine that runs.
+    Running,
+    /// An engine at rest, or one that starts.
+    NotRunning,
+    /// An engine whose ECU reports faults only, with a burning exhaust, and the record says that it ran.
+    Burning,
+}
+
+impl Finding {
+    /// Nothing is known.
+    pub const fn new(since: Instant, ran: bool) -> Self {
+        Self { since, ran, alive: 0, ending: 0, throttle: None }
+    }
+
+    /// One frame. `answers`: the ECU waits for replies (AMT), and a set without a named running state counts if its shaft
+    /// turns.
+    pub fn see(&mut self, sign: Sign, exhaust: Burning, answers: bool) -> Found {
+        match sign {
+            Sign::PowerUp => Found::NotRunning,
+            Sign::State { stage, turning, throttle } => {
+                let turning = turning == Some(true);
+                let alive = match stage {
+                    Stage::Running => turning,
+                    Stage::Rest | Stage::Ignition | Stage::FuelRamp | Stage::Restart => false,
+                    _ => answers && turning,
+                };
+                let ends = match stage {
+                    Stage::Rest | Stage::Ignition | Stage::FuelRamp | Stage::Restart => true,
+                    Stage::Clearance | Stage::Starting => !turning,
+                    _ => false,
+                };
+                let same = self.throttle == throttle;
+                self.throttle = throttle;
+                self.alive = match alive {
+                    true if same => self.alive.saturating_add(1),
+                    alive => alive.into(),
+                };
+                self.ending = if ends { self.ending.saturating_add(1) } else { 0 };
+                match (self.alive >= AGREEING, self.ending >= AGREEING) {
+                    (true, _) => Found::Running,
+                    (_, true) => Found::NotRunning,
+                    _ => Found::Nothing,
+                }
+            }
+            Sign::Faulted { .. } if self.ran && exhaust == Burning::Yes => Found::Burning,
+            _ => Found::Nothing,
+        }
+    }
+}

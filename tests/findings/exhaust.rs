@@ -1,0 +1,121 @@
+//! Finding 7: an AMT ECU with a fault sends error sets only, which do not say what its engine does. The exhaust does: an
+//! engine that burns goes on, one that does not is not told run.
+
+use crate::world::*;
+use sim::amt::{AmtTemper, error};
+use sim::ecu::SECOND;
+use sim::turbine::Phase;
+
+/// An AMT engine at this throttle whose ECU sends error sets only.
+fn flying_with_a_fault(percent: u8, temper: AmtTemper) -> World {
+    let mut world = World::one(amt(|_, ecu| ecu.temper = temper));
+    world.fly(Rc, percent);
+    world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
+    world.pass(5.0);
+    assert_eq!(world.phase(), Phase::Running);
+    world
+}
+
+#[test]
+fn burning_engine_with_error_sets_goes_on_at_its_demand() {
+    let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
+    let from = world.now();
+    world.pass(120.0);
+    world.assert_not_shut_down(from);
+    assert_eq!(world.throttle_sent(0), Some(750));
+}
+
+#[test]
+fn burning_engine_with_error_sets_goes_on_after_a_reset() {
+    let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
+    let from = world.now();
+    world.reset();
+    world.pass(60.0);
+    world.assert_not_shut_down(from);
+    assert_eq!(world.throttle_sent(0), Some(750));
+}
+
+/// The engine was stopped and has cooled while the node was in reset.
+fn cold_after_a_reset(pilot: bool) {
+    let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
+    world.halt();
+    // Without replies the ECU gives the engine up.
+    world.pass(300.0);
+    world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
+    assert!(world.egt() < 100.0 && !world.phase().is_live(), "{}", world.egt());
+    if !pilot {
+        world.silent(Rc);
+    }
+    let from = world.now();
+    world.boot();
+    world.pass(600.0);
+    world.assert_not_told_run(from);
+    world.amt(|ecu| ecu.set_errors(0));
+    world.pass(60.0);
+    world.assert_not_told_run(from);
+    world.assert_ignitions(1);
+    world.starts_again(Rc);
+}
+
+#[test]
+fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_without_a_source() {
+    cold_after_a_reset(false);
+}
+
+#[test]
+fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_with_a_source() {
+    cold_after_a_reset(true);
+}
+
+/// The exhaust of an engine at 90 % falls by more than 15 °C a second for 3 s when its flame is out, and is below 300 °C
+/// within 25 s.
+#[test]
+fn run_ends_when_the_flame_goes_out_with_error_sets() {
+    for pilot in [true, false] {
+        let mut world = flying_with_a_fault(90, AmtTemper::DEFAULT);
+        if !pilot {
+            world.silent(Rc);
+        }
+        world.turbine(|turbine| turbine.flame_out());
+        world.pass(30.0);
+        let from = world.now();
+        world.pass(600.0);
+        world.assert_not_told_run(from);
+        assert!(world.sent(from).all(|frame| frame.is_stop()));
+        world.assert_ignitions(1);
+        world.amt(|ecu| ecu.set_errors(0));
+        world.starts_again(Rc);
+    }
+}
+
+/// An ECU that forgets its fault by itself after a minute and obeys whatever it is told then.
+#[test]
+fn run_of_before_a_flame_out_does_not_meet_the_ecu_when_its_fault_clears() {
+    let temper = AmtTemper {
+        trips_clear_after: Some(60 * SECOND),
+        starts_hot: true,
+        clearance: 0,
+        ..AmtTemper::DEFAULT
+    };
+    let mut world = flying_with_a_fault(90, temper);
+    world.turbine(|turbine| turbine.flame_out());
+    world.pass(50.0);
+    world.amt(|ecu| ecu.set_errors(0));
+    world.pass(300.0);
+    world.assert_ignitions(1);
+    world.starts_again(Rc);
+}
+
+/// The ECU's own error sets after a flame-out, without any other fault.
+#[test]
+fn run_ends_when_the_flame_goes_out_and_the_ecu_reports_nothing_else() {
+    let mut world = World::one(amt(|_, _| {}));
+    world.fly(Rc, 90);
+    world.turbine(|turbine| turbine.flame_out());
+    world.pass(30.0);
+    let from = world.now();
+    world.pass(60.0);
+    world.assert_not_told_run(from);
+    world.assert_ignitions(1);
+    world.starts_again(Rc);
+}

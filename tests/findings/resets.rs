@@ -1,0 +1,261 @@
+//! Findings 4, 10 and 15: what the node does after a reset. A loss goes on over resets, a stop reaches the ECU in every
+//! mode, and a record of another engine arms nothing.
+
+use crate::wire::Frame;
+use crate::world::*;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::Engine;
+use jetlink::telemetry::{Counters, Telemetry};
+use jetlink::units::Celsius;
+use sim::ecu::SECOND;
+use sim::turbine::Phase;
+use sim::wire::Direction;
+
+// -----------------------------------------------------------------------------------------------
+// Finding 4
+// -----------------------------------------------------------------------------------------------
+
+/// Resets, one every so many seconds, for so many seconds.
+fn reset_loop(world: &mut World, period: f64, time: f64) {
+    let end = world.now() + (time * 1e9) as u64;
+    while world.now() < end {
+        world.reset();
+        world.pass(period - START_UP);
+    }
+}
+
+/// Since then the engine was not told to run above idle.
+#[track_caller]
+fn assert_not_above_idle(world: &World, since: u64) {
+    let most = world.sent(since).filter_map(Frame::throttle).max();
+    assert!(most.unwrap_or(0) == 0, "told run at {:.1} %", f64::from(most.unwrap_or(0)) / 10.0);
+    let idle = world.turbine(|turbine| turbine.parameters().idle_rpm);
+    assert!(world.rpm() < 1.05 * idle, "{} rpm", world.rpm());
+}
+
+fn dead_source_in_a_reset_loop(engine: impl Fn() -> World, period: f64) {
+    let mut world = engine();
+    world.fly(Rc, 90);
+    world.silent(Rc);
+    reset_loop(&mut world, period, 25.0);
+    let from = world.now();
+    reset_loop(&mut world, period, 30.0);
+    assert_not_above_idle(&world, from);
+}
+
+#[test]
+fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_3_ecu() {
+    for period in [0.7, 0.9, 1.05, 1.4] {
+        dead_source_in_a_reset_loop(|| World::one(zk(3, |_, _| {})), period);
+    }
+}
+
+#[test]
+fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_5_ecu() {
+    for period in [0.7, 0.9, 1.05, 1.4] {
+        dead_source_in_a_reset_loop(|| World::one(zk(5, |_, _| {})), period);
+    }
+}
+
+#[test]
+fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_an_amt_ecu() {
+    for period in [0.7, 0.9, 1.05, 1.4] {
+        dead_source_in_a_reset_loop(|| World::one(amt(|_, _| {})), period);
+    }
+}
+
+/// Resets so quick that the node never hears enough to order anything; a ZK ECU from version 5 keeps its engine running.
+#[test]
+fn reset_loop_too_quick_to_listen_brings_a_zk_engine_without_a_source_to_standby() {
+    let mut world = World::one(zk(5, |_, _| {}));
+    world.fly(Rc, 90);
+    world.silent(Rc);
+    for _ in 0..200 {
+        world.reset();
+        world.pass(0.08);
+    }
+    assert!(!world.phase().is_live(), "{:?} at {} rpm", world.phase(), world.rpm());
+}
+
+#[test]
+fn five_resets_1_05_s_apart_leave_an_engine_with_a_fresh_source_at_its_demand() {
+    for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        let from = world.now();
+        for _ in 0..5 {
+            world.reset();
+            world.pass(1.05 - START_UP);
+        }
+        world.pass(10.0);
+        world.assert_not_shut_down(from);
+        assert_eq!(world.throttle_sent(0), Some(600));
+    }
+}
+
+#[test]
+fn one_reset_of_an_engine_without_a_source_ends_at_idle() {
+    for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 90);
+        world.silent(Rc);
+        world.reset();
+        world.pass(9.0);
+        let from = world.now();
+        world.pass(1.0);
+        assert_not_above_idle(&world, from);
+    }
+}
+
+// -----------------------------------------------------------------------------------------------
+// Finding 10, with a record
+// -----------------------------------------------------------------------------------------------
+
+/// An engine in one of the modes of ZK-9, and a node that is reset and hears nothing of its ECU.
+fn deaf_after_a_reset(by_rpm: bool) -> World {
+    let mut world = World::one(zk(5, |_, _| {}));
+    world.start(Rc);
+    world.says(Rc, if by_rpm { run_rpm(110_000) } else { run(50) });
+    world.pass(8.0);
+    world.silent(Rc);
+    world.plugs[0].cut_one(Direction::ToNode, true);
+    world.reset();
+    world.pass(0.5);
+    assert_eq!(world.phase(), Phase::Running);
+    world
+}
+
+fn emergency_stop_stops(mut world: World) {
+    world.command(Rc, EmergencyStop).expect("never refused");
+    world.pass(1.0);
+    assert!(!world.phase().is_live(), "{:?} 1 s after the stop", world.phase());
+}
+
+#[test]
+fn emergency_stop_reaches_an_ecu_in_rpm_mode_after_a_reset_with_nothing_heard() {
+    emergency_stop_stops(deaf_after_a_reset(true));
+}
+
+#[test]
+fn emergency_stop_reaches_an_ecu_in_throttle_mode_after_a_reset_with_nothing_heard() {
+    emergency_stop_stops(deaf_after_a_reset(false));
+}
+
+/// Standby goes out blind, too.
+#[test]
+fn standby_reaches_an_ecu_after_a_reset_with_nothing_heard() {
+    for by_rpm in [false, true] {
+        let mut world = deaf_after_a_reset(by_rpm);
+        world.says(Rc, Standby);
+        world.pass(5.0);
+        assert!(!world.phase().is_live(), "{:?} after 5 s of standby", world.phase());
+    }
+}
+
+#[test]
+fn latched_stop_reaches_an_ecu_in_rpm_mode_after_a_reset() {
+    let mut world = World::one(zk(5, |_, _| {}));
+    world.start(Rc);
+    world.says(Rc, run_rpm(110_000));
+    world.pass(8.0);
+    // Nothing gets through until the node has been reset.
+    world.plugs[0].cut(true);
+    world.command(Rc, EmergencyStop).expect("never refused");
+    world.pass(0.2);
+    world.halt();
+    world.plugs[0].cut(false);
+    world.plugs[0].cut_one(Direction::ToNode, true);
+    world.reset();
+    world.pass(1.0);
+    assert!(!world.phase().is_live(), "{:?}", world.phase());
+}
+
+// -----------------------------------------------------------------------------------------------
+// Finding 15
+// -----------------------------------------------------------------------------------------------
+
+/// The node is armed, and comes back from a reset with another engine's settings on the same port.
+#[test]
+fn record_of_another_protocol_does_not_arm_an_engine() {
+    let mut world = World::one(amt(|_, _| {}));
+    world.ready(Rc);
+    world.halt();
+    let (config, ecu) = zk(5, |_, _| {});
+    let mut world = world.reconfigured(config, ecu);
+    world.boot();
+    world.says(Rc, Standby);
+    world.pass(5.0);
+    world.says(Rc, run(0));
+    world.pass(60.0);
+    world.assert_ignitions(0);
+    world.starts_again(Rc);
+}
+
+#[test]
+fn record_of_another_amt_engine_does_not_arm_an_engine() {
+    let mut world = World::one(amt(|_, _| {}));
+    world.ready(Rc);
+    world.halt();
+    let (mut config, ecu) = amt(|_, _| {});
+    config.ecu = EngineConfig::amt("amt", 0, config.line, Some(Engine::Titan)).ecu;
+    let mut world = world.reconfigured(config, ecu);
+    world.boot();
+    world.says(Rc, Standby);
+    world.pass(5.0);
+    world.says(Rc, run(0));
+    world.pass(60.0);
+    world.assert_ignitions(0);
+    world.starts_again(Rc);
+}
+
+/// A changed limit is the same engine.
+#[test]
+fn engine_goes_on_after_a_reset_with_another_limit() {
+    for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        let from = world.now();
+        world.configs[0].supervision.limits.over_temperature.at = Some(Celsius::from_tenths(9000));
+        world.reset();
+        world.pass(10.0);
+        world.assert_not_shut_down(from);
+        assert_eq!(world.throttle_sent(0), Some(600));
+    }
+}
+
+/// What a pilot, a ground station and the LED can see, without what is only counted.
+fn shown(world: &World) -> Telemetry {
+    Telemetry { counters: Counters::default(), ..world.handle(0).telemetry() }
+}
+
+/// Two nodes that differ in nothing but that the transmitter of one has hung for 3 s.
+#[test]
+fn dead_transmitter_shows_in_telemetry() {
+    let after = |hung: bool| {
+        let mut world = World::one(zk(5, |_, _| {}));
+        world.ready(Rc);
+        world.plugs[0].stall_tx(hung);
+        world.pass(3.0);
+        shown(&world)
+    };
+    let healthy = after(false);
+    assert!(healthy == after(false), "two like nodes show the same");
+    assert!(healthy != after(true), "the node whose transmitter hangs shows the same as a healthy one");
+}
+
+/// A transmitter that stood still and goes on: nothing of what was meant before leaves.
+#[test]
+fn transmitter_that_hung_for_a_second_sends_nothing_old() {
+    let mut world = World::one(zk(5, |_, _| {}));
+    world.fly(Rc, 90);
+    world.plugs[0].stall_tx(true);
+    world.pass(0.3);
+    world.says(Rc, Standby);
+    world.pass(1.5);
+    let from = world.now();
+    world.plugs[0].stall_tx(false);
+    world.pass(2.0);
+    let old = world.sent(from + SECOND / 5).filter(|frame| frame.is_run()).count();
+    assert_eq!(old, 0);
+    assert!(!world.phase().is_live());
+}

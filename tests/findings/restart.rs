@@ -1,0 +1,272 @@
+//! Findings 1 and 6: an ECU that lost its power and comes back is told nothing that could start its engine, whatever was
+//! commanded before. A new start by a pilot is obeyed.
+
+use crate::wire::Frame;
+use crate::world::*;
+use sim::amt::{AmtTemper, InFlight, Status};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::turbine::Phase;
+use sim::wire::{Faults, FramingAs};
+use sim::zk::ZkTemper;
+
+/// What the pilot of before does while the ECU is without power.
+#[derive(Clone, Copy, PartialEq)]
+enum Pilot {
+    /// Goes on asking for 80 %.
+    Fresh,
+    /// Fell silent with the ECU.
+    Silent,
+}
+
+/// Below it nothing can be known of an outage: three expected frames, and the reply to the next one.
+const GAP: Nanos = 600 * MILLIS;
+
+/// An engine at 80 % whose ECU loses its power for so long. It has to stay where it is for 5 minutes after that, and a new
+/// start has to light it.
+fn power_returns(mut world: World, off: f64, pilot: Pilot) {
+    world.fly(Rc, 80);
+    let lost_at = world.now();
+    if pilot == Pilot::Silent {
+        world.silent(Rc);
+    }
+    world.dip(off);
+    world.pass(300.0);
+    world.assert_ignitions(1);
+    // What is on the wire when the ECU boots starts an ECU that starts on run alone.
+    world.assert_not_told_run(lost_at + GAP);
+    world.starts_again(Rc);
+}
+
+fn zk_power_returns(version: u8, off: f64, pilot: Pilot) {
+    power_returns(World::one(zk(version, |_, _| {})), off, pilot);
+}
+
+/// An ECU that begins a start with the first message that asks for one.
+fn amt_power_returns(off: f64, pilot: Pilot) {
+    power_returns(World::one(amt(|_, ecu| ecu.temper.clearance = 0)), off, pilot);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_3_ecu_power_returns_after_180_s() {
+    zk_power_returns(3, 180.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_4_ecu_power_returns_after_180_s() {
+    zk_power_returns(4, 180.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_5_ecu_power_returns_after_180_s() {
+    zk_power_returns(5, 180.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_5_ecu_power_returns_after_600_s() {
+    zk_power_returns(5, 600.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_3_ecu_power_returns_after_600_s_with_all_sources_silent() {
+    zk_power_returns(3, 600.0, Pilot::Silent);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_5_ecu_power_returns_after_180_s_with_all_sources_silent() {
+    zk_power_returns(5, 180.0, Pilot::Silent);
+}
+
+#[test]
+fn engine_stays_stopped_when_zk_5_ecu_power_returns_after_3_s() {
+    zk_power_returns(5, 3.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_amt_ecu_power_returns_after_3_s() {
+    amt_power_returns(3.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_amt_ecu_power_returns_after_180_s() {
+    amt_power_returns(180.0, Pilot::Fresh);
+}
+
+#[test]
+fn engine_stays_stopped_when_amt_ecu_power_returns_after_600_s_with_all_sources_silent() {
+    amt_power_returns(600.0, Pilot::Silent);
+}
+
+/// ECUs that light a hot engine on run alone, 50 ms after their power is back.
+#[test]
+fn hot_engine_stays_stopped_when_a_quick_zk_ecu_has_power_again_after_3_s() {
+    for version in [3, 5] {
+        let engine = zk(version, |_, ecu| {
+            ecu.boot = 50 * MILLIS;
+            ecu.temper = ZkTemper { starts_hot: true, ..ZkTemper::DEFAULT };
+        });
+        power_returns(World::one(engine), 3.0, Pilot::Fresh);
+    }
+}
+
+#[test]
+fn hot_engine_stays_stopped_when_a_quick_amt_ecu_has_power_again_after_3_s() {
+    let engine = amt(|_, ecu| {
+        ecu.boot = 50 * MILLIS;
+        ecu.temper = AmtTemper { starts_hot: true, clearance: 0, ..AmtTemper::DEFAULT };
+    });
+    power_returns(World::one(engine), 3.0, Pilot::Fresh);
+}
+
+/// An ECU whose first report after its boot is still of the engine that ran.
+#[test]
+fn one_report_of_the_state_before_the_outage_confirms_nothing() {
+    let engine = zk(5, |_, ecu| ecu.temper = ZkTemper { last_state_first: 1, ..ZkTemper::DEFAULT });
+    power_returns(World::one(engine), 3.0, Pilot::Fresh);
+    let engine = amt(|_, ecu| ecu.temper.last_state_first = 1);
+    power_returns(World::one(engine), 3.0, Pilot::Fresh);
+}
+
+/// In rpm mode, where an ECU that restarted has forgotten the mode.
+#[test]
+fn engine_in_rpm_mode_stays_stopped_when_ecu_power_returns_after_180_s() {
+    let mut world = World::one(zk(5, |_, _| {}));
+    world.start(Rc);
+    world.says(Rc, run_rpm(110_000));
+    world.pass(8.0);
+    assert!((world.rpm() - 110_000.0).abs() < 2000.0, "{}", world.rpm());
+    let lost_at = world.now();
+    world.dip(180.0);
+    world.pass(300.0);
+    world.assert_ignitions(1);
+    world.assert_not_told_run(lost_at + GAP);
+    world.starts_again(Rc);
+}
+
+/// The supply dips for 0.3 s while the engine is cranked, six times: one start command, one ignition.
+fn dips_while_cranking(mut world: World) {
+    world.ready(Rc);
+    world.says(Rc, run(0));
+    for _ in 0..6 {
+        world.pass(3.0);
+        world.dip(0.3);
+    }
+    world.pass(100.0);
+    world.assert_ignitions(1);
+    assert!(!world.phase().is_live());
+    world.starts_again(Rc);
+}
+
+#[test]
+fn supply_dips_while_cranking_give_one_ignition_on_a_zk_ecu() {
+    dips_while_cranking(World::one(zk(5, |_, _| {})));
+}
+
+#[test]
+fn supply_dips_while_cranking_give_one_ignition_on_an_amt_ecu() {
+    dips_while_cranking(World::one(amt(|_, ecu| {
+        ecu.boot = 50 * MILLIS;
+        ecu.temper = AmtTemper { starts_hot: true, clearance: 0, ..AmtTemper::DEFAULT };
+    })));
+}
+
+/// An outage that is shorter than the gap of three frames, with a boot within 50 ms, goes unseen as such. Its first report
+/// after that does not fit a living engine: nothing more goes out that could start one, and the run ends.
+#[test]
+fn engine_after_an_outage_too_short_to_see_is_brought_to_standby() {
+    let mut world = World::one(zk(5, |_, ecu| {
+        ecu.boot = 20 * MILLIS;
+        ecu.temper = ZkTemper { starts_hot: true, ..ZkTemper::DEFAULT };
+    }));
+    world.fly(Rc, 60);
+    world.dip(0.02);
+    let from = world.now() + 500 * MILLIS;
+    world.pass(60.0);
+    assert!(!world.phase().is_live(), "{:?}", world.phase());
+    world.assert_ignitions(1);
+    world.assert_not_told_run(from);
+    world.starts_again(Rc);
+}
+
+/// The set-up set says that the ECU comes from a power-up. Neither it nor anything after it is answered with run.
+#[test]
+fn freshly_powered_amt_ecu_is_not_told_run_at_the_throttle_of_before() {
+    for (off, boot) in [(0.1, 50), (0.3, 50), (0.3, 500), (0.8, 100)] {
+        let mut world = World::one(amt(|_, ecu| ecu.boot = boot * MILLIS));
+        world.fly(Rc, 60);
+        world.dip(off);
+        let powered = world.now();
+        world.pass(20.0);
+        assert!(world.sent(powered).count() > 100, "each of its sets was answered");
+        world.assert_not_told_run(powered);
+        world.assert_ignitions(1);
+        world.starts_again(Rc);
+    }
+}
+
+/// A pilot who shuts the engine down while its ECU has no power may start it again afterwards.
+#[test]
+fn new_start_after_an_outage_lights_the_engine() {
+    for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        world.says(Rc, Standby);
+        world.dip(3.0);
+        world.pass(10.0);
+        world.assert_ignitions(1);
+        world.starts_again(Rc);
+    }
+}
+
+/// Only the line was lost, and not the power: the engine went on and is told so again.
+#[test]
+fn engine_that_ran_on_through_a_cut_line_goes_on_at_its_demand() {
+    // An AMT ECU gives its engine up after 2 s.
+    for (engine, cut) in [(zk(5, |_, _| {}), 5.0), (amt(|_, _| {}), 0.8)] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        let from = world.now();
+        world.plugs[0].cut(true);
+        world.pass(cut);
+        world.plugs[0].cut(false);
+        world.pass(20.0);
+        world.assert_not_shut_down(from);
+        world.assert_ignitions(1);
+        assert_eq!(world.throttle_sent(0), Some(600));
+        assert_eq!(world.phase(), Phase::Running);
+    }
+}
+
+/// Every set or status damaged, and seen as such by the UART: the line is bad, and the engine is not.
+#[test]
+fn engine_goes_on_at_its_demand_through_2_s_of_framing_noise() {
+    for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        let from = world.now();
+        world.plugs[0].framing(FramingAs::Error);
+        let noise = Faults { framing_per_million: 250_000, ..Faults::default() };
+        world.plugs[0].set_faults(noise, Faults::default());
+        world.pass(2.0);
+        world.plugs[0].set_faults(Faults::default(), Faults::default());
+        world.pass(20.0);
+        world.assert_not_shut_down(from);
+        world.assert_ignitions(1);
+        assert_eq!(world.throttle_sent(0), Some(600));
+    }
+}
+
+/// An ECU that calibrates its idle, or says that it has started up, in flight.
+#[test]
+fn amt_engine_that_reports_idle_calibration_in_flight_goes_on_at_its_demand() {
+    for shows in [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(0b11111)] {
+        let in_flight = Some(InFlight { shows, every: 5 * SECOND, lasts: 2 * SECOND });
+        let mut world = World::one(amt(|_, ecu| ecu.temper = AmtTemper { in_flight, ..AmtTemper::DEFAULT }));
+        world.fly(Rc, 60);
+        world.pass(5.0);
+        let from = world.now();
+        world.pass(30.0);
+        world.assert_not_shut_down(from);
+        let lowest = world.sent(from).filter_map(Frame::throttle).min();
+        assert_eq!(lowest, Some(600), "{shows:?}");
+    }
+}

@@ -1,0 +1,433 @@
+//! Pilots, a node, and simulated ECUs on its wires, in virtual time. A pilot is a stream of one command; a test says who
+//! says what, lets time pass, and looks at the wire and the turbines.
+
+use crate::wire::{Frame, Reader};
+use embassy_time::{Duration, Timer};
+use jetlink::channels::Handle;
+use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::keep::{Memory, Reset};
+use jetlink::line::Line;
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use jetlink::units::{Rpm, Throttle};
+use sim::amt::{AmtConfig, AmtEcu};
+use sim::any::AnyEcu;
+use sim::clock;
+use sim::ecu::{MILLIS, Nanos};
+use sim::turbine::{Phase, Turbine};
+use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use sim::zk::{ZkConfig, ZkEcu};
+use std::future::{Future, poll_fn};
+use std::pin::Pin;
+use std::task::Poll;
+
+pub use jetlink::command::Command::{Arm, Disarm, EmergencyStop, ReleaseStop, Standby};
+pub use jetlink::command::Origin::{Mavlink, Rc};
+
+/// Every source says its command so often.
+const PERIOD: Nanos = 100 * MILLIS;
+/// Start-up of the firmware: nobody reads or writes.
+pub const START_UP: f64 = 0.02;
+
+/// Run, in percent.
+pub fn run(percent: u8) -> Command {
+    Command::Run(Demand::Throttle(Throttle::from_percent(percent).expect("0..=100")))
+}
+
+pub fn run_rpm(rpm: u32) -> Command {
+    Command::Run(Demand::Rpm(Rpm::new(rpm)))
+}
+
+pub fn seconds(time: Nanos) -> f64 {
+    time as f64 / 1e9
+}
+
+/// An Olympus with an AMT ECU at 2400 baud.
+pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineConfig, AnyEcu) {
+    let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
+    let mut ecu = AmtConfig::new(sim::amt::Engine::Olympus);
+    change(&mut config, &mut ecu);
+    (config, AmtEcu::new(ecu).into())
+}
+
+/// An engine with a ZK ECU of this protocol version at 9600 baud.
+pub fn zk(version: u8, change: impl FnOnce(&mut EngineConfig, &mut ZkConfig)) -> (EngineConfig, AnyEcu) {
+    let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
+    let mut ecu = ZkConfig::new(version);
+    change(&mut config, &mut ecu);
+    (config, ZkEcu::new(ecu).into())
+}
+
+struct Pilot {
+    engine: usize,
+    origin: Origin,
+    says: Command,
+    next: Nanos,
+}
+
+pub struct World<const N: usize = 1> {
+    pub configs: [EngineConfig; N],
+    pub plugs: [Plug<AnyEcu>; N],
+    memory: &'static [Memory; N],
+    node: Option<&'static Node<N>>,
+    halves: Vec<(WireRx, WireTx)>,
+    tasks: Vec<Pin<Box<dyn Future<Output = ()>>>>,
+    pilots: Vec<Pilot>,
+    readers: [Reader; N],
+    sent: [Vec<Frame>; N],
+    /// What the node comes out of when it starts.
+    cause: Reset,
+}
+
+impl World {
+    pub fn one(engine: (EngineConfig, AnyEcu)) -> Self {
+        Self::new([engine])
+    }
+}
+
+impl<const N: usize> World<N> {
+    pub fn new(engines: [(EngineConfig, AnyEcu); N]) -> Self {
+        clock::reset();
+        // It outlives every node, as memory does; a few bytes for each test.
+        let memory = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+        let mut world = Self::with_memory(engines, memory);
+        world.boot();
+        world
+    }
+
+    /// A node that is held in reset.
+    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [Memory; N]) -> Self {
+        let configs = std::array::from_fn(|n| engines[n].0);
+        let readers = std::array::from_fn(|n| Reader::new(matches!(engines[n].1, AnyEcu::Amt(_))));
+        let mut halves = Vec::new();
+        let plugs = engines.map(|(config, ecu)| {
+            let line = sim::line::Line::n1(config.line.baud);
+            let (rx, tx, plug) = connect_with(ecu, Settings::new(line, u64::from(config.port)));
+            plug.record(true);
+            halves.push((rx, tx));
+            plug
+        });
+        Self {
+            configs,
+            plugs,
+            memory,
+            node: None,
+            halves,
+            tasks: Vec::new(),
+            pilots: Vec::new(),
+            readers,
+            sent: std::array::from_fn(|_| Vec::new()),
+            cause: Reset::Warm,
+        }
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // The node
+    // ---------------------------------------------------------------------------------------
+
+    /// The node starts after a loss of power that its memory survived.
+    pub fn boot_after_power_loss(&mut self) {
+        self.cause = Reset::PowerLost;
+        self.boot();
+        self.cause = Reset::Warm;
+    }
+
+    /// The node starts, with what its memory kept.
+    pub fn boot(&mut self) {
+        static ERRORS: LineErrors = LineErrors::new();
+        self.halt();
+        // What came while it was held in reset is lost with its UART.
+        self.halves = self.plugs.iter().map(Plug::reset_node).collect();
+        let node: &'static Node<N> = Box::leak(Box::new(
+            Node::with_memory(&self.configs, self.memory, self.cause).expect("a good table"),
+        ));
+        for (runner, (rx, tx)) in node.runners().into_iter().zip(self.halves.drain(..)) {
+            self.tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
+        }
+        self.node = Some(node);
+    }
+
+    /// The node is held in reset from now on: nobody reads, writes or obeys.
+    pub fn halt(&mut self) {
+        self.tasks.clear();
+        if self.node.take().is_some() {
+            self.halves = self.plugs.iter().map(Plug::reset_node).collect();
+        }
+        for plug in &self.plugs {
+            let plug = plug.clone();
+            self.tasks.push(Box::pin(async move { match plug.run().await {} }));
+        }
+        // An ECU without power wants nothing, and time has to go on.
+        self.tasks.push(Box::pin(async {
+            loop {
+                Timer::after_millis(100).await;
+            }
+        }));
+    }
+
+    /// The watchdog resets the node.
+    pub fn reset(&mut self) {
+        self.halt();
+        self.pass(START_UP);
+        self.boot();
+    }
+
+    /// Nothing survives from before.
+    pub fn forget(&mut self) {
+        self.memory.iter().for_each(Memory::clear);
+    }
+
+    pub fn handle(&self, engine: usize) -> Handle<'static> {
+        self.node.expect("the node works").handles()[engine]
+    }
+
+    /// The same node, held in reset, gets other settings and another ECU; its memory stays.
+    pub fn reconfigured(self, config: EngineConfig, ecu: AnyEcu) -> World
+    where
+        Self: Sized,
+    {
+        let memory: &'static [Memory; 1] = std::array::from_ref(&self.memory[0]);
+        drop(self);
+        World::with_memory([(config, ecu)], memory)
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // Pilots
+    // ---------------------------------------------------------------------------------------
+
+    /// From now on this source says this to every engine, over and over.
+    pub fn says(&mut self, origin: Origin, says: Command) {
+        for engine in 0..N {
+            self.says_to(engine, origin, says);
+        }
+    }
+
+    /// The same, to one engine.
+    pub fn says_to(&mut self, engine: usize, origin: Origin, says: Command) {
+        self.pilots.retain(|pilot| (pilot.engine, pilot.origin) != (engine, origin));
+        self.pilots.push(Pilot { engine, origin, says, next: clock::now_ns() });
+    }
+
+    /// From now on this source says nothing.
+    pub fn silent(&mut self, origin: Origin) {
+        self.pilots.retain(|pilot| pilot.origin != origin);
+    }
+
+    /// From now on it says nothing to this engine.
+    pub fn silence(&mut self, engine: usize, origin: Origin) {
+        self.pilots.retain(|pilot| (pilot.engine, pilot.origin) != (engine, origin));
+    }
+
+    /// One word to one engine.
+    pub fn command_to(
+        &mut self,
+        engine: usize,
+        origin: Origin,
+        command: Command,
+    ) -> Result<Accepted, Rejected> {
+        self.handle(engine).command(command, origin)
+    }
+
+    /// One word to the first engine.
+    pub fn command(&mut self, origin: Origin, command: Command) -> Result<Accepted, Rejected> {
+        self.command_to(0, origin, command)
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // Time
+    // ---------------------------------------------------------------------------------------
+
+    /// So many seconds pass.
+    pub fn pass(&mut self, time: f64) {
+        let end = clock::now_ns() + (time * 1e9) as Nanos;
+        loop {
+            let now = clock::now_ns();
+            for n in 0..self.pilots.len() {
+                let Pilot { engine, origin, says, next } = self.pilots[n];
+                if next <= now {
+                    self.pilots[n].next = now + PERIOD;
+                    if self.node.is_some() {
+                        let _ = self.command_to(engine, origin, says);
+                    }
+                }
+            }
+            if now >= end {
+                break;
+            }
+            let next = self.pilots.iter().map(|pilot| pilot.next).chain([end, now + PERIOD]).min();
+            let step = (next.unwrap_or(end) - now).div_ceil(1000);
+            let tasks = &mut self.tasks;
+            let all = poll_fn(|cx| {
+                for task in tasks.iter_mut() {
+                    let _ = task.as_mut().poll(cx);
+                }
+                Poll::<()>::Pending
+            });
+            clock::run_for(all, Duration::from_micros(step));
+            for ((plug, reader), sent) in self.plugs.iter().zip(&mut self.readers).zip(&mut self.sent) {
+                reader.read(&plug.take_log(), sent);
+            }
+        }
+    }
+
+    /// Time passes until this is so; it must be within so many seconds.
+    pub fn until(&mut self, what: &str, within: f64, mut done: impl FnMut(&Self) -> bool) {
+        let from = self.now();
+        while !done(self) {
+            assert!(seconds(self.now() - from) < within, "{what}: not within {within} s");
+            self.pass(0.01);
+        }
+    }
+
+    pub fn now(&self) -> Nanos {
+        clock::now_ns()
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // Engines
+    // ---------------------------------------------------------------------------------------
+
+    pub fn turbine_of<T>(&self, engine: usize, look: impl FnOnce(&mut Turbine) -> T) -> T {
+        self.plugs[engine].ecu(|ecu| look(ecu.turbine_mut()))
+    }
+
+    pub fn turbine<T>(&self, look: impl FnOnce(&mut Turbine) -> T) -> T {
+        self.turbine_of(0, look)
+    }
+
+    pub fn phase(&self) -> Phase {
+        self.turbine(|turbine| turbine.phase())
+    }
+
+    pub fn rpm(&self) -> f64 {
+        self.turbine(|turbine| turbine.rpm())
+    }
+
+    pub fn egt(&self) -> f64 {
+        self.turbine(|turbine| turbine.egt())
+    }
+
+    pub fn ignitions(&self) -> usize {
+        self.turbine(|turbine| turbine.history().ignitions.len())
+    }
+
+    pub fn zk(&self, act: impl FnOnce(&mut ZkEcu)) {
+        self.plugs[0].ecu(|ecu| match ecu {
+            AnyEcu::Zk(ecu) => act(ecu),
+            AnyEcu::Amt(_) => panic!("an AMT ECU"),
+        });
+    }
+
+    pub fn amt(&self, act: impl FnOnce(&mut AmtEcu)) {
+        self.plugs[0].ecu(|ecu| match ecu {
+            AnyEcu::Amt(ecu) => act(ecu),
+            AnyEcu::Zk(_) => panic!("a ZK ECU"),
+        });
+    }
+
+    /// Takes the supply of the first ECU away for so long.
+    pub fn dip(&mut self, time: f64) {
+        self.plugs[0].power(false);
+        self.pass(time);
+        self.plugs[0].power(true);
+    }
+
+    /// The first ECU loses power for good.
+    pub fn power(&mut self, on: bool) {
+        self.plugs[0].power(on);
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // What every pilot does
+    // ---------------------------------------------------------------------------------------
+
+    /// Armed, and in standby for long enough to be started by this source.
+    pub fn ready(&mut self, origin: Origin) {
+        for engine in 0..N {
+            self.command_to(engine, origin, Arm).expect("arming is never refused");
+        }
+        self.says(origin, Standby);
+        self.until("standby", 900.0, |world| (0..N).all(|engine| world.is_in_standby(engine)));
+        self.pass(2.0);
+    }
+
+    fn is_in_standby(&self, engine: usize) -> bool {
+        self.turbine_of(engine, |turbine| turbine.phase() == Phase::Standby && turbine.rpm() < 1.0)
+    }
+
+    /// The whole way to running engines at idle, as one source has to go.
+    pub fn start(&mut self, origin: Origin) {
+        self.ready(origin);
+        self.says(origin, run(0));
+        self.until("running", 150.0, |world| {
+            (0..N).all(|engine| world.turbine_of(engine, |turbine| turbine.phase() == Phase::Running))
+        });
+        self.pass(2.0);
+    }
+
+    /// Running at this throttle.
+    pub fn fly(&mut self, origin: Origin, percent: u8) {
+        self.start(origin);
+        self.says(origin, run(percent));
+        self.pass(8.0);
+        assert_eq!(self.throttle_sent(0), Some(u16::from(percent) * 10));
+    }
+
+    /// A proper new start lights the engine again, exactly once more. It shows that what kept the engine from starting
+    /// before was the rule and nothing else.
+    pub fn starts_again(&mut self, origin: Origin) {
+        let before = self.ignitions();
+        self.start(origin);
+        assert_eq!(self.ignitions(), before + 1, "one start, one ignition");
+    }
+
+    // ---------------------------------------------------------------------------------------
+    // The wire
+    // ---------------------------------------------------------------------------------------
+
+    /// The frames to an engine since then.
+    pub fn sent_to(&self, engine: usize, since: Nanos) -> impl DoubleEndedIterator<Item = &Frame> {
+        self.sent[engine].iter().filter(move |frame| frame.at >= since)
+    }
+
+    /// The frames to the first engine since then.
+    pub fn sent(&self, since: Nanos) -> impl DoubleEndedIterator<Item = &Frame> {
+        self.sent_to(0, since)
+    }
+
+    /// The throttle that went out last, in tenths of a percent, if the last switch that went out is run.
+    pub fn throttle_sent(&self, engine: usize) -> Option<u16> {
+        let last = self.sent_to(engine, 0).rfind(|frame| frame.is_run() || frame.is_stop())?;
+        last.is_run().then(|| self.sent_to(engine, 0).rev().find_map(Frame::throttle)).flatten()
+    }
+
+    /// Nothing said run since then.
+    #[track_caller]
+    pub fn assert_not_told_run(&self, since: Nanos) {
+        if let Some(frame) = self.sent(since).find(|frame| frame.is_run()) {
+            let count = self.sent(since).filter(|frame| frame.is_run()).count();
+            let after = seconds(frame.at - since);
+            panic!("told run {count} times, the first {after:.2} s later: {:?}", frame.sent);
+        }
+    }
+
+    /// Nothing shut the engine down since then.
+    #[track_caller]
+    pub fn assert_not_shut_down(&self, since: Nanos) {
+        if let Some(frame) = self.sent(since).find(|frame| frame.is_stop()) {
+            panic!("shut down {:.2} s later: {:?}", seconds(frame.at - since), frame.sent);
+        }
+        assert_eq!(self.phase(), Phase::Running);
+    }
+
+    /// The turbine was lit so many times since it was built.
+    #[track_caller]
+    pub fn assert_ignitions(&self, count: usize) {
+        let at = self.turbine(|turbine| turbine.history().ignitions.clone());
+        let at: Vec<f64> = at.into_iter().map(seconds).collect();
+        assert_eq!(at.len(), count, "ignitions at {at:.1?} s, now it is {:.1} s", seconds(self.now()));
+    }
+}
