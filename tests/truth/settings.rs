@@ -17,13 +17,6 @@ use sim::amt::{AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
 use sim::any::AnyEcu;
 use sim::zk::{ZkConfig, ZkEcu, ZkTemper};
 
-/// The demand rises so fast after a start, a take-over, a limit or a gap, 0.1 % a second.
-const RISE: u32 = 500;
-/// A lower source's standby waits so long after the stages of loss.
-const LOWER_STANDBY_AFTER: u64 = 5 * SECOND;
-/// A pump is held open at most so long.
-const PUMP_BOUND: u64 = 600 * SECOND;
-
 /// One engine: how the node is configured for it, and what its ECU is.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -198,8 +191,10 @@ fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
     let engine = rng.pick(&[None, Some(Engine::Olympus)]);
     let mut config = EngineConfig::amt("amt", port, line, engine);
     let start_throttle = rng.pick(&[0, 0, 0, 200]);
+    let serial_delay = rng.pick(&[2, 4, 4]);
     if let EcuConfig::Amt(amt) = &mut config.ecu {
         amt.start_throttle = throttle(start_throttle);
+        amt.serial_delay = Duration::from_secs(serial_delay);
     }
     let states = [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(30)];
     let in_flight = InFlight {
@@ -209,6 +204,7 @@ fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
     };
     let temper = AmtTemper {
         wants_auto_stop_first: rng.percent(30),
+        clearance: rng.pick(&[100, 1000, 1000, 4000]) * 1_000_000,
         last_state_first: rng.pick(&[0, 0, 0, 1]),
         starts_hot: rng.percent(35),
         in_flight: rng.percent(20).then_some(in_flight),
@@ -217,7 +213,7 @@ fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
     let ecu = AmtConfig {
         temper,
         log: 8,
-        serial_delay: rng.pick(&[2, 4, 4]) * 1_000_000_000,
+        serial_delay: serial_delay * 1_000_000_000,
         boot: rng.pick(&[30, 200, 500, 500, 3000]) * 1_000_000,
         start_throttle: (start_throttle / 5) as u8,
         loss_is_an_error: rng.percent(20),
@@ -298,13 +294,13 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         takeover: micros(all.takeover.within),
         hold: micros(all.loss.hold),
         ramp: all.loss.ramp.into(),
-        rise: RISE,
+        rise: all.rise.into(),
         slew_up: all.slew.up.map(u32::from),
         slew_down: all.slew.down.map(u32::from),
         fail_safe: all.loss.throttle.tenths().into(),
         standby_after: all.loss.standby_after.map(micros),
-        lower_standby_after: LOWER_STANDBY_AFTER,
-        listen: micros(all.listen),
+        lower_standby_after: micros(all.loss.lower_standby_after),
+        listen: SECOND,
         arming: all.start.arming,
         link_stable: micros(all.start.link_stable).min(800 * MS),
         idle_band: all.start.idle_band.tenths().into(),
@@ -313,7 +309,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         start_wait: others * (micros(all.start.gap) + 120 * SECOND),
         start_throttle,
         governor: all.governor.is_some(),
-        pump_bound: PUMP_BOUND,
+        pump_bound: micros(all.service_time),
         gives_up_after: gives_up_after / 1000,
         stale: match ecu {
             Ecu::Amt(ecu) => ecu.temper.last_state_first.into(),
@@ -338,13 +334,14 @@ pub fn command(word: Word, amt: bool) -> Option<Command> {
         Ask::Rpm(rpm) => Demand::Rpm(Rpm::new(rpm)),
     };
     Some(match word {
-        Word::Standby | Word::ShutDown => Command::Standby,
+        Word::Standby => Command::Standby,
+        Word::ShutDown => Command::ShutDown,
         Word::Run(ask) => Command::Run(demand(ask)),
         Word::Stop => Command::EmergencyStop,
         Word::Release => Command::ReleaseStop,
         Word::Arm => Command::Arm,
         Word::Disarm => Command::Disarm,
-        Word::Nothing => return None,
+        Word::Nothing => Command::Present,
         Word::Pwm => Command::HandOverToPwm,
         Word::Service(_) if amt => return None,
         Word::Service(number) => Command::Service(Service::Zk(ZkService::Action(action(number)?))),

@@ -12,7 +12,7 @@ use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
 use jetlink::channels::Handle;
 use jetlink::config::EngineConfig;
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{self, Memory};
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use sim::clock;
@@ -54,7 +54,7 @@ pub fn now() -> u64 {
 
 /// The words behind a record, to write them as a loss of power would leave them.
 fn words(memory: &Memory) -> &[AtomicU32] {
-    const { assert!(size_of::<Memory>() % 4 == 0 && align_of::<Memory>() == 4) };
+    const { assert!(size_of::<Memory>() % 4 == 0 && align_of::<Memory>() % 4 == 0) };
     // SAFETY: a `Memory` is atomic words and nothing else, and those may be shared and take any value.
     unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<Memory>() / 4) }
 }
@@ -91,13 +91,14 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
     let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
     let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
-    let mut other_settings = false;
+    let (mut other_settings, mut before) = (false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
     loop {
         let configs = if other_settings { &others } else { &configs };
-        let ended = boot(rng, &mut seats, &mut halves, configs, memory, &mut fate, end);
+        let ended = boot(rng, &mut seats, &mut halves, configs, memory, before, &mut fate, end);
         let Some(Blow { down, cause, with_ecu, .. }) = ended else { break };
+        before = cause;
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
         for seat in &mut seats {
@@ -208,11 +209,16 @@ fn boot<const N: usize>(
     halves: &mut Vec<(WireRx, WireTx)>,
     configs: &[EngineConfig; N],
     memory: &'static [Memory; N],
+    cause: Cause,
     fate: &mut Fate,
     end: u64,
 ) -> Option<Blow> {
     static ERRORS: LineErrors = LineErrors::new();
-    let node = Node::with_memory(configs, memory).expect("valid");
+    let reset = match cause {
+        Cause::Watchdog => keep::Reset::Warm,
+        Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
+    };
+    let node = Node::with_memory(configs, memory, reset).expect("valid");
     let handles = node.handles();
     let mut tasks: Tasks<'_> = nature(seats);
     for (runner, (rx, tx)) in node.runners().into_iter().zip(halves.drain(..)) {
