@@ -20,6 +20,8 @@ pub enum Fault {
     Damage(bool, bool),
     /// Some bytes are.
     Noise,
+    /// So many bytes of a million, from the ECU, have a framing error.
+    Framing(u32),
     FlameOut,
     HotStarts(bool),
     NoLight(bool),
@@ -224,6 +226,13 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
             let flips = Faults { flip_per_million: rng.pick(&[0, 1000, 20_000]), ..some };
             plug.set_faults(some, flips);
         }
+        Fault::Framing(per_million) => {
+            plug.framing(FramingAs::Error);
+            plug.set_faults(
+                Faults { framing_per_million: per_million, ..Faults::default() },
+                Faults::default(),
+            );
+        }
         Fault::FlameOut => plug.ecu(|ecu| ecu.turbine_mut().flame_out()),
         Fault::HotStarts(hot) => plug.ecu(|ecu| ecu.turbine_mut().hot_start(hot)),
         Fault::NoLight(dark) => plug.ecu(|ecu| ecu.turbine_mut().no_light(dark)),
@@ -250,7 +259,9 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     match fault {
         Fault::PowerOff => plug.power(true),
         Fault::CutToNode | Fault::CutToEcu | Fault::CutBoth => plug.cut(false),
-        Fault::Damage(..) | Fault::Noise => plug.set_faults(Faults::default(), Faults::default()),
+        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) => {
+            plug.set_faults(Faults::default(), Faults::default())
+        }
         Fault::Error(_) => plug.ecu(|ecu| match ecu {
             AnyEcu::Amt(ecu) => ecu.set_errors(0),
             AnyEcu::Zk(ecu) => ecu.set_error(None),
@@ -275,7 +286,9 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             add(&mut history.mute);
             add(&mut history.deaf);
         }
-        Fault::Damage(..) | Fault::Noise | Fault::OneWrongFrame => add(&mut history.noise),
+        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) | Fault::OneWrongFrame => {
+            add(&mut history.noise)
+        }
         Fault::Sensor(_) => add(&mut history.sensor),
         _ => {}
     }

@@ -130,7 +130,7 @@ impl<'a> Case<'a> {
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute);
         Self {
             voices: Voices::new(h),
-            live: h.times(|sample| sample.phase.is_live()),
+            live: live(h),
             runs: h.times(|sample| sample.runs()),
             down: h.down(),
             blind,
@@ -175,6 +175,13 @@ impl<'a> Case<'a> {
         all.sort_unstable();
         all
     }
+}
+
+/// When the turbine was between an ignition and its end. One that ended before the next sample counts, too.
+fn live(h: &History) -> Spans {
+    let begins = h.marks.iter().filter(|(_, mark)| matches!(mark, Mark::Ignition | Mark::Relight));
+    let begins: Vec<(u64, u64)> = begins.map(|(at, _)| (*at, at + 60 * MS)).collect();
+    h.times(|sample| sample.phase.is_live()).union(&Spans::from(&begins))
 }
 
 /// Judges one engine.

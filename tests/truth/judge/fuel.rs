@@ -4,8 +4,8 @@ use super::{Case, Rule, seconds};
 use crate::history::{MS, SECOND, Spans, Told, Word};
 use sim::turbine::Phase;
 
-/// Services that move fuel or heat: drain, glow plug, valves, pump, starter, pump held open.
-const MOVES: [u8; 7] = [1, 2, 3, 4, 5, 6, 12];
+/// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
+const MOVES: [u8; 6] = [1, 2, 3, 4, 5, 12];
 const OPEN_PUMP: u8 = 12;
 
 impl Case<'_> {

@@ -9,8 +9,10 @@ use sim::turbine::Phase;
 pub(super) struct Start {
     pub source: usize,
     pub at: u64,
-    /// Withdrawn then: by a stop, a disarm, its own or a fresh source's change to standby.
+    /// Withdrawn then: by a stop, a disarm, a person, its own standby or a higher source's change to it.
     pub until: u64,
+    /// Withdrawn then if it still waits: by any fresh source's change to standby.
+    pub waits_until: u64,
     used: bool,
 }
 
@@ -21,19 +23,20 @@ impl Case<'_> {
         let mut starts: Vec<Start> = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
         for said in &self.h.said {
-            let (at, source) = (said.at, said.source);
-            let withdraw = |starts: &mut Vec<Start>, whose: Option<usize>| {
-                for start in starts.iter_mut().filter(|start| start.until > at) {
-                    if whose.is_none_or(|whose| whose == start.source) {
-                        start.until = at;
-                    }
+            let (at, source) = (said.at, said.source); // Of whom: of the sources from this one on.
+            let withdraw = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
+                for start in starts.iter_mut().filter(|start| of(start.source)) {
+                    start.until = start.until.min(at);
                 }
             };
             match said.word {
                 Word::Standby => {
                     ready[source] = true;
                     let changed = matches!(last[source], Some(Word::Run(_)));
-                    withdraw(&mut starts, (!changed).then_some(source));
+                    withdraw(&mut starts, &|of| of == source || changed && source < of);
+                    for start in starts.iter_mut().filter(|_| changed) {
+                        start.waits_until = start.waits_until.min(at);
+                    }
                 }
                 Word::Run(ask) => {
                     let idle = match ask {
@@ -41,14 +44,20 @@ impl Case<'_> {
                         Ask::Rpm(rpm) => rpm <= idle_rpm,
                     };
                     if core::mem::take(&mut ready[source]) && idle {
-                        starts.push(Start { source, at, until: u64::MAX, used: false });
+                        starts.push(Start {
+                            source,
+                            at,
+                            until: u64::MAX,
+                            waits_until: u64::MAX,
+                            used: false,
+                        });
                     }
                 }
                 Word::Stop => {
                     ready = [false; 4];
-                    withdraw(&mut starts, None);
+                    withdraw(&mut starts, &|_| true);
                 }
-                Word::Disarm | Word::ShutDown => withdraw(&mut starts, None),
+                Word::Disarm | Word::ShutDown => withdraw(&mut starts, &|_| true),
                 _ => {}
             }
             if said.word.is_heard() {
@@ -114,6 +123,9 @@ impl Case<'_> {
         let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
         let began = first.map_or(at, |frame| frame.at.min(at));
         let longest = |until| self.longest_gap(start.source, start.at, until);
+        if began > start.waits_until.saturating_add(100 * MS) {
+            return who("waited, and was withdrawn");
+        }
         if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
             return who("waited, and its source was lost");
         }
