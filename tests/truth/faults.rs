@@ -227,7 +227,7 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
             plug.set_faults(some, flips);
         }
         Fault::Framing(per_million) => {
-            plug.framing(FramingAs::Error);
+            plug.framing(FramingAs::Data);
             plug.set_faults(
                 Faults { framing_per_million: per_million, ..Faults::default() },
                 Faults::default(),

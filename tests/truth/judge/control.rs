@@ -74,13 +74,19 @@ impl Voices {
         }
     }
 
-    /// When anybody was last heard before or at an instant.
-    pub fn last_heard(&self, at: u64) -> Option<u64> {
-        (0..4)
-            .filter_map(|source| {
-                self.until(source, at).iter().rev().find(|(_, word)| word.is_heard()).map(|(when, _)| *when)
-            })
-            .max()
+    /// When anybody last said run, before or at an instant.
+    pub fn last_run(&self, at: u64) -> Option<u64> {
+        let run = |word: &&(u64, Word)| matches!(word.1, Word::Run(_));
+        (0..4).filter_map(|source| self.until(source, at).iter().rev().find(run).map(|(when, _)| *when)).max()
+    }
+
+    /// The last run of a source that had spoken without a gap for so long.
+    pub fn in_control_for_sure(&self, source: usize, at: u64, for_so_long: u64) -> Option<u64> {
+        let gaps = &self.gaps[source];
+        self.until(source, at).iter().rev().take(4000).find_map(|&(when, word)| {
+            let since = gaps[..gaps.partition_point(|after| *after <= when)].last()?;
+            (matches!(word, Word::Run(_)) && when >= since + for_so_long).then_some(when)
+        })
     }
 
     pub fn armed(&self, at: u64) -> bool {

@@ -57,7 +57,7 @@ impl Case<'_> {
                 let time = (at - when) + rules.period + 20 * MS;
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
-                let fast = share > low + risen(rules.rise) && !self.moved(at, low, share);
+                let fast = share > low + risen(rules.rise) && !self.moved(at, low + risen(rules.rise), share);
                 if (slow || fast) && share > idle + STEP {
                     self.verdict.finding(
                         Rule::Rate,

@@ -100,6 +100,20 @@ impl Case<'_> {
             );
         }
     }
+    /// Whether a higher source, which says run, keeps this one's standby from taking effect.
+    fn holds_against(&self, higher: usize, source: usize, at: u64) -> bool {
+        let rules = &self.h.rules;
+        // It was in control for sure at this word.
+        let Some(sure) = self.voices.in_control_for_sure(higher, at, rules.recover_after + rules.takeover)
+        else {
+            return false;
+        };
+        let lost = sure + self.voices.age(higher);
+        // Or the other one has taken over since, with a run of its own.
+        let took_over = self.voices.until(source, at).iter().rev().take_while(|(when, _)| *when > lost);
+        let took_over = took_over.clone().any(|(_, word)| matches!(word, Word::Run(_)));
+        at < lost + rules.hold + rules.lower_standby_after && !took_over
+    }
 
     /// Whether a pilot, or the end of the stages of loss, is a reason for standby or stop at this instant.
     fn reason_to_stop(&self, at: u64) -> bool {
@@ -121,24 +135,12 @@ impl Case<'_> {
             let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
             let near = second - first <= self.voices.age(source).max(2 * period) + MS;
             let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
-            near && fresh
-                && (0..source).all(|higher| {
-                    let last = self.voices.last(higher, at);
-                    last.is_none_or(|(when, word)| match word {
-                        Word::Run(_) => {
-                            at + slack
-                                >= when + self.voices.age(higher) + rules.hold + rules.lower_standby_after
-                        }
-                        Word::Nothing => true,
-                        _ => true,
-                    })
-                })
+            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at + slack))
         });
         if asked {
             return true;
-        }
-        // All sources silent until the last stage.
-        let heard = self.voices.last_heard(at).unwrap_or(0);
+        } // Nobody has said run until the last stage of loss.
+        let heard = self.voices.last_run(at).unwrap_or(0);
         let up = h
             .resets
             .iter()
@@ -150,7 +152,17 @@ impl Case<'_> {
             Some(up) if heard < up => up,
             _ => heard + youngest,
         };
-        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at); // From the third reset without a source on, it resumes at the fail-safe; and a loop that is too short to listen
+        // ends in standby after 10 s, for ZK.
+        let resets: Vec<u64> =
+            h.resets.iter().map(|reset| reset.up).filter(|up| (heard..=at).contains(up)).collect();
+        if resets.len() >= 3 && rules.standby_after.is_some() {
+            return true;
+        }
+        let loops = resets.last().is_some_and(|up| at < up + 3 * SECOND);
+        if loops && h.rules.kind != Kind::Amt && at + slack >= heard + 10 * SECOND {
+            return true;
+        }
         let last_stage = match (rules.standby_after, hidden) {
             (Some(after), true) => Some(after.min(10 * SECOND)),
             (None, true) => Some(10 * SECOND),
