@@ -229,6 +229,8 @@ pub struct Rules {
     pub pump_bound: u64,
     /// The ECU gives up so long after the last command: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
+    /// ID 0 alone does not keep a ZK ECU up to version 4 from giving up.
+    pub gives_up_on_empty: bool,
     /// So many reports after a power-up still say what was before it.
     pub stale: u64,
     /// From power to the first report.

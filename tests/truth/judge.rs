@@ -127,7 +127,8 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(h: &'a History) -> Self {
-        let blind = h.unpowered.longer(h.rules.boot).union(&h.mute);
+        let boots = Spans::from(&[(0, h.rules.boot)]);
+        let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
         Self {
             voices: Voices::new(h),
             live: live(h),

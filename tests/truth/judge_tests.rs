@@ -43,6 +43,7 @@ fn rules(kind: Kind) -> Rules {
         governor: false,
         pump_bound: 30 * SECOND,
         gives_up_after: 2 * SECOND,
+        gives_up_on_empty: false,
         stale: 0,
         boot: 300 * MS,
         idle_rpm: 50_000.0,

@@ -139,8 +139,8 @@ fn throttle(tenths: u16) -> Throttle {
 fn supervision(rng: &mut Rng) -> Supervision {
     let mut all = Supervision::DEFAULT;
     if rng.percent(60) {
-        all.ages.emergency = ms(rng.pick(&[200, 500, 2000]));
-        all.ages.rc = ms(rng.pick(&[250, 500, 1000]));
+        all.ages.emergency = ms(rng.pick(&[300, 500, 2000]));
+        all.ages.rc = ms(rng.pick(&[300, 500, 1000]));
         all.ages.mavlink = ms(rng.pick(&[500, 1000, 3000]));
         all.ages.bench = ms(rng.pick(&[300, 500, 1500]));
         all.recover_after = ms(rng.pick(&[100, 500, 1000, 2000]));
@@ -311,6 +311,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         governor: all.governor.is_some(),
         pump_bound: micros(all.service_time),
         gives_up_after: gives_up_after / 1000,
+        gives_up_on_empty: matches!(ecu, Ecu::Zk(ecu) if !ecu.temper.empty_keeps_control),
         stale: match ecu {
             Ecu::Amt(ecu) => ecu.temper.last_state_first.into(),
             Ecu::Zk(ecu) => ecu.temper.last_state_first.into(),

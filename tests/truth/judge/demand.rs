@@ -14,9 +14,16 @@ impl Case<'_> {
             Ask::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
         }
     }
-
-    /// A pilot moved the stick just now, from a demand that was in force to this one or more.
+    /// A pilot moved the stick just now, from a demand that was in force to this one or more. What goes out may be reduced
+    /// because another engine has failed.
     fn moved(&self, at: u64, from: f64, to: f64) -> bool {
+        let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
+        let part =
+            self.h.rules.when_other_fails.filter(|_| failed).map_or(1.0, |part| f64::from(part) / 1000.0);
+        self.moved_to(at, from, to) || self.moved_to(at, from / part, to / part)
+    }
+
+    fn moved_to(&self, at: u64, from: f64, to: f64) -> bool {
         let reach = 3 * self.h.rules.period + 50 * MS;
         self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
             let Word::Run(ask) = said.word else { return false };

@@ -30,8 +30,14 @@ impl Case<'_> {
             ],
             Kind::Zk(_) => Vec::new(),
         };
+        if matches!(h.rules.kind, Kind::Zk(..5)) && h.rules.gives_up_on_empty {
+            // What is prescribed in doubt is what this ECU does not put up with.
+            let doubt = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
+            all.push(("ZK up to 4 that gives up on ID 0, in doubt", doubt.longer(2 * self.two_states())));
+        }
         if let Some((egt, true)) = h.rules.limit_egt {
-            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0);
+            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0); // A broken thermocouple reads far above it.
+            let over = over.union(&h.sensor);
             all.push(("a limit whose action is standby", over.longer(SETTLES)));
         }
         if h.rules.limit_fault == Some(true) {
@@ -197,11 +203,13 @@ impl Case<'_> {
         let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         // The fail-safe of a limit holds until standby.
         let ran = h.samples(since.saturating_sub(60 * SECOND), at);
-        let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if ran.iter().any(|sample| sample.egt > egt - 10.0));
+        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
+        let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
         let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
-        limit_egt || limit_fault || other
+        let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
+        limit_egt || limit_fault || other || ctf
     }
 
     pub(super) fn held_down(&mut self) {

@@ -22,8 +22,10 @@ impl Case<'_> {
         let idle_rpm = self.h.rules.idle_rpm as u32;
         let mut starts: Vec<Start> = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
+        let recovered = self.h.rules.recover_after + self.h.rules.takeover;
         for said in &self.h.said {
-            let (at, source) = (said.at, said.source); // Of whom: of the sources from this one on.
+            let (at, source) = (said.at, said.source);
+            // Of whom.
             let withdraw = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
                 for start in starts.iter_mut().filter(|start| of(start.source)) {
                     start.until = start.until.min(at);
@@ -32,8 +34,11 @@ impl Case<'_> {
             match said.word {
                 Word::Standby => {
                     ready[source] = true;
-                    let changed = matches!(last[source], Some(Word::Run(_)));
-                    withdraw(&mut starts, &|of| of == source || changed && source < of);
+                    let changed = matches!(last[source], Some((when, Word::Run(_))) if at <= when + self.voices.age(source));
+                    // A stray word of a source that was away changes nothing; of a higher one it has to take effect.
+                    let spoken =
+                        self.voices.speaks_since(source, at).is_some_and(|since| at >= since + recovered);
+                    withdraw(&mut starts, &|of| of == source || changed && spoken && source < of);
                     for start in starts.iter_mut().filter(|_| changed) {
                         start.waits_until = start.waits_until.min(at);
                     }
@@ -61,7 +66,7 @@ impl Case<'_> {
                 _ => {}
             }
             if said.word.is_heard() {
-                last[source] = Some(said.word);
+                last[source] = Some((at, said.word));
             }
         }
         starts
