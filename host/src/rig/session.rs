@@ -14,6 +14,7 @@ use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channels::{Channel, Events};
 use jetlink::command::{Demand, Order, Ordered, Rejected};
+use jetlink::engine::life::End;
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
@@ -301,10 +302,16 @@ async fn listen(
         if matches!(event, Event::Limit(Passed { what: Watched::StartTimeout, .. })) {
             desk.audit.borrow_mut().withdrawn(clock::now_ns());
         }
-        if matches!(event, Event::RunWithdrawn(_)) {
-            let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
+        if let Event::RunWithdrawn(end) = event {
+            let phase = plug.ecu(|ecu| ecu.turbine().phase());
             let mut audit = desk.audit.borrow_mut();
-            if !live || channel.handle().telemetry().link == LinkState::Lost {
+            // A gap in a start ends it, and so does a start that begins anew behind one.
+            let start_ended = phase.is_starting() && matches!(end, End::GapInStart | End::StartsAgain);
+            if !phase.is_live()
+                || start_ended
+                || end == End::Unconfirmed
+                || channel.handle().telemetry().link == LinkState::Lost
+            {
                 audit.withdrawn(clock::now_ns());
             } else {
                 audit.withdrawn_in_error(clock::now_ns());
