@@ -98,8 +98,10 @@ Exit status:
      that had to happen did
   1  otherwise, or a file could not be written
   2  a wrong option
-  Without --fast the run is in real time, and this computer has to keep the windows of 30 ms: if it stalls, one
-  may be missed, and the exit status says so.";
+
+Time:
+  All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
+  delays the run and does not change it: the same seed gives the same result, live and with --fast.";
 
 /// Arguments of `jetlink rig`.
 #[derive(clap::Args, Debug)]
@@ -109,7 +111,7 @@ pub struct Args {
     #[arg(long = "engine", value_name = "DESCRIPTION")]
     engines: Vec<String>,
 
-    /// Virtual time: as quick as the machine allows, and the same output for the same seed
+    /// As quick as the machine allows, instead of in real time
     #[arg(long)]
     fast: bool,
 

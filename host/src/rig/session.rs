@@ -88,7 +88,7 @@ type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 /// Runs. `show` is called with all that is to be shown and says whether to go on.
 pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
-    clock::set_pace(if setup.fast { clock::Pace::Virtual } else { clock::Pace::Wall });
+    clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::RealTime });
 
     let count = setup.engines.len();
     let notes = Notes::default();
