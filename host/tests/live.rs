@@ -74,7 +74,10 @@ fn busy_and_stopped(args: &[&str], engine_time: Duration) {
                 let took = began.elapsed();
                 assert_eq!(status.code(), Some(0), "{text}");
                 assert_eq!(&text, fast_text, "the output of a live run differs from that of --fast");
-                assert!(std::fs::read_to_string(csv).expect("the CSV file") == *fast_rows, "the CSV files differ");
+                assert!(
+                    std::fs::read_to_string(csv).expect("the CSV file") == *fast_rows,
+                    "the CSV files differ"
+                );
                 // It was in real time, and the stop delayed it.
                 let least = engine_time + STOPPED_FOR - Duration::from_millis(500);
                 assert!(took >= least && took < engine_time + STOPPED_FOR + PATIENCE, "{took:?}");
