@@ -7,7 +7,12 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::sync::Mutex;
 
-const PIN: &str = "1.98.0";
+/// The version in `pinned-toolchain.toml`.
+fn pin() -> &'static str {
+    let mut lines = include_str!("../pinned-toolchain.toml").lines();
+    lines.find_map(|line| line.strip_prefix("channel = ")).expect("a channel").trim_matches('"')
+}
+
 const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Held while a script is written and while a process starts: a process that starts meanwhile has the script open
@@ -21,10 +26,11 @@ struct Computer {
 
 impl Computer {
     /// With rustup, which has these toolchains and these targets for the pinned one, and with its `cargo`.
-    fn new(name: &str, toolchains: &[&str], targets: &[&str]) -> Self {
+    fn new(name: &str, toolchains: &[String], targets: &[&str]) -> Self {
         let computer = Self::without_rustup(name);
+        let targets: Vec<String> = targets.iter().map(|&target| target.to_owned()).collect();
         let list =
-            |names: &[&str]| names.iter().map(|name| format!("    echo '{name}'\n")).collect::<String>();
+            |names: &[String]| names.iter().map(|name| format!("    echo '{name}'\n")).collect::<String>();
         computer.program(
             "rustup",
             &format!(
@@ -32,7 +38,8 @@ impl Computer {
                  case \"$*\" in\n  'toolchain list')\n{}    ;;\n  'target list --installed --toolchain {PIN}')\n{}    \
                  ;;\n  *) exit 9 ;;\nesac\n",
                 list(toolchains),
-                list(targets)
+                list(&targets),
+                PIN = pin(),
             ),
         );
         // Like rustup's own: the toolchain is what RUSTUP_TOOLCHAIN says.
@@ -109,13 +116,17 @@ exit 7
 ";
 
 /// All that is needed beside programs.
-const TOOLCHAINS: [&str; 2] =
-    ["stable-x86_64-unknown-linux-gnu (active, default)", "1.98.0-x86_64-unknown-linux-gnu"];
+fn toolchains() -> [String; 2] {
+    [
+        "stable-x86_64-unknown-linux-gnu (active, default)".into(),
+        format!("{}-x86_64-unknown-linux-gnu", pin()),
+    ]
+}
 const TARGETS: [&str; 2] = [TARGET, "x86_64-unknown-linux-gnu"];
 
 #[test]
 fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
-    let computer = Computer::new("complete", &TOOLCHAINS, &TARGETS);
+    let computer = Computer::new("complete", &toolchains(), &TARGETS);
     computer.program("probe-rs", "exit 0\n");
     computer.program("qemu-system-arm", "exit 0\n");
     let firmware = format!("--release --target {TARGET} --package jetlink --bin jetlink-fw --features");
@@ -148,7 +159,7 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
         assert_eq!(
             environment,
             [
-                "RUSTUP_TOOLCHAIN=1.98.0",
+                format!("RUSTUP_TOOLCHAIN={}", pin()).as_str(),
                 "CARGO=unset",
                 "CARGO_PKG_NAME=unset",
                 "CARGO_MANIFEST_DIR=unset",
@@ -161,15 +172,17 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
 
 #[test]
 fn a_missing_toolchain_is_one_sentence_with_the_command_that_installs_it() {
+    let pin = pin();
     let install =
-        format!("rustup toolchain install --no-self-update --profile minimal --target {TARGET} {PIN}");
-    // Neither another patch release nor a longer number is the pin.
-    for others in [&[][..], &["1.98.1-x86_64-unknown-linux-gnu"], &["1.98.01", "stable-1.98.0", "11.98.0"]] {
-        let computer = Computer::new("no-toolchain", others, &TARGETS);
+        format!("rustup toolchain install --no-self-update --profile minimal --target {TARGET} {pin}");
+    // Neither a longer number nor the name of another toolchain is the pin.
+    let longer = format!("{pin}1-x86_64-unknown-linux-gnu");
+    for others in [vec![], vec![longer], vec![format!("stable-{pin}"), format!("1{pin}")]] {
+        let computer = Computer::new("no-toolchain", &others, &TARGETS);
         for task in [&["fw", "board-pixracer"][..], &["image", "pixracer"], &["emu"], &["qemu"]] {
             let text = computer.refuses(task);
             assert!(
-                text.contains("Rust 1.98.0, which is not installed") && text.contains(&install),
+                text.contains(&format!("Rust {pin}, which is not installed")) && text.contains(&install),
                 "{text}"
             );
         }
@@ -178,9 +191,9 @@ fn a_missing_toolchain_is_one_sentence_with_the_command_that_installs_it() {
 
 #[test]
 fn a_missing_target_is_one_sentence_with_the_command_that_installs_it() {
-    let computer = Computer::new("no-target", &TOOLCHAINS, &["x86_64-unknown-linux-gnu"]);
+    let computer = Computer::new("no-target", &toolchains(), &["x86_64-unknown-linux-gnu"]);
     let text = computer.refuses(&["fw", "board-pixracer"]);
-    assert!(text.contains(&format!("rustup target add --toolchain {PIN} {TARGET}")), "{text}");
+    assert!(text.contains(&format!("rustup target add --toolchain {} {TARGET}", pin())), "{text}");
 }
 
 #[test]
@@ -201,7 +214,7 @@ fn a_rustup_that_fails_is_quoted() {
 
 #[test]
 fn a_cargo_that_is_not_rustups_is_reported() {
-    let computer = Computer::new("other-cargo", &TOOLCHAINS, &TARGETS);
+    let computer = Computer::new("other-cargo", &toolchains(), &TARGETS);
     computer.program("cargo", "echo 'cargo 1.95.0 (f2d3ce0bd 2026-03-21)'\n");
     let text = computer.refuses(&["fw", "board-pixracer"]);
     assert!(text.contains("not rustup's (cargo 1.95.0"), "{text}");
@@ -209,7 +222,7 @@ fn a_cargo_that_is_not_rustups_is_reported() {
 
 #[test]
 fn a_missing_program_is_one_sentence_where_it_is_needed() {
-    let computer = Computer::new("no-programs", &TOOLCHAINS, &TARGETS);
+    let computer = Computer::new("no-programs", &toolchains(), &TARGETS);
     for task in ["qemu", "qemu-test"] {
         let text = computer.refuses(&[task]);
         assert!(text.contains("qemu-system-arm is not installed") && text.contains("apt install"), "{text}");
@@ -227,7 +240,7 @@ fn a_missing_program_is_one_sentence_where_it_is_needed() {
 
 #[test]
 fn what_is_no_task_is_reported() {
-    let computer = Computer::new("no-task", &TOOLCHAINS, &TARGETS);
+    let computer = Computer::new("no-task", &toolchains(), &TARGETS);
     for arguments in [&[][..], &["flash-cube"], &["fly"]] {
         assert!(computer.refuses(arguments).contains("cargo fw"), "{arguments:?}");
     }

@@ -57,6 +57,8 @@ pub struct Outcome {
     pub flown: Option<Result<(), String>>,
     /// What the node has counted.
     pub node: Counters,
+    /// Commands that the node rejected, but for those of its first moments, when it listens only.
+    pub commands_rejected: u32,
     /// Whether the link is up at the end.
     pub link: LinkState,
     /// What the ECU has counted.
@@ -206,6 +208,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             // A pilot that has given up still waits for its engine to cool.
             flown: flown.take().or_else(|| desk.failure.take().map(Err)),
             node: telemetry.counters,
+            commands_rejected: node.commands_rejected(i),
             link: telemetry.link,
             ecu: plug.ecu(|ecu| counts(ecu)),
             audit: desk.audit.into_inner(),

@@ -108,7 +108,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.turns_missed.to_string() });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
     row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
-    row("rejected commands", &|o| o.node.commands_rejected.to_string());
+    row("rejected commands", &|o| o.commands_rejected.to_string());
     row("stops by themselves", &|o| o.stops.to_string());
     if outcomes.checks.is_empty() && engines.iter().any(|outcome| !outcome.line_was_clean) {
         row("link up after the faults", &|o| {

@@ -1,7 +1,7 @@
 //! `jetlink rig` in real time, on a computer that has other things to do: the simulation is the same as with
 //! `--fast`, however late the host is.
-#![cfg(unix)]
 
+use super::{file, signal};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread;
@@ -13,10 +13,6 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const RIGS: usize = 4;
 /// What a laptop's lid does to a process.
 const STOPPED_FOR: Duration = Duration::from_secs(3);
-
-fn file(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
-}
 
 fn rig(args: &[&str], csv: &PathBuf) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_jetlink"));
@@ -33,11 +29,6 @@ impl Drop for Running {
         let _ = self.0.kill(); // it may have ended already
         let _ = self.0.wait();
     }
-}
-
-fn signal(child: &Child, name: &str) {
-    let status = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).status();
-    assert!(status.expect("kill").success(), "kill -{name}");
 }
 
 /// Runs `jetlink rig` with these arguments four times at once, beside four busy processes, stops each for 3 s in
@@ -88,7 +79,7 @@ fn busy_and_stopped(args: &[&str], engine_time: Duration) {
 
 #[test]
 fn a_busy_and_stopped_host_changes_nothing() {
-    busy_and_stopped(&["--standby", "--duration", "6s"], Duration::from_secs(6));
+    busy_and_stopped(&["--standby", "--duration", "4s"], Duration::from_secs(4));
 }
 
 /// The command of the README, in full: 208 s.

@@ -1,12 +1,12 @@
 //! `jetlink rig` that is ended before its time: by a key, by a signal, by a panic. The terminal is as it was, the
 //! files are complete, the summary so far is printed.
-#![cfg(unix)]
 
+use super::{file, signal};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -18,19 +18,10 @@ const HEAD: &str = "jetlink rig   ";
 const LEAVE_ALTERNATE_SCREEN: &str = "\u{1b}[?1049l";
 const SHOW_CURSOR: &str = "\u{1b}[?25h";
 
-fn file(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
-}
-
 fn jetlink(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_jetlink"));
     command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
     command
-}
-
-fn signal(child: &Child, name: &str) {
-    let status = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).status();
-    assert!(status.expect("kill").success(), "kill -{name}");
 }
 
 #[track_caller]
@@ -174,18 +165,22 @@ fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
         ),
         ("SIGHUP", |terminal| signal(&terminal.child, "HUP"), 129, "SIGHUP"),
     ];
-    for (name, end, status, by) in ends {
-        let name = name.replace(' ', "-");
-        let (csv, plot) = (file(&format!("end-{name}.csv")), file(&format!("end-{name}.svg")));
-        let mut terminal =
-            Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
-        terminal.is_live();
-        end(&mut terminal);
-        let (ended, text) = terminal.end();
-        assert_eq!(ended.code(), Some(status), "{name}: {text}");
-        is_no_failure(&text, by);
-        files_are_complete(&csv, &plot, 4);
-    }
+    thread::scope(|scope| {
+        for (name, end, status, by) in ends {
+            scope.spawn(move || {
+                let name = name.replace(' ', "-");
+                let (csv, plot) = (file(&format!("end-{name}.csv")), file(&format!("end-{name}.svg")));
+                let mut terminal =
+                    Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
+                terminal.is_live();
+                end(&mut terminal);
+                let (ended, text) = terminal.end();
+                assert_eq!(ended.code(), Some(status), "{name}: {text}");
+                is_no_failure(&text, by);
+                files_are_complete(&csv, &plot, 4);
+            });
+        }
+    });
 }
 
 #[test]
@@ -256,18 +251,16 @@ fn what_went_wrong_before_the_end_still_fails_the_run() {
 
 #[test]
 fn a_scenario_can_be_ended() {
-    for name in ["reset-in-flight", "emergency-stop"] {
-        let (status, text) = ended_by(&format!("end-{name}"), &["--scenario", name], 2.0, "INT");
-        assert_eq!(status, Some(130), "{text}");
-        assert!(text.contains("The run was ended by Ctrl-C before") && !text.contains("FAILED"), "{text}");
-    }
+    let (status, text) = ended_by("end-scenario", &["--scenario", "emergency-stop"], 2.0, "INT");
+    assert_eq!(status, Some(130), "{text}");
+    assert!(text.contains("The run was ended by Ctrl-C before") && !text.contains("FAILED"), "{text}");
 }
 
 /// `nohup` has SIGHUP ignored, and so it stays.
 #[test]
 #[cfg(target_os = "linux")]
 fn nohup_is_respected() {
-    let script = format!("trap '' HUP; exec '{}' rig --standby --duration 3s", env!("CARGO_BIN_EXE_jetlink"));
+    let script = format!("trap '' HUP; exec '{}' rig --standby --duration 2s", env!("CARGO_BIN_EXE_jetlink"));
     let mut child = Command::new("sh").args(["-c", &script]).stdout(Stdio::null()).spawn().expect("it runs");
     thread::sleep(Duration::from_secs(1));
     signal(&child, "HUP");
