@@ -107,7 +107,7 @@ impl Table {
 
     /// A sample of all engines; drawn if it is time.
     pub fn samples(&mut self, at: Instant, samples: &[Sample]) -> io::Result<()> {
-        if at < self.next || self.screen.left.load(Ordering::SeqCst) {
+        if at < self.next {
             return Ok(());
         }
         self.next = at + DRAW_EVERY;
@@ -144,6 +144,10 @@ impl Table {
         }
 
         let mut out = io::stdout().lock();
+        // Behind the lock: a panic in the other thread says that it leaves, then waits for the lock to do so.
+        if self.screen.left.load(Ordering::SeqCst) {
+            return Ok(());
+        }
         queue!(out, BeginSynchronizedUpdate, cursor::MoveTo(0, 0))?;
         for (y, (bold, line)) in (0..height).zip(lines) {
             let line: String = line.chars().take(width.into()).collect();

@@ -33,8 +33,8 @@ impl Drop for Running {
 
 /// Runs `jetlink rig` with these arguments four times at once, beside four busy processes, stops each for 3 s in
 /// the middle, and compares it with `--fast`.
-fn busy_and_stopped(args: &[&str], engine_time: Duration) {
-    let fast_csv = file("live-fast.csv");
+fn busy_and_stopped(name: &str, args: &[&str], engine_time: Duration) {
+    let fast_csv = file(&format!("{name}-fast.csv"));
     let fast = rig(&[&["--fast"], args].concat(), &fast_csv).output().expect("it runs");
     let fast_text = String::from_utf8(fast.stdout).expect("UTF-8");
     assert_eq!(fast.status.code(), Some(0), "{fast_text}");
@@ -49,7 +49,7 @@ fn busy_and_stopped(args: &[&str], engine_time: Duration) {
     let began = Instant::now();
     thread::scope(|scope| {
         for i in 0..RIGS {
-            let csv = file(&format!("live-{i}.csv"));
+            let csv = file(&format!("{name}-{i}.csv"));
             let (fast_text, fast_rows) = (&fast_text, &fast_rows);
             scope.spawn(move || {
                 let mut live = Running(rig(args, &csv).spawn().expect("it runs"));
@@ -79,12 +79,12 @@ fn busy_and_stopped(args: &[&str], engine_time: Duration) {
 
 #[test]
 fn a_busy_and_stopped_host_changes_nothing() {
-    busy_and_stopped(&["--standby", "--duration", "4s"], Duration::from_secs(4));
+    busy_and_stopped("standby", &["--standby", "--duration", "4s"], Duration::from_secs(4));
 }
 
 /// The command of the README, in full: 208 s.
 #[test]
 #[ignore = "takes 208 s of real time; CI runs it"]
 fn a_busy_and_stopped_host_changes_nothing_in_a_whole_flight() {
-    busy_and_stopped(&[], Duration::from_secs(204));
+    busy_and_stopped("flight", &[], Duration::from_secs(204));
 }
