@@ -93,6 +93,7 @@ impl<'a> Pilot<'a> {
             Ok(()) => self.stage(Stage::Done),
             Err(why) => {
                 self.desk.note(format!("NOT REACHED: {why}"));
+                self.desk.failure.replace(Some(why.clone()));
                 self.stage(Stage::Failed);
                 // Nothing is left running.
                 self.desk.lever.set(Lever::Standby);
