@@ -127,7 +127,10 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(h: &'a History) -> Self {
-        let boots = Spans::from(&[(0, h.rules.boot)]);
+        // Up to version 4 a ZK ECU that hears nothing says nothing.
+        let dumb: Vec<(u64, u64)> =
+            h.deaf.iter().filter(|(from, _)| (1..5).contains(&h.version(*from))).collect();
+        let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
         Self {
             voices: Voices::new(h),

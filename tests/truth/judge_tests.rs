@@ -566,8 +566,7 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
             .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
             .mark(40.0, Mark::GivenUp)
             .turbine(40.0, 45.0, Phase::Cooling, 50_000.0, 400.0)
-            .wire(40.0, 40.3, HALF)
-            .wire(40.3, 45.0, STANDBY)
+            .wire(40.0, 45.0, STANDBY)
     };
     for kind in [AMT, Kind::Zk(3)] {
         story(kind).breaks(&[Rule::GivenUp]);

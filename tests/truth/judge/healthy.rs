@@ -1,7 +1,7 @@
 //! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, SECOND, Spans, Switch, Word};
+use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
 
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
@@ -107,7 +107,7 @@ impl Case<'_> {
         }
     }
     /// Whether a higher source, which says run, keeps this one's standby from taking effect.
-    fn holds_against(&self, higher: usize, source: usize, at: u64) -> bool {
+    fn holds_against(&self, higher: usize, source: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
         let Some(sure) = self.voices.in_control_for_sure(higher, at, rules.recover_after + rules.takeover)
@@ -118,7 +118,7 @@ impl Case<'_> {
         // Or the other one has taken over since, with a run of its own.
         let took_over = self.voices.until(source, at).iter().rev().take_while(|(when, _)| *when > lost);
         let took_over = took_over.clone().any(|(_, word)| matches!(word, Word::Run(_)));
-        at < lost + rules.hold + rules.lower_standby_after && !took_over
+        at + slack < lost + rules.hold + rules.lower_standby_after && !took_over
     }
 
     /// Whether a pilot, or the end of the stages of loss, is a reason for standby or stop at this instant.
@@ -129,8 +129,8 @@ impl Case<'_> {
             return true;
         }
         let recent = h.said(at.saturating_sub(3 * SECOND), at);
-        if recent.iter().any(|said| matches!(said.word, Word::Stop | Word::ShutDown | Word::Pwm | Word::Ctf))
-        {
+        let ctf = h.said(at.saturating_sub(20 * SECOND), at).iter().any(|said| said.word == Word::Ctf);
+        if ctf || recent.iter().any(|said| matches!(said.word, Word::Stop | Word::ShutDown | Word::Pwm)) {
             return true;
         }
         let slack = 400 * MS + 2 * rules.period;
@@ -141,34 +141,50 @@ impl Case<'_> {
             let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
             let near = second - first <= self.voices.age(source).max(2 * period) + MS;
             let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
-            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at + slack))
+            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at, slack))
         });
-        if asked {
-            return true;
-        } // Nobody has said run until the last stage of loss.
-        let heard = self.voices.last_run(at).unwrap_or(0);
-        let up = h
-            .resets
-            .iter()
-            .filter(|reset| reset.up <= at && reset.cause != Cause::Watchdog)
-            .map(|reset| reset.up)
-            .max();
+        asked || self.silent_for_good(at)
+    }
+
+    /// Whether nobody says run, and the stages of loss have run out.
+    fn silent_for_good(&self, at: u64) -> bool {
+        let h = self.h;
+        let rules = &h.rules;
+        let slack = 400 * MS + 2 * rules.period; // One that was lost has to speak for a while before it is in control again.
+        let spoken = |source| {
+            self.voices
+                .speaks_since(source, at)
+                .is_some_and(|since| at >= since + rules.recover_after + slack)
+        };
+        let run = self.voices.run_in_control(at).filter(|(source, _)| spoken(*source));
+        if run.is_some() && self.voices.run_in_control(at.saturating_sub(30 * MS)).is_some() {
+            return false;
+        }
+        // A source that speaks now and then is not in control, and the stages go on.
+        let sure = |source| self.voices.in_control_for_sure(source, at, rules.recover_after + rules.takeover);
+        let sure = (0..4).filter_map(sure).max();
+        let last = self.voices.last_run(at).unwrap_or(0);
+        let heard = sure.unwrap_or(last).min(last);
+        let power = |reset: &&Reset| reset.up <= at && reset.cause != Cause::Watchdog;
+        let up = h.resets.iter().filter(power).map(|reset| reset.up).max();
         let youngest = rules.ages.into_iter().min().unwrap_or_default();
         let silent_since = match up {
             Some(up) if heard < up => up,
             _ => heard + youngest,
         };
-        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at); // From the third reset without a source on, it resumes at the fail-safe; and a loop that is too short to listen
-        // ends in standby after 10 s, for ZK.
+        // From the third reset without a source on it resumes at the fail-safe.
         let resets: Vec<u64> =
             h.resets.iter().map(|reset| reset.up).filter(|up| (heard..=at).contains(up)).collect();
         if resets.len() >= 3 && rules.standby_after.is_some() {
             return true;
         }
-        let loops = resets.last().is_some_and(|up| at < up + 3 * SECOND);
-        if loops && h.rules.kind != Kind::Amt && at + slack >= heard + 10 * SECOND {
+        // A loop that is too short to listen ends in standby after 10 s without a source.
+        if resets.last().is_some_and(|up| at < up + 3 * SECOND)
+            && at + slack + resets.len() as u64 * 200 * MS >= heard + 10 * SECOND
+        {
             return true;
         }
+        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
         let last_stage = match (rules.standby_after, hidden) {
             (Some(after), true) => Some(after.min(10 * SECOND)),
             (None, true) => Some(10 * SECOND),
