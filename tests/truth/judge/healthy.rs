@@ -161,7 +161,10 @@ impl Case<'_> {
             return false;
         }
         // A source that speaks now and then is not in control, and the stages go on.
-        let sure = |source| self.voices.in_control_for_sure(source, at, rules.recover_after + rules.takeover);
+        let sure = |source| {
+            let spoken = rules.recover_after + rules.takeover + slack;
+            self.voices.in_control_for_sure(source, at, spoken)
+        };
         let sure = (0..4).filter_map(sure).max();
         let last = self.voices.last_run(at).unwrap_or(0);
         let heard = sure.unwrap_or(last).min(last);
