@@ -22,6 +22,7 @@ mod pixracer;
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+mod start;
 #[cfg(feature = "stm32")]
 mod stm32;
 #[cfg(feature = "board-pixracer")]

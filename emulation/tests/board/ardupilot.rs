@@ -1,10 +1,8 @@
-//! Images behind an ArduPilot bootloader. In its place are two words at the beginning of the flash, stack and start
-//! of the application, which is what its jump amounts to: the part starts there, with its vectors there. The register
-//! that says where the vectors are (VTOR) is inside the core, where a test cannot look. But without the application's
-//! own vectors no interrupt finds its handler, as the last test here shows.
+//! Images behind an ArduPilot bootloader, or behind what stands in its place (`emulation::bootloader`): instructions
+//! that leave the part as the bootloader leaves it, and jump as it jumps.
 
 use crate::support::{engines, first_byte, on_each_board, others_are_well, symbol};
-use emulation::{Image, Run};
+use emulation::{Board, Bootloader, Image, Jump, Leftover, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
@@ -24,8 +22,7 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
 
         let (sender, receiver) = mpsc::channel();
         let look = move |bench: &mut emulation::Bench<'_>| {
-            let words = [table, table + 4, board.flash.start, board.flash.start + 4].map(|at| bench.word(at));
-            let _ = sender.send((bench.register(board.backup), words));
+            let _ = sender.send((bench.register(board.backup), bench.word(table)));
         };
         let again = look.clone();
         let report = Run::new(board, image)
@@ -38,10 +35,9 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
             .resets(1)
             .until(4 * SECOND)
             .go();
-        for (backup, words) in receiver.iter().take(2) {
+        for (backup, stack) in receiver.iter().take(2) {
             assert_eq!(backup, Some(FIRMWARE_OK));
-            assert_eq!(words[0], Some(board.ram.end as u32));
-            assert_eq!(words[..2], words[2..]);
+            assert_eq!(stack, Some(board.ram.end as u32));
         }
 
         // The bootloader is told before the watchdog runs, at both boots.
@@ -77,20 +73,55 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
     });
 }
 
+/// What can only be left behind a mask: without one, the bootloader's own handlers would have taken it.
+const PENDING: [Leftover; 3] = [Leftover::SysTick, Leftover::PendSv, Leftover::Interrupts];
+
+/// Behind a bootloader that leaves this, every ECU is served, and nothing is reset.
+fn served(board: &'static Board, image: Image, jump: Jump, leaves: &[Leftover]) {
+    let what = format!("{} {image:?}: {jump:?}, {leaves:?}", board.name);
+    let bootloader = Bootloader { jump, leaves: leaves.to_vec(), ..Bootloader::default() };
+    let run = Run::new(board, image).engines().bootloader(bootloader).until(800 * MILLIS);
+    let (report, complaints) = run.go_unchecked();
+    let sent: Vec<_> = report.wires().map(|(port, wire)| (port, wire.tx.len())).collect();
+    assert!(complaints.is_empty(), "{what}: {complaints:?}; bytes sent: {sent:?}\n{}", report.log_text());
+    others_are_well(&report, &[]);
+}
+
 #[test]
-fn without_its_own_vectors_it_would_not_run() {
+fn each_thing_that_a_bootloader_leaves_is_put_right() {
     on_each_board(|board| {
-        // The third instruction of the start sets VTOR: str r1, [r0].
-        let set = symbol(board, Image::Ardupilot, "Reset") + 4;
-        let (sender, receiver) = mpsc::channel();
-        let run = || Run::new(board, Image::Ardupilot).engines().until(SECOND);
-        let look = move |bench: &mut emulation::Bench<'_>| {
-            sender.send(bench.word(set).map(|word| word as u16)).expect("the test waits");
-        };
-        assert!(run().at(SECOND / 2, look).go_unchecked().1.is_empty());
-        assert_eq!(receiver.recv(), Ok(Some(0x6001)));
-        let report = run().patch(set, &[0xBF00]).go_unchecked().0;
-        let sent: usize = report.wires().map(|(_, wire)| wire.tx.len()).sum();
-        assert_eq!(sent, 0, "the first interrupt ends it");
+        for leftover in Leftover::ALL {
+            if PENDING.contains(&leftover) {
+                served(board, Image::Ardupilot, Jump::New, &[Leftover::Primask, leftover]);
+            } else {
+                served(board, Image::Ardupilot, Jump::New, &[leftover]);
+            }
+        }
+        served(board, Image::Ardupilot, Jump::New, &[Leftover::Vtor]);
+    });
+}
+
+#[test]
+fn all_that_a_bootloader_leaves_together_is_put_right() {
+    on_each_board(|board| {
+        served(board, Image::Ardupilot, Jump::New, &Leftover::ALL);
+        let with_vtor: Vec<_> = Leftover::ALL.into_iter().chain([Leftover::Vtor]).collect();
+        served(board, Image::Ardupilot, Jump::New, &with_vtor);
+        // The older ones neither mask interrupts nor move the process stack.
+        let masks = [Leftover::Primask, Leftover::Basepri, Leftover::Faultmask];
+        let old: Vec<_> =
+            Leftover::ALL.into_iter().filter(|one| !masks.contains(one) && !PENDING.contains(one)).collect();
+        served(board, Image::Ardupilot, Jump::Old, &[Leftover::ProcessStack]);
+        served(board, Image::Ardupilot, Jump::Old, &old);
+    });
+}
+
+/// ST's own loader starts an image without a reset after `dfu-util …:leave`, with its own vectors.
+#[test]
+fn a_plain_image_that_a_loader_starts_sets_its_own_vectors() {
+    on_each_board(|board| {
+        served(board, Image::Release, Jump::New, &[Leftover::Vtor]);
+        let everything: Vec<_> = Leftover::ALL.into_iter().chain([Leftover::Vtor]).collect();
+        served(board, Image::Release, Jump::New, &everything);
     });
 }
