@@ -11,7 +11,7 @@
 //! commands an engine, except the demonstration (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
-use crate::board::{self, EcuPort, Executor, Led, PORTS, Watchdog};
+use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
@@ -49,8 +49,11 @@ fn main() -> ! {
         "jetlink {=str} on {=str}, last reset: {}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
-        board::reset_cause()
+        board.reset_cause
     );
+    if board.oscillator == Oscillator::Internal {
+        defmt::error!("the crystal does not run: on the chip's own oscillator");
+    }
     log_ports();
 
     let node = node();
@@ -61,7 +64,7 @@ fn main() -> ! {
             let heard = defmt::unwrap!(handle.events());
             spawner.spawn(defmt::unwrap!(events(handle.name(), heard)));
         }
-        spawner.spawn(defmt::unwrap!(status(node, board.led)));
+        spawner.spawn(defmt::unwrap!(status(node, board.led, board.oscillator)));
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
         #[cfg(feature = "trial")]
@@ -130,13 +133,13 @@ async fn events(name: &'static str, mut events: Events<'static>) {
     }
 }
 
-/// Status LED: one flash a second when all is well, five when an engine needs a look.
+/// Status LED: one flash a second when all is well, five when an engine needs a look or the crystal does not run.
 #[embassy_executor::task]
-async fn status(node: &'static Node<N>, mut led: Led) {
+async fn status(node: &'static Node<N>, mut led: Led, oscillator: Oscillator) {
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
         second.next().await;
-        let mut flashes = 1;
+        let mut flashes = if oscillator == Oscillator::Crystal { 1 } else { 5 };
         for handle in node.handles() {
             let telemetry = handle.telemetry();
             defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));

@@ -272,12 +272,11 @@ fn decide(code: &mut Code, board: &Board, registers: &Registers) {
     code.push(&[0x4011]); // ands r1, r2
     code.push(&[0x4291]); // cmp r1, r2
     code.if_equal(|code| code.set(5, 0));
-    // Waits by SysTick, asleep: 100 ms at a time would not fit its 24 bits at 400 MHz, 20 ms of the HSI does.
-    let hsi: u32 = if board.part == Part::H743 { 64_000_000 } else { 16_000_000 };
+    // Waits by SysTick, asleep. The emulator counts it at the core's rate, whatever the clock tree: 20 ms fit its 24 bits.
     code.push(&[0x2D00]); // cmp r5, #0
     code.unless_equal(|code| {
         code.push(&[0xB672]); // cpsid i: SysTick wakes, and has no handler
-        code.write(SYST_RVR, hsi / 50 - 1);
+        code.write(SYST_RVR, (board.core_hz / 50) as u32 - 1);
         code.write(SYST_CVR, 0);
         code.write(SYST_CSR, 0b111);
         code.set(5, WAIT_MS as u32 / 20);

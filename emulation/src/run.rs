@@ -16,12 +16,12 @@ use rigless::time::VirtualNanos;
 use sim::ecu::{Nanos, SECOND};
 use sim::line::Line;
 
-use crate::board::{Board, Uart};
+use crate::board::{Board, Part, Uart};
 use crate::bootloader::Bootloader;
 use crate::chip::Rig;
 use crate::image::Image;
 use crate::log::{self, Log};
-use crate::quirks::TimerFlags;
+use crate::quirks::{BackupDomain, Crystal, TimerFlags};
 use crate::wire::{Far, Wire};
 use crate::{audit, bootloader, engines, image};
 
@@ -360,6 +360,11 @@ impl Bench<'_> {
         place.drop_next();
     }
 
+    /// The crystal starts no more from here on; one that runs is not stopped.
+    pub fn break_crystal(&mut self) {
+        self.session.board_mut().dead_crystal = true;
+    }
+
     /// Somebody presses the reset button.
     pub fn press_reset(&mut self) {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
@@ -582,8 +587,14 @@ impl Driver<Rig> for Hand {
                     self.written.push(Written { at, register, value: access.value });
                 }
                 if write {
-                    let part = &mut session.board_mut().chip;
-                    self.timers.after_write(part, access.virtual_time, access.address);
+                    let (at, address, value) = (access.virtual_time, access.address, access.value);
+                    let rig = session.board_mut();
+                    self.timers.after_write(&mut rig.chip, at, address);
+                    if self.board.part == Part::H743 {
+                        BackupDomain::after_write(&mut rig.chip, at, address, value);
+                    }
+                    let crystal = Crystal { control: self.board.clock_control, dead: rig.dead_crystal };
+                    crystal.after_write(&mut rig.chip, at, address, value);
                 }
             }
             Settled::Hit(hit) if hit.kind == HitKind::Write => {

@@ -4,7 +4,8 @@
 //! After a reset there is nothing to do. But a bootloader starts an application by a jump. ArduPilot's (AP_Bootloader,
 //! `jump_to_app`) leaves interrupts masked (PRIMASK 1, BASEPRI 0x20), thread mode on the process stack (CONTROL 2), an
 //! MPU region and, on an H7, the data cache on; older ones leave SysTick and other interrupts running. ST's loader
-//! leaves VTOR at its own table after `dfu-util …:leave`. cortex-m-rt's start undoes none of it.
+//! leaves VTOR at its own table after `dfu-util …:leave`. cortex-m-rt's start undoes none of it. And the firmware itself
+//! comes back here out of a handler, where a reset would not do (early.rs).
 //!
 //! The rules of `__pre_init`: RAM is not initialised, so no Rust; it uses no stack, since the one in use may be the
 //! bootloader's. VTOR is set here, with interrupts off, and not by cortex-m-rt's feature `set-vtor`, which sets it
@@ -22,6 +23,49 @@ core::arch::global_asm!(
      .cfi_startproc
      __pre_init:
      cpsid i
+     mrs r0, ipsr
+     cbz r0, 9f",
+    // In a handler. Each return ends one, and leads through `Reset` back to here: the interrupt that is next in IABR,
+    // by its number, or thread mode when there is none. The floating-point state of what was interrupted is not wanted
+    // (FPCCR, LSPACT).
+    "ldr r1, =_stack_start
+     mov sp, r1
+     ldr r1, =0xE000EF34
+     ldr r2, [r1]
+     bic r2, r2, #1
+     str r2, [r1]
+     ldr r1, =0xE000E300
+     movs r2, #16
+     5:
+     ldr r3, [r1]
+     subs r4, r0, r2
+     cmp r4, #31
+     bhi 6f
+     movs r5, #1
+     lsls r5, r4
+     bics r3, r5
+     6:
+     cbnz r3, 7f
+     adds r1, #4
+     adds r2, #32
+     cmp r2, #256
+     blo 5b
+     movs r2, #0
+     mvn r6, #6
+     b 8f
+     7:
+     rbit r3, r3
+     clz r3, r3
+     adds r2, r3
+     mvn r6, #14
+     8:
+     ldr r1, =Reset
+     bic r1, r1, #1
+     orr r2, r2, #0x01000000
+     push {{r1, r2}}
+     sub sp, #24
+     bx r6",
+    "9:
      movs r0, #0
      msr control, r0
      isb
