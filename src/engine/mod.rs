@@ -57,6 +57,7 @@ const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "nothing allocates, and one engine has one mode")]
 enum Mode {
     /// Nothing is in force: until the ECU has reported what its engine does.
     Listen(Finding),
