@@ -46,6 +46,9 @@ pub enum End {
     GapInStart,
     /// The ECU reports faults only, and the exhaust is cold or cools.
     NotBurning,
+    /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
+    /// reports what it does.
+    Unconfirmed,
 }
 
 impl End {
@@ -57,6 +60,7 @@ impl End {
             Self::StartsAgain => "the ECU starts the engine again",
             Self::GapInStart => "the ECU fell silent during the start",
             Self::NotBurning => "the exhaust is cold",
+            Self::Unconfirmed => "nothing says for too long whether the engine runs",
         }
     }
 }
@@ -175,7 +179,10 @@ impl Life {
                 self.advance(sign);
                 None
             }
-            Fit::Neither => None,
+            Fit::Neither => {
+                self.contradict(sign);
+                None
+            }
             Fit::Confirms => {
                 self.confirm();
                 None
@@ -236,12 +243,22 @@ impl Life {
         }
     }
 
-    /// A report that fits: two that agree move the life on. In doubt they do not: only a running engine confirms.
+    /// A report that fits: two that agree move the life on. They also end the doubt that one odd report raised in a start;
+    /// after a gap only a running engine does.
     fn advance(&mut self, sign: Sign) {
         let Sign::State { stage, .. } = sign else { return };
+        self.contradict(sign);
         let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
-        if self.doubt.is_none() && agrees && stage > Stage::Clearance {
+        if agrees && stage > Stage::Clearance && !self.after_gap() {
+            self.doubt = None;
             self.progress = Progress::Starting(stage);
+        }
+    }
+
+    /// Reports that agree follow one another: one that says something else begins anew.
+    fn contradict(&mut self, sign: Sign) {
+        if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
+            (doubt.confirming, doubt.ending) = (0, 0);
         }
     }
 

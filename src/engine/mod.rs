@@ -168,6 +168,8 @@ pub struct Engine {
     /// Since when nothing that was to be sent went out; and that was reported.
     transmitter: Option<Instant>,
     transmitter_failed: bool,
+    /// [`Engine::start`] was called: until then what survived a reset stays as it is.
+    begun: bool,
     /// What survived the reset, until the engine begins.
     kept: Option<Record>,
     given_to_keep: Option<Record>,
@@ -216,6 +218,7 @@ impl Engine {
             resets: 0,
             transmitter: None,
             transmitter_failed: false,
+            begun: false,
             kept: None,
             given_to_keep: None,
             ruler_told: None,
@@ -396,7 +399,7 @@ impl Engine {
             transmitter_failed: self.transmitter_failed,
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
-            start_by: run.and_then(|run| run.start_by),
+            start_by: run.filter(|run| !run.life.reached()).and_then(|run| run.start_by),
             failed: self.failed,
             others_failed: self.others_failed,
             counters,
@@ -577,6 +580,9 @@ impl Engine {
 
     /// Brings what is ordered up to date: with the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
+        if !self.begun {
+            return;
+        }
         self.at = self.at.max(now);
         self.find_gap(now);
         self.expire(now);
@@ -679,6 +685,7 @@ impl Engine {
         self.failed = true;
         self.mode = Mode::Listen(Finding::new(now, true));
         self.order(now, Order::Listen, Origin::Node);
+        self.event(Event::RunWithdrawn(End::Unconfirmed));
     }
 
     /// When nothing is in force and no source has wanted anything: standby goes out then. A ZK ECU from version 5 would keep

@@ -48,6 +48,7 @@ impl Engine {
     /// Begins, after a reset of whatever kind, with what survived it.
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
+        self.begun = true;
         self.at = self.at.max(now);
         if self.kept.is_none() {
             self.keep(kept);
