@@ -86,7 +86,7 @@ fn main() -> ! {
 #[inline(never)]
 fn node() -> &'static Node<N> {
     static NODE: StaticCell<Node<N>> = StaticCell::new();
-    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT)))
+    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT.0)))
 }
 
 /// Logs what is on each port.
