@@ -6,7 +6,7 @@
 
 use super::exhaust::Burning;
 use crate::link::{Sign, Stage};
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 /// Reports in a row that have to agree before they confirm or end a life.
 const AGREEING: u8 = 2;
@@ -320,6 +320,10 @@ impl Life {
 pub(super) struct Finding {
     /// Since when nothing is in force.
     pub since: Instant,
+    /// Since when no source has wanted anything, as far as that began before.
+    pub silent_since: Instant,
+    /// Silence from before the last reset.
+    pub carried: Duration,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
     alive: u8,
@@ -343,7 +347,30 @@ pub(super) enum Found {
 impl Finding {
     /// Nothing is known.
     pub const fn new(since: Instant, ran: bool) -> Self {
-        Self { since, ran, alive: 0, ending: 0, throttle: None }
+        Self {
+            since,
+            silent_since: since,
+            carried: Duration::from_ticks(0),
+            ran,
+            alive: 0,
+            ending: 0,
+            throttle: None,
+        }
+    }
+
+    /// The same, with sources that fell silent earlier.
+    pub const fn silent_since(self, silent_since: Instant) -> Self {
+        Self { silent_since, ..self }
+    }
+
+    /// The same, with this silence from before a reset.
+    pub const fn carrying(self, carried: Duration) -> Self {
+        Self { carried, ..self }
+    }
+
+    /// The ECU was not heard for a while: what it reported before counts no more.
+    pub const fn gap(&mut self) {
+        (self.alive, self.ending) = (0, 0);
     }
 
     /// One frame. `answers`: the ECU waits for replies (AMT), and a set without a named running state counts if its shaft

@@ -14,7 +14,7 @@ use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channels::{Channel, Events};
 use jetlink::command::{Demand, Order, Ordered, Rejected};
-use jetlink::engine::life::End;
+use jetlink::engine::life;
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
@@ -333,10 +333,11 @@ async fn listen(
             let phase = plug.ecu(|ecu| ecu.turbine().phase());
             let mut audit = desk.audit.borrow_mut();
             // A gap in a start ends it, and so does a start that begins anew behind one.
-            let start_ended = phase.is_starting() && matches!(end, End::GapInStart | End::StartsAgain);
+            let start_ended =
+                phase.is_starting() && matches!(end, life::End::GapInStart | life::End::StartsAgain);
             if !phase.is_live()
                 || start_ended
-                || end == End::Unconfirmed
+                || end == life::End::Unconfirmed
                 || channel.handle().telemetry().link == LinkState::Lost
             {
                 audit.withdrawn(clock::now_ns());
