@@ -164,17 +164,12 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// The last instant before this one at which the node had to begin anew with the engine: its ECU was powered up, or
-    /// the line came back after a gap.
-    fn anew_before(&self, at: u64) -> Option<u64> {
-        let up = self.h.unpowered.last_before(at).map(|(_, to)| to);
-        let line = self.blind.at_least(self.gap()).last_before(at).map(|(_, to)| to);
-        up.max(line)
-    }
-
-    /// The same, from a list that was made once.
+    /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
+    /// a gap.
     fn starts_of_life(&self) -> Vec<u64> {
-        let mut all: Vec<u64> = self.h.unpowered.iter().map(|(_, to)| to).collect();
+        // AMT says so at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
+        let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
+        let mut all: Vec<u64> = powered.collect();
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
         all.sort_unstable();
         all

@@ -91,7 +91,11 @@ impl Case<'_> {
                 }
                 heard = said.at;
             }
-            ends = ends.min(heard + self.voices.age(word.source) + h.rules.hold + SECOND);
+            ends = ends.min(heard + self.voices.age(word.source) + h.rules.hold + SECOND); // A test in between has its own bound, in the ECU.
+            let tests =
+                h.frames.iter().filter(|frame| matches!(frame.told, Told::Action(1..=5)) && frame.arrived);
+            let tests = tests.map(|frame| frame.at).filter(|at| (open..to).contains(at)).max();
+            ends = ends.max(tests.map_or(0, |at| at + 3500 * MS));
             // Ten frames at every second slot, and what does not get through.
             let late = 1500 * MS + 20 * h.rules.period;
             let clear = Spans::from(&[(ends, to)]);

@@ -14,7 +14,9 @@ impl Case<'_> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
         let cut = h.mute.union(&h.deaf).longer(SETTLES);
-        let gap = self.down.at_least(patience.saturating_sub(500 * MS)).longer(SETTLES);
+        // Up for less than it takes to find out, again and again, is as good as down.
+        let down = self.down.longer(4 * h.rules.period + 100 * MS);
+        let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // What is damaged for longer than the ECU waits is as good as cut.
         let damage = h.noise.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         let mut all = match h.rules.kind {

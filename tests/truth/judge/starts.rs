@@ -271,9 +271,9 @@ impl Case<'_> {
             reported = at + 10 * SECOND;
         }
     }
-
     pub(super) fn hand_over(&mut self) {
         let h = self.h;
+        let lives = self.starts_of_life();
         let mut reported = 0;
         for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Pwm)) {
             let at = frame.at;
@@ -286,21 +286,27 @@ impl Case<'_> {
                 Some(said) => {
                     let own = h
                         .last_word(said.source, said.at, |word| matches!(word, Word::Standby | Word::Run(_)));
-                    let since = h.said(said.at + 1, at.saturating_sub(200 * MS));
+                    // A word takes effect when its source is in control, and a second one has followed.
+                    let effect = h.rules.recover_after + h.rules.takeover + 700 * MS;
+                    let stop = h.said(said.at + 1, at.saturating_sub(200 * MS)).iter();
+                    let stop = stop.clone().any(|later| later.word == Word::Stop);
+                    let since = h.said(said.at + 1, at.saturating_sub(effect));
                     let slack = self.gap() + h.rules.boot;
                     if own.is_none_or(|own| own.word != Word::Standby) {
                         Some("its source had not said standby")
                     } else if !self.voices.armed_within(said.at.saturating_sub(MS), said.at) {
                         Some("the engine was not armed")
-                    } else if since.iter().any(|later| {
-                        later.word == Word::Stop || later.word == Word::Standby && later.source <= said.source
-                    }) {
+                    } else if stop
+                        || since
+                            .iter()
+                            .any(|later| later.word == Word::Standby && later.source <= said.source)
+                    {
                         Some("it was taken back")
                     } else if h.resets.iter().any(|reset| {
                         (said.at..at).contains(&reset.up) && !matches!(reset.cause, Cause::Watchdog)
                     }) {
                         Some("the node has lost its power since")
-                    } else if self.anew_before(at).is_some_and(|anew| anew > said.at && at > anew + slack) {
+                    } else if lives.iter().any(|anew| *anew > said.at && at > anew + slack) {
                         Some("the ECU was powered up, or the line lost, since")
                     } else {
                         None
