@@ -170,8 +170,9 @@ impl Scenario {
         if self.ecu == Ecu::Zk {
             for _ in 0..2 {
                 let rpm = self.rpm();
-                self.bench.receive(&zk_frames::status(6, rpm, [ZK_MAX_THOUSANDS, 0, version << 2]));
+                // The idle speed first: what half of it is would be a guess otherwise.
                 self.bench.receive(&zk_frames::status(8, rpm, [ZK_IDLE_THOUSANDS, 0, 0]));
+                self.bench.receive(&zk_frames::status(6, rpm, [ZK_MAX_THOUSANDS, 0, version << 2]));
             }
         }
     }
