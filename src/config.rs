@@ -98,11 +98,11 @@ impl EngineConfig {
     /// another engine is not believed, and a changed setting must not cost an engine.
     pub fn fingerprint(&self) -> u32 {
         let mut digest = FINGERPRINT.digest();
-        let protocol = match &self.ecu {
-            EcuConfig::Amt(_) => 1,
-            EcuConfig::Zk(_) => 2,
+        let (protocol, engine) = match &self.ecu {
+            EcuConfig::Amt(config) => (1, config.engine.map_or(0, |engine| engine as u8 + 1)),
+            EcuConfig::Zk(_) => (2, 0),
         };
-        digest.update(&[protocol, self.port]);
+        digest.update(&[protocol, engine, self.port]);
         digest.update(self.name.as_bytes());
         digest.finalize()
     }
@@ -145,7 +145,9 @@ impl ConfigError {
             }
             Self::AmtStopBits(_) => "an AMT line has one stop bit",
             Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
-            Self::AmtEngine(_) => "an AMT engine has a serial delay of 0.5 s to 60 s, and half of idle of 1 to 254",
+            Self::AmtEngine(_) => {
+                "an AMT engine has a serial delay of 0.5 s to 60 s, and half of idle of 1 to 254"
+            }
             Self::Supervision(_, field) => field.message(),
             Self::Timing(_) => {
                 "an engine's link needs at least one frame to be up, and 0.2 s to 60 s of silence to be lost"

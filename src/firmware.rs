@@ -47,12 +47,7 @@ const SUPERVISION: Duration = Duration::from_millis(250);
 fn main() -> ! {
     let mut board = board::init(LINES);
     let cause = board::reset_cause();
-    defmt::info!(
-        "jetlink {=str} on {=str}, last reset: {}",
-        env!("CARGO_PKG_VERSION"),
-        board::NAME,
-        cause
-    );
+    defmt::info!("jetlink {=str} on {=str}, last reset: {}", env!("CARGO_PKG_VERSION"), board::NAME, cause);
     log_ports();
 
     let node = node(board::retained(cause));

@@ -181,6 +181,10 @@ pub trait Link {
     fn resume_switch_by_id6(&mut self) {}
     /// Close a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
     fn close_pump(&mut self) {}
+    /// A service command has not gone out yet.
+    fn service_pending(&self) -> bool {
+        false
+    }
     /// The fuel pump is being closed.
     fn closing_pump(&self) -> bool {
         false

@@ -199,7 +199,12 @@ fn every_field_has_a_range() {
                 5_000,
             ),
             (|e, n| e.supervision.when_other_fails = Some(n as u16), of(Field::WhenOtherFails), 0, 1000),
-            (|e, t| e.supervision.return_within = Duration::from_millis(t), of(Field::ReturnWithin), 0, 10_000),
+            (
+                |e, t| e.supervision.return_within = Duration::from_millis(t),
+                of(Field::ReturnWithin),
+                0,
+                10_000,
+            ),
             (
                 |e, t| e.supervision.loss.lower_standby_after = Duration::from_millis(t),
                 of(Field::LossLowerStandby),
@@ -213,7 +218,12 @@ fn every_field_has_a_range() {
                 1000,
                 6000,
             ),
-            (|e, t| e.supervision.service_time = Duration::from_millis(t), of(Field::ServiceTime), 1000, 300_000),
+            (
+                |e, t| e.supervision.service_time = Duration::from_millis(t),
+                of(Field::ServiceTime),
+                1000,
+                300_000,
+            ),
             (
                 |e, n| {
                     let max_rpm = Rpm::new(n as u32);
@@ -247,10 +257,7 @@ fn every_field_has_a_range() {
         ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
         (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, Field::LossHold)),
         (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, Field::AgeRc)),
-        (
-            |e| e.supervision.service_time = Duration::MAX,
-            ConfigError::Supervision(0, Field::ServiceTime),
-        ),
+        (|e| e.supervision.service_time = Duration::MAX, ConfigError::Supervision(0, Field::ServiceTime)),
     ] {
         let mut engine = amt(0, Line::new(9600));
         change(&mut engine);

@@ -216,6 +216,10 @@ impl Link for AnyLink {
         each!(self, link => link.close_pump());
     }
 
+    fn service_pending(&self) -> bool {
+        each!(self, link => link.service_pending())
+    }
+
     fn closing_pump(&self) -> bool {
         each!(self, link => link.closing_pump())
     }

@@ -144,6 +144,10 @@ impl Engine {
             self.permit_in_standby(origin);
             return Ok(Accepted::Behind(above));
         }
+        // Whoever wants fuel to flow does not say standby; but what was just commanded goes out once.
+        if !self.link.service_pending() {
+            self.close_pump();
+        }
         if !matches!(self.mode, Mode::Standby) {
             return Ok(Accepted::Held);
         }
@@ -190,7 +194,8 @@ impl Engine {
             Mode::Run(_) => {
                 // Whose demand is in force is for `update`.
                 self.update(now);
-                let in_force = matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
+                let in_force =
+                    matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
                 return Ok(match self.sources.above(now, origin) {
                     Some(above) => Accepted::Behind(above),
                     None if in_force => Accepted::InForce,
@@ -244,7 +249,12 @@ impl Engine {
     }
 
     /// A hand-over to the ECU's PWM input counts as a start.
-    fn hand_over(&mut self, now: Instant, origin: Origin, others_allow_start: bool) -> Result<Accepted, Rejected> {
+    fn hand_over(
+        &mut self,
+        now: Instant,
+        origin: Origin,
+        others_allow_start: bool,
+    ) -> Result<Accepted, Rejected> {
         if matches!(self.mode, Mode::Stop(_)) {
             return Err(Rejected::StopLatched);
         }
@@ -306,7 +316,9 @@ impl Engine {
             return Err(Rejected::Start(Interlock::NotArmed));
         }
         let state = EngineState::of(self.at, self.link.state(), self.link.report());
-        if !matches!(self.mode, Mode::Standby) || !matches!(state, EngineState::Standby | EngineState::Stopped) {
+        if !matches!(self.mode, Mode::Standby)
+            || !matches!(state, EngineState::Standby | EngineState::Stopped)
+        {
             return Err(Rejected::Start(Interlock::NotStandby));
         }
         self.cold(self.at).map_err(Rejected::Start)
@@ -315,7 +327,8 @@ impl Engine {
     /// A demand beyond the engine's maximum becomes the maximum. Reported once, until one within it comes.
     fn clamp(&mut self, demand: Demand) -> Demand {
         let Demand::Rpm(rpm) = demand else { return demand };
-        let own = self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
+        let own =
+            self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
         let governed = self.config.governor.map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
         let told = core::mem::replace(&mut self.clamp_told, max.is_some());

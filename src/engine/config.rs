@@ -231,11 +231,11 @@ impl Loss {
     /// Hold 1 s, then to idle at 50 % a second, never standby.
     pub const DEFAULT: Self = Self {
         hold: Duration::from_secs(1),
-            throttle: Throttle::IDLE,
-            ramp: 500,
-            standby_after: None,
-            lower_standby_after: Duration::from_secs(5),
-        };
+        throttle: Throttle::IDLE,
+        ramp: 500,
+        standby_after: None,
+        lower_standby_after: Duration::from_secs(5),
+    };
 }
 
 impl Supervision {

@@ -72,7 +72,9 @@ impl Run {
                     if self.fail_safe_at.take().is_some() {
                         self.shaper.rise();
                     }
-                    self.carried = Duration::from_ticks(0);
+                    if sources.has_spoken(origin) {
+                        self.carried = Duration::from_ticks(0);
+                    }
                     self.demand = demand;
                     self.stage(LossStage::None, told);
                     return None;
@@ -104,7 +106,9 @@ impl Run {
                 }
                 let stage = if now >= fail_safe_at { LossStage::FailSafe } else { LossStage::Hold };
                 self.stage(stage, told);
-                lower.map(|(origin, _)| origin).filter(|_| now >= fail_safe_at + config.loss.lower_standby_after)
+                lower
+                    .map(|(origin, _)| origin)
+                    .filter(|_| now >= fail_safe_at + config.loss.lower_standby_after)
             }
         }
     }
@@ -121,8 +125,10 @@ impl Run {
     /// stage. Silence from before a reset counts.
     fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {
         let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
-        let until_fail_safe = by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
-        let before = self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+        let until_fail_safe =
+            by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
+        let before =
+            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
         fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))
     }
 

@@ -45,7 +45,9 @@ impl Governor {
             Some(rpm) => {
                 if self.seen.map(|seen| seen.at) != Some(rpm.at) {
                     // Not more than 0.5 s: a gap must not become one big step.
-                    let passed = self.seen.map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
+                    let passed = self
+                        .seen
+                        .map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
                     let passed = passed.min(Duration::from_millis(500));
                     let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
                     let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * passed.as_micros();

@@ -339,13 +339,18 @@ mod tests {
         let memory = Memory::new();
         let full = Record { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
         memory.store(&full, OURS);
-        let left = Record { ran: true, by_id6: true, pump_open: true, ..Record::new(Order::Listen, Origin::Node) };
+        let left =
+            Record { ran: true, by_id6: true, pump_open: true, ..Record::new(Order::Listen, Origin::Node) };
         assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
         assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
         assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");
         let stop = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
         memory.store(&stop, OURS);
-        assert_eq!(memory.load(OURS, Reset::PowerLost), Some(Record { armed: false, ..stop }), "a stop stays");
+        assert_eq!(
+            memory.load(OURS, Reset::PowerLost),
+            Some(Record { armed: false, ..stop }),
+            "a stop stays"
+        );
     }
 
     #[test]

@@ -3,9 +3,9 @@
 //! With an order in force in the record, the run goes on with its life in doubt: nothing goes out that could start an
 //! engine, until two reports say that it runs. Without one, nothing is in force, and what the ECU reports decides.
 
-use super::life::{Finding, Found};
 use super::keep::Record;
-use super::{Beginning, Engine, Mode, OpenPump, Run};
+use super::life::{Finding, Found};
+use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX, Run};
 use crate::command::{Demand, Order, Origin};
 use crate::link::{Link, Sign};
 use crate::telemetry::{Event, LossStage};
@@ -70,7 +70,11 @@ impl Engine {
         match kept.order {
             Order::Run(demand) if ran => {
                 let silent = kept.silent + RESET_TAKES;
-                self.sources.resume(now, kept.origin, demand, kept.loss != LossStage::None, silent);
+                let low = self.resets >= RESETS_MAX;
+                let lost = low || kept.loss != LossStage::None;
+                // After resets in a row without a word it is not waited for once more.
+                let believed_silent = if low { Duration::MAX } else { silent };
+                self.sources.resume(now, kept.origin, demand, lost, believed_silent);
                 let record = Record { silent, resets: self.resets, ..kept };
                 self.begin(now, demand, kept.origin, Beginning::Reset(record));
                 if kept.loss != LossStage::None {
@@ -110,7 +114,7 @@ impl Engine {
             }
             Mode::Pwm { life, .. } => Record { ran: life.reached(), ..Record::new(Order::Pwm, by) },
         };
-        let resets = if self.sources.any_heard() { 0 } else { self.resets };
+        let resets = if self.sources.any_spoken() { 0 } else { self.resets };
         Record {
             armed: self.armed,
             failed: self.failed,

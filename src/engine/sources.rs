@@ -43,6 +43,8 @@ struct Source {
     period: Duration,
     /// Its last word was standby, given then.
     standby_at: Option<Instant>,
+    /// It has spoken since the node started; otherwise it was resumed.
+    spoken: bool,
 }
 
 /// All sources of one engine.
@@ -96,7 +98,8 @@ impl Sources {
     }
 
     fn speak(&mut self, now: Instant, origin: Origin, intent: Intent) {
-        let (age, recover_after, return_within) = (self.ages.of(origin), self.recover_after, self.return_within);
+        let (age, recover_after, return_within) =
+            (self.ages.of(origin), self.recover_after, self.return_within);
         for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
             if place != origin {
                 continue;
@@ -118,9 +121,12 @@ impl Sources {
                 (Intent::Nothing, None) => now,
                 _ => now.checked_add(age).unwrap_or(Instant::MAX),
             };
-            let period = before.map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.heard));
+            let period =
+                before.map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.heard));
             let standby_at = before.and_then(|source| source.standby_at);
-            *slot = Some(Source { intent, heard: now, silent_from, since, was_lost, period, standby_at });
+            let spoken = true;
+            *slot =
+                Some(Source { intent, heard: now, silent_from, since, was_lost, period, standby_at, spoken });
         }
     }
 
@@ -140,6 +146,7 @@ impl Sources {
                     was_lost,
                     period: Duration::from_ticks(0),
                     standby_at: None,
+                    spoken: false,
                 });
             }
             None => {}
@@ -196,9 +203,14 @@ impl Sources {
         self.source(origin).is_some_and(|source| source.was_lost)
     }
 
-    /// Whether any source has spoken at all.
-    pub fn any_heard(&self) -> bool {
-        self.each().any(|(_, source)| source.period.as_ticks() > 0)
+    /// Whether any source has spoken since the node started.
+    pub fn any_spoken(&self) -> bool {
+        self.each().any(|(_, source)| source.spoken)
+    }
+
+    /// Whether a source has spoken since the node started.
+    pub fn has_spoken(&self, origin: Origin) -> bool {
+        self.source(origin).is_some_and(|source| source.spoken)
     }
 
     /// The next instant at which a source is lost. One comes to be in control only when it speaks, or when that happens.
@@ -215,7 +227,11 @@ impl Sources {
     }
 
     fn slot_mut(&mut self, origin: Origin) -> Option<&mut Option<Source>> {
-        Origin::SOURCES.into_iter().zip(&mut self.sources).find(|(place, _)| *place == origin).map(|(_, slot)| slot)
+        Origin::SOURCES
+            .into_iter()
+            .zip(&mut self.sources)
+            .find(|(place, _)| *place == origin)
+            .map(|(_, slot)| slot)
     }
 
     fn slot(&mut self, origin: Origin) -> Option<&mut Source> {

@@ -70,7 +70,6 @@ fn both() -> [World; 2] {
 
 /// A source that goes on asking for a speed just above the maximum of 160 000 rpm.
 #[test]
-#[ignore = "finding 9: fails before the supervision is rewritten"]
 fn demand_just_above_the_maximum_is_clamped_to_it() {
     for too_much in [160_100, 200_000] {
         let mut world = World::one(zk(5, |_, _| {}));
@@ -103,7 +102,6 @@ fn demand_at_the_maximum_is_obeyed() {
 
 /// The pilot's stick goes up while the engine still starts.
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn throttle_rises_at_a_rate_after_a_start_with_the_stick_up() {
     for mut world in both() {
         world.ready(Rc);
@@ -120,7 +118,6 @@ fn throttle_rises_at_a_rate_after_a_start_with_the_stick_up() {
 }
 
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn speed_rises_at_a_rate_after_a_start_with_the_stick_up() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.ready(Rc);
@@ -138,7 +135,6 @@ fn speed_rises_at_a_rate_after_a_start_with_the_stick_up() {
 
 /// A higher source that asks for more takes over.
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn demand_rises_at_a_rate_when_another_source_takes_over() {
     for mut world in both() {
         world.fly(Mavlink, 20);
@@ -153,7 +149,6 @@ fn demand_rises_at_a_rate_when_another_source_takes_over() {
 
 /// The source was lost until the demand was at idle, and is back.
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn demand_rises_at_a_rate_after_a_gap() {
     for mut world in both() {
         world.fly(Rc, 100);
@@ -171,7 +166,6 @@ fn demand_rises_at_a_rate_after_a_gap() {
 
 /// A limit that held the demand at the fail-safe: after standby and a new start nothing jumps either.
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn demand_rises_at_a_rate_after_a_start_that_follows_a_limit() {
     let mut world = World::one(zk(5, |config, _| {
         config.supervision.limits.over_temperature =
@@ -212,7 +206,6 @@ fn reduced_to_half() -> World<2> {
 }
 
 #[test]
-#[ignore = "finding 13: fails before the supervision is rewritten"]
 fn demand_rises_at_a_rate_when_the_failure_of_another_engine_clears() {
     let mut world = reduced_to_half();
     let from = world.now() - 1000 * MILLIS;

@@ -58,13 +58,11 @@ fn cold_after_a_reset(pilot: bool) {
 }
 
 #[test]
-#[ignore = "finding 7: fails before the supervision is rewritten"]
 fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_without_a_source() {
     cold_after_a_reset(false);
 }
 
 #[test]
-#[ignore = "finding 7: fails before the supervision is rewritten"]
 fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_with_a_source() {
     cold_after_a_reset(true);
 }
@@ -72,7 +70,6 @@ fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_with_a_source() {
 /// The exhaust of an engine at 90 % falls by more than 15 °C a second for 3 s when its flame is out, and is below 300 °C
 /// within 25 s.
 #[test]
-#[ignore = "finding 7: fails before the supervision is rewritten"]
 fn run_ends_when_the_flame_goes_out_with_error_sets() {
     for pilot in [true, false] {
         let mut world = flying_with_a_fault(90, AmtTemper::DEFAULT);
@@ -93,7 +90,6 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
 
 /// An ECU that forgets its fault by itself after a minute and obeys whatever it is told then.
 #[test]
-#[ignore = "finding 7: fails before the supervision is rewritten"]
 fn run_of_before_a_flame_out_does_not_meet_the_ecu_when_its_fault_clears() {
     let temper = AmtTemper {
         trips_clear_after: Some(60 * SECOND),
@@ -112,7 +108,6 @@ fn run_of_before_a_flame_out_does_not_meet_the_ecu_when_its_fault_clears() {
 
 /// The ECU's own error sets after a flame-out, without any other fault.
 #[test]
-#[ignore = "finding 7: fails before the supervision is rewritten"]
 fn run_ends_when_the_flame_goes_out_and_the_ecu_reports_nothing_else() {
     let mut world = World::one(amt(|_, _| {}));
     world.fly(Rc, 90);

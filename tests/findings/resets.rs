@@ -44,7 +44,6 @@ fn dead_source_in_a_reset_loop(engine: impl Fn() -> World, period: f64) {
 }
 
 #[test]
-#[ignore = "finding 4: fails before the supervision is rewritten"]
 fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_3_ecu() {
     for period in [0.7, 0.9, 1.05, 1.4] {
         dead_source_in_a_reset_loop(|| World::one(zk(3, |_, _| {})), period);
@@ -52,7 +51,6 @@ fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_3_ecu() {
 }
 
 #[test]
-#[ignore = "finding 4: fails before the supervision is rewritten"]
 fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_5_ecu() {
     for period in [0.7, 0.9, 1.05, 1.4] {
         dead_source_in_a_reset_loop(|| World::one(zk(5, |_, _| {})), period);
@@ -60,7 +58,6 @@ fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_a_zk_5_ecu() {
 }
 
 #[test]
-#[ignore = "finding 4: fails before the supervision is rewritten"]
 fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_an_amt_ecu() {
     for period in [0.7, 0.9, 1.05, 1.4] {
         dead_source_in_a_reset_loop(|| World::one(amt(|_, _| {})), period);
@@ -69,7 +66,6 @@ fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_an_amt_ecu() {
 
 /// Resets so quick that the node never hears enough to order anything; a ZK ECU from version 5 keeps its engine running.
 #[test]
-#[ignore = "finding 4: fails before the supervision is rewritten"]
 fn reset_loop_too_quick_to_listen_brings_a_zk_engine_without_a_source_to_standby() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.fly(Rc, 90);
@@ -136,7 +132,6 @@ fn emergency_stop_stops(mut world: World) {
 }
 
 #[test]
-#[ignore = "finding 10: fails before the supervision is rewritten"]
 fn emergency_stop_reaches_an_ecu_in_rpm_mode_after_a_reset_with_nothing_heard() {
     emergency_stop_stops(deaf_after_a_reset(true));
 }
@@ -148,7 +143,6 @@ fn emergency_stop_reaches_an_ecu_in_throttle_mode_after_a_reset_with_nothing_hea
 
 /// Standby goes out blind, too.
 #[test]
-#[ignore = "finding 10: fails before the supervision is rewritten"]
 fn standby_reaches_an_ecu_after_a_reset_with_nothing_heard() {
     for by_rpm in [false, true] {
         let mut world = deaf_after_a_reset(by_rpm);
@@ -159,7 +153,6 @@ fn standby_reaches_an_ecu_after_a_reset_with_nothing_heard() {
 }
 
 #[test]
-#[ignore = "finding 10: fails before the supervision is rewritten"]
 fn latched_stop_reaches_an_ecu_in_rpm_mode_after_a_reset() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
@@ -183,7 +176,6 @@ fn latched_stop_reaches_an_ecu_in_rpm_mode_after_a_reset() {
 
 /// The node is armed, and comes back from a reset with another engine's settings on the same port.
 #[test]
-#[ignore = "finding 15: fails before the supervision is rewritten"]
 fn record_of_another_protocol_does_not_arm_an_engine() {
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
@@ -200,7 +192,6 @@ fn record_of_another_protocol_does_not_arm_an_engine() {
 }
 
 #[test]
-#[ignore = "finding 15: fails before the supervision is rewritten"]
 fn record_of_another_amt_engine_does_not_arm_an_engine() {
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
@@ -239,7 +230,6 @@ fn shown(world: &World) -> Telemetry {
 
 /// Two nodes that differ in nothing but that the transmitter of one has hung for 3 s.
 #[test]
-#[ignore = "finding 15: fails before the supervision is rewritten"]
 fn dead_transmitter_shows_in_telemetry() {
     let after = |hung: bool| {
         let mut world = World::one(zk(5, |_, _| {}));

@@ -62,7 +62,6 @@ fn assert_obeyed(world: &mut World, (action, told): (Action, Told)) {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn nothing_that_moves_fuel_or_heats_goes_to_an_engine_that_cools() {
     let mut wrong = Vec::new();
     for (action, told) in HOT {
@@ -84,7 +83,6 @@ fn nothing_that_moves_fuel_or_heats_goes_to_an_engine_that_cools() {
 
 /// The ECU says standby although the exhaust is hot.
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
     for hot in HOT {
         let mut world = obedient();
@@ -99,7 +97,6 @@ fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn nothing_that_moves_fuel_or_heats_is_done_with_an_exhaust_that_is_not_known() {
     for sensor in [EgtSensor::Open, EgtSensor::Short] {
         for hot in HOT {
@@ -113,7 +110,6 @@ fn nothing_that_moves_fuel_or_heats_is_done_with_an_exhaust_that_is_not_known() 
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn nothing_that_moves_fuel_or_heats_is_done_with_an_engine_that_is_not_armed() {
     for hot in HOT {
         let mut world = obedient();
@@ -164,7 +160,6 @@ fn pump_is_closed_when_its_source_closes_it() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_by_an_emergency_stop() {
     let mut world = pump_open();
     let stop = world.now();
@@ -183,7 +178,6 @@ fn pump_is_closed_by_an_emergency_stop() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_by_standby() {
     let mut world = pump_open();
     world.says(Rc, Standby);
@@ -191,7 +185,6 @@ fn pump_is_closed_by_standby() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_by_disarm() {
     let mut world = pump_open();
     world.command(Rc, Disarm).expect("always accepted");
@@ -199,14 +192,12 @@ fn pump_is_closed_by_disarm() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_when_its_source_is_silent() {
     let mut world = pump_open();
     assert_closed(&mut world, 15.0);
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_after_a_reset() {
     let mut world = pump_open();
     world.reset();
@@ -214,7 +205,6 @@ fn pump_is_closed_after_a_reset() {
 }
 
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_after_a_reset_with_an_emergency_stop() {
     let mut world = pump_open();
     world.command(Rc, EmergencyStop).expect("never refused");
@@ -224,7 +214,6 @@ fn pump_is_closed_after_a_reset_with_an_emergency_stop() {
 
 /// It is open "for a long time", and not for ever.
 #[test]
-#[ignore = "finding 8: fails before the supervision is rewritten"]
 fn pump_is_closed_after_its_time() {
     let mut world = pump_open();
     world.says(Rc, Standby);

@@ -2,45 +2,15 @@
 
 use crate::wire::Frame;
 use crate::world::*;
-use embassy_time::Duration;
 use jetlink::command::{Accepted, Interlock, Rejected};
-use jetlink::config::{EngineConfig, validate};
-use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::config::Governor;
 use jetlink::engine::state::EngineState;
-use jetlink::line::Line;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::{EgtSensor, Phase};
 use sim::zk::crc8;
 
 fn both() -> [World; 2] {
     [World::one(zk(5, |_, _| {})), World::one(amt(|_, _| {}))]
-}
-
-// -----------------------------------------------------------------------------------------------
-// Finding 14: listening
-// -----------------------------------------------------------------------------------------------
-
-fn listens_for(ms: u64) -> EngineConfig {
-    let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
-    config.supervision.listen = Duration::from_millis(ms);
-    config
-}
-
-/// The status IDs of version 5 come round in 9 frames of 50 ms, those of version 6 in 10.
-#[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
-fn listening_for_less_than_one_round_of_status_ids_does_not_validate() {
-    for ms in [300, 400, 449] {
-        assert!(validate(&[listens_for(ms)]).is_err(), "{ms} ms");
-    }
-}
-
-#[test]
-fn listening_for_longer_than_one_round_of_status_ids_validates() {
-    for ms in [1000, 2000] {
-        assert_eq!(validate(&[listens_for(ms)]), Ok(()), "{ms} ms");
-    }
 }
 
 // -----------------------------------------------------------------------------------------------
@@ -66,7 +36,6 @@ fn ignitions_after_run(world: &mut World) -> usize {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn engine_is_not_armed_after_an_emergency_stop_and_its_release() {
     for mut world in stopped_and_released() {
         assert_eq!(ignitions_after_run(&mut world), 0);
@@ -75,18 +44,17 @@ fn engine_is_not_armed_after_an_emergency_stop_and_its_release() {
 
 /// A source that says armed all along.
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn source_that_said_armed_during_an_emergency_stop_does_not_arm_the_engine() {
     for mut world in both() {
         world.ready(Rc);
         world.command(Rc, EmergencyStop).expect("never refused");
         for _ in 0..10 {
-            world.command(Rc, Arm).expect("never refused");
+            let _ = world.command(Rc, Arm);
             world.pass(0.1);
         }
         world.command(Rc, ReleaseStop).expect("standing, and its source at standby");
         for _ in 0..30 {
-            world.command(Rc, Arm).expect("never refused");
+            let _ = world.command(Rc, Arm);
             world.pass(0.1);
         }
         assert_eq!(ignitions_after_run(&mut world), 0);
@@ -123,7 +91,6 @@ fn most_throttle(world: &World, since: Nanos) -> f64 {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn speed_that_no_engine_has_does_not_take_the_governor_to_full_throttle() {
     let mut world = governed(70_000);
     let from = world.now();
@@ -134,7 +101,6 @@ fn speed_that_no_engine_has_does_not_take_the_governor_to_full_throttle() {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn governor_does_not_open_the_throttle_against_a_shaft_that_falls_after_a_flame_out() {
     let mut world = governed(80_000);
     let from = world.now();
@@ -165,7 +131,6 @@ fn ignitions_with(mut world: World, sensor: EgtSensor) -> usize {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn exhaust_at_minus_50_degrees_is_not_known_to_be_cool() {
     for world in both() {
         assert_eq!(ignitions_with(world, EgtSensor::Short), 0);
@@ -220,7 +185,6 @@ fn scale_after_a_swap(from: u8, to: u8) {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn version_of_the_zk_ecu_before_does_not_scale_the_voltages_of_the_next() {
     scale_after_a_swap(5, 3);
     scale_after_a_swap(3, 5);
@@ -238,7 +202,6 @@ fn voltages_of_the_same_zk_version_are_right_after_a_swap() {
 
 /// Two sets that say running release the demand: the reply to the third one moves at the latest.
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn two_reports_of_a_running_amt_engine_release_the_demand() {
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
@@ -281,7 +244,6 @@ fn start_after_fault_reports(count: usize) -> Result<Accepted, Rejected> {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn one_odd_report_of_a_fault_does_not_refuse_the_start_of_a_zk_engine() {
     assert_eq!(start_after_fault_reports(1), Ok(Accepted::InForce));
 }
@@ -301,7 +263,6 @@ fn state_after_reports_of_standby(count: usize) -> EngineState {
 }
 
 #[test]
-#[ignore = "finding 14: fails before the supervision is rewritten"]
 fn one_odd_report_does_not_change_the_state_of_a_zk_engine() {
     assert_eq!(state_after_reports_of_standby(1), EngineState::Running);
 }

@@ -24,7 +24,6 @@ fn shut_down(world: &mut World) {
 // -----------------------------------------------------------------------------------------------
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_while_cooling_does_not_start_the_engine_when_it_has_cooled() {
     for mut world in both() {
         shut_down(&mut world);
@@ -40,7 +39,6 @@ fn run_refused_while_cooling_does_not_start_the_engine_when_it_has_cooled() {
 
 /// An ECU that does not cool its engine: the shaft stands, and the exhaust is hot.
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_as_too_hot_does_not_start_the_engine_when_it_has_cooled() {
     let mut world = World::one(amt(|_, ecu| ecu.turbine.cooling_rpm = 0.0));
     shut_down(&mut world);
@@ -55,7 +53,6 @@ fn run_refused_as_too_hot_does_not_start_the_engine_when_it_has_cooled() {
 }
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_as_not_armed_does_not_start_the_engine_when_another_source_arms() {
     for mut world in both() {
         world.ready(Rc);
@@ -73,7 +70,6 @@ fn run_refused_as_not_armed_does_not_start_the_engine_when_another_source_arms()
 }
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_for_a_fault_does_not_start_the_zk_engine_when_the_fault_clears() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.ready(Rc);
@@ -91,7 +87,6 @@ fn run_refused_for_a_fault_does_not_start_the_zk_engine_when_the_fault_clears() 
 }
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_for_a_fault_does_not_start_the_amt_engine_when_the_fault_clears() {
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
@@ -108,7 +103,6 @@ fn run_refused_for_a_fault_does_not_start_the_amt_engine_when_the_fault_clears()
 }
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn run_refused_above_idle_does_not_start_the_engine_when_the_stick_comes_down() {
     for mut world in both() {
         world.ready(Rc);
@@ -147,7 +141,6 @@ fn start_that_waits_for_another_engine_begins_when_that_one_runs() {
 }
 
 #[test]
-#[ignore = "finding 2: fails before the supervision is rewritten"]
 fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
     let mut world = group();
     world.ready(Rc);
@@ -174,7 +167,6 @@ fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
 // -----------------------------------------------------------------------------------------------
 
 #[test]
-#[ignore = "finding 3: fails before the supervision is rewritten"]
 fn standby_of_one_source_and_run_of_another_are_no_start() {
     for mut world in both() {
         world.start(Rc);
@@ -194,7 +186,6 @@ fn standby_of_one_source_and_run_of_another_are_no_start() {
 }
 
 #[test]
-#[ignore = "finding 3: fails before the supervision is rewritten"]
 fn standby_of_a_lost_source_does_not_serve_the_run_of_a_lower_one() {
     for mut world in both() {
         world.ready(Rc);
@@ -221,7 +212,6 @@ fn never_starts() -> World {
 }
 
 #[test]
-#[ignore = "finding 5: fails before the supervision is rewritten"]
 fn start_of_a_standing_engine_ends_when_the_stages_of_loss_of_its_source_have_run_out() {
     for fresh in [0.3, 30.0] {
         let mut world = never_starts();
@@ -240,7 +230,6 @@ fn start_of_a_standing_engine_ends_when_the_stages_of_loss_of_its_source_have_ru
 }
 
 #[test]
-#[ignore = "finding 5: fails before the supervision is rewritten"]
 fn disarm_ends_a_start_of_a_standing_engine() {
     let mut world = never_starts();
     world.ready(Rc);
@@ -252,7 +241,6 @@ fn disarm_ends_a_start_of_a_standing_engine() {
 }
 
 #[test]
-#[ignore = "finding 5: fails before the supervision is rewritten"]
 fn disarm_ends_a_start_of_an_engine_on_its_way_up() {
     for mut world in both() {
         world.ready(Rc);
@@ -292,7 +280,6 @@ fn disarm_leaves_a_running_engine_alone() {
 // -----------------------------------------------------------------------------------------------
 
 #[test]
-#[ignore = "finding 12: fails before the supervision is rewritten"]
 fn rc_away_for_a_moment_while_mavlink_streams_standby_leaves_the_engine_running() {
     for away in [0.6, 1.7, 2.0] {
         for mut world in both() {
@@ -325,7 +312,6 @@ fn mavlink_that_streams_standby_shuts_the_engine_down_when_rc_is_gone() {
 }
 
 #[test]
-#[ignore = "finding 12: fails before the supervision is rewritten"]
 fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
@@ -342,7 +328,6 @@ fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
 }
 
 #[test]
-#[ignore = "finding 12: fails before the supervision is rewritten"]
 fn one_word_among_others_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
@@ -369,7 +354,6 @@ fn two_words_of_the_source_in_control_shut_the_engine_down() {
 }
 
 #[test]
-#[ignore = "finding 12: fails before the supervision is rewritten"]
 fn gap_of_0_6_s_in_a_stream_does_not_lower_the_demand() {
     for mut world in both() {
         world.fly(Rc, 100);

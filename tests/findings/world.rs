@@ -8,7 +8,7 @@ use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{Memory, Reset};
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -78,6 +78,8 @@ pub struct World<const N: usize = 1> {
     pilots: Vec<Pilot>,
     readers: [Reader; N],
     sent: [Vec<Frame>; N],
+    /// What the node comes out of when it starts.
+    cause: Reset,
 }
 
 impl World {
@@ -118,6 +120,7 @@ impl<const N: usize> World<N> {
             pilots: Vec::new(),
             readers,
             sent: std::array::from_fn(|_| Vec::new()),
+            cause: Reset::Warm,
         }
     }
 
@@ -125,12 +128,22 @@ impl<const N: usize> World<N> {
     // The node
     // ---------------------------------------------------------------------------------------
 
+    /// The node starts after a loss of power that its memory survived.
+    pub fn boot_after_power_loss(&mut self) {
+        self.cause = Reset::PowerLost;
+        self.boot();
+        self.cause = Reset::Warm;
+    }
+
     /// The node starts, with what its memory kept.
     pub fn boot(&mut self) {
         static ERRORS: LineErrors = LineErrors::new();
         self.halt();
-        let node: &'static Node<N> =
-            Box::leak(Box::new(Node::with_memory(&self.configs, self.memory).expect("a good table")));
+        // What came while it was held in reset is lost with its UART.
+        self.halves = self.plugs.iter().map(Plug::reset_node).collect();
+        let node: &'static Node<N> = Box::leak(Box::new(
+            Node::with_memory(&self.configs, self.memory, self.cause).expect("a good table"),
+        ));
         for (runner, (rx, tx)) in node.runners().into_iter().zip(self.halves.drain(..)) {
             self.tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
         }

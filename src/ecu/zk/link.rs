@@ -18,9 +18,7 @@ use super::codec::{
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::line::{Line, LineError};
-use crate::link::{
-    Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Timing, Transmission, earlier,
-};
+use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Timing, Transmission, earlier};
 use crate::telemetry::{
     Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
     bump,
@@ -883,6 +881,10 @@ impl Link for ZkLink {
         self.cancel_service();
         self.close_pump = CLOSE_PUMP_FRAMES;
         self.close_next = false;
+    }
+
+    fn service_pending(&self) -> bool {
+        !matches!(self.service, ServiceState::None)
     }
 
     fn closing_pump(&self) -> bool {
