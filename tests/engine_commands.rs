@@ -303,6 +303,8 @@ proptest! {
             };
             for (command, origin) in commands {
                 scenario.pass(scenario::PERIOD);
+                // A demand on its way moves with the time, not with the command.
+                scenario.bench.act(|engine, now| engine.timeout(now));
                 let before = scenario.telemetry();
                 let ran = matches!(before.ordered.order, Order::Run(_) | Order::Doubt(_));
                 let answer = scenario.command_from(command, origin);
