@@ -55,7 +55,11 @@ fn amt_13_loss_does_not_call_off_ctf() {
 #[test]
 fn zk_8_a_hand_over_lasts() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(80));
-    assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::StandbyFirst), "it is none of an engine that runs");
+    assert_eq!(
+        scenario.command(Command::HandOverToPwm),
+        Err(Rejected::StandbyFirst),
+        "it is none of an engine that runs"
+    );
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     assert_eq!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce));
     assert_eq!(scenario.wire(), Wire::Pwm);
@@ -132,7 +136,9 @@ fn service_commands_need_a_stopped_engine() {
             };
             assert_eq!(ready().command(action(each)), expected, "{says:?} {each:?}");
             // Hot, or not armed.
-            for (hot, why) in [(true, Interlock::TooHot(Celsius::from_tenths(1010))), (false, Interlock::NotArmed)] {
+            for (hot, why) in
+                [(true, Interlock::TooHot(Celsius::from_tenths(1010))), (false, Interlock::NotArmed)]
+            {
                 let mut scenario = ready();
                 if hot {
                     scenario.values.egt = 101;

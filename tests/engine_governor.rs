@@ -37,7 +37,9 @@ fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
 /// The throttle that goes out where anything does, in tenths of a percent: also while the life of the engine is in doubt.
 fn throttle(scenario: &Scenario) -> u16 {
     match scenario.order() {
-        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => throttle.tenths(),
+        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+            throttle.tenths()
+        }
         other => panic!("a throttle, not {other:?}"),
     }
 }

@@ -18,7 +18,8 @@ mod scenario;
 use bench::{micros, us};
 use frames::zk as zk_frames;
 use scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run, tenths,
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run,
+    tenths,
 };
 
 /// RC's age limit.

@@ -17,8 +17,8 @@ mod scenario;
 use bench::us;
 use frames::{amt as amt_frames, zk as zk_frames};
 use scenario::{
-    ALL, BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, ZK_IDLE, ZK_MAX, percent, rpm,
-    run,
+    ALL, BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, ZK_IDLE, ZK_MAX, percent,
+    rpm, run,
 };
 
 // ---------------------------------------------------------------------------------------------

@@ -271,9 +271,11 @@ fn start_cut_short() -> Option<Record> {
 /// in force goes on at once, because it can start nothing.
 #[test]
 fn after_a_reset_it_listens() {
-    for (kept, order) in
-        [(None, Order::Listen), (kept_run(percent(60)), Order::Doubt(percent(60))), (start_cut_short(), Order::Listen)]
-    {
+    for (kept, order) in [
+        (None, Order::Listen),
+        (kept_run(percent(60)), Order::Doubt(percent(60))),
+        (start_cut_short(), Order::Listen),
+    ] {
         let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
         zk.pass(20 * EVERY);
         let sent = zk.bench.bytes();
@@ -329,7 +331,9 @@ fn a_running_engine_goes_on_with_what_was_kept() {
         assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
         let sent = scenario.sent();
         match ecu {
-            Ecu::Amt => assert!(sent.len() >= 59 && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}"),
+            Ecu::Amt => {
+                assert!(sent.len() >= 59 && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}")
+            }
             Ecu::Zk => assert_eq!(sent, []),
         }
         assert!(!scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::WentOn(_))));
@@ -560,7 +564,10 @@ fn what_is_kept_is_what_is_in_force() {
         // While it is in doubt, what was kept stays kept, and the reset counts; arming counts.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
         let again = scenario.bench.machine.record();
-        assert_eq!(Some(Record { silent: micros(0), ..again }), kept_run(percent(60)).map(|kept| Record { resets: 1, ..kept }));
+        assert_eq!(
+            Some(Record { silent: micros(0), ..again }),
+            kept_run(percent(60)).map(|kept| Record { resets: 1, ..kept })
+        );
         scenario.command(Command::Disarm).unwrap();
         let record = scenario.bench.machine.record();
         assert_eq!((record.order, record.armed), (Order::Run(percent(60)), false));
