@@ -638,7 +638,7 @@ impl Engine {
         if let Some(wait) = self.start_wait {
             let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == wait.origin);
             if !in_control || now >= wait.until {
-                self.start_wait = None;
+                self.use_up(wait.origin);
                 self.event(Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), wait.origin));
             }
         }
