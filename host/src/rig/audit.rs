@@ -20,8 +20,8 @@ use super::engines::{Ecu as Kind, Engine};
 use super::simulated::{cadence, parameters};
 use jetlink::command::{Demand, Order};
 use sim::amt::Ops;
-use sim::turbine::Phase;
 use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
 use sim::zk::{Action, Sw, ZkCommand};
 use std::collections::VecDeque;
@@ -322,8 +322,10 @@ impl Audit {
     pub fn withdrawn(&mut self, at: Nanos, phase: Phase) {
         self.see_engine(at, phase);
         self.heard.find_gap(at);
-        let stopped = !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
-        let starting = phase.is_starting() && (at >= self.started_at + START_TAKES || self.heard.gap >= Some(self.started_at));
+        let stopped =
+            !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
+        let starting = phase.is_starting()
+            && (at >= self.started_at + START_TAKES || self.heard.gap >= Some(self.started_at));
         let forsaken = at >= self.word_at + ALL_SILENT && self.heard.gap >= Some(self.word_at);
         if stopped || starting || forsaken {
             let last = self.orders.back().map_or(0, |&(from, _)| from);
@@ -558,7 +560,8 @@ impl Audit {
             (ZkCommand::Rpm(code), Order::Run(Demand::Rpm(given))) => {
                 let given = given.get();
                 let step = u32::from(self.factor) * 10;
-                let exact = [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
+                let exact =
+                    [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
                 exact || self.rises(u32::from(code) * step, given, self.max_rpm, step)
             }
             _ => false,
@@ -692,6 +695,150 @@ mod tests {
         late.look(&entries(0, &zk(0, 0)));
         late.look(&entries(29 * MILLIS, &zk(0x14, 0)));
         assert_eq!(late.worst_cadence_error, Some(9 * MILLIS));
+    }
+
+    fn from_ecu(at: Nanos, fate: Fate) -> Vec<Entry> {
+        (0..6)
+            .map(|i| Entry {
+                direction: Direction::ToNode,
+                byte: 0,
+                start: at + i * MILLIS,
+                end: at + (i + 1) * MILLIS,
+                fate,
+            })
+            .collect()
+    }
+
+    /// An AMT engine at 60 %, whose ECU sends every 125 ms from 1 s to 20 s.
+    fn in_flight() -> Audit {
+        let mut audit = audit(0);
+        let sixty = Order::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
+        for n in 0..153 {
+            let at = SECOND + n * 125 * MILLIS;
+            if n == 10 {
+                audit.ordered(at, sixty);
+            }
+            audit.look(&from_ecu(at, Fate::Delivered));
+            let half_percent = if n < 10 { 0x20 } else { 0x20 + 120 };
+            let ops = if n < 10 { 0x12 } else { 0x14 };
+            audit.look(&entries(at + 10 * MILLIS, &[0xFF, ops, half_percent, ops, half_percent]));
+        }
+        audit.see_engine(20 * SECOND, Phase::Running);
+        assert_eq!(audit.not_given, 0, "{:?}", audit.findings);
+        audit
+    }
+
+    fn amt_run(half_percent: u8) -> [u8; 5] {
+        [0xFF, 0x14, 0x20 + half_percent, 0x14, 0x20 + half_percent]
+    }
+
+    #[test]
+    fn a_demand_rises_at_its_rate_and_after_a_gap_only() {
+        let full = Order::Run(Demand::Throttle(Throttle::from_percent(100).unwrap()));
+        // 125 ms are 6.25 %, and 1.25 % more because a frame was computed before its first bit.
+        for (gap, half_percent, allowed) in [
+            (true, 134, true),
+            (true, 120, true),
+            (true, 137, false),
+            (true, 118, false),
+            (false, 134, false),
+        ] {
+            let mut audit = in_flight();
+            let back = 20 * SECOND + if gap { 375 } else { 125 } * MILLIS;
+            let last = amt_run(120);
+            if gap {
+                // The reply comes late, as far as the order goes.
+                audit.look(&from_ecu(back, Fate::Delivered));
+                audit.look(&entries(back + 10 * MILLIS, &last));
+            }
+            audit.ordered(back, full);
+            audit.look(&from_ecu(back + 125 * MILLIS, Fate::Delivered));
+            audit.look(&entries(back + 135 * MILLIS, &amt_run(half_percent)));
+            assert_eq!(audit.not_given == 0, allowed, "{gap}, {half_percent}: {:?}", audit.findings);
+        }
+    }
+
+    #[test]
+    fn a_rise_ends_with_the_commanded_demand() {
+        let demand = |percent| Order::Run(Demand::Throttle(Throttle::from_percent(percent).unwrap()));
+        let mut audit = in_flight();
+        audit.reset(20 * SECOND + 50 * MILLIS);
+        audit.look(&from_ecu(20 * SECOND + 125 * MILLIS, Fate::Delivered));
+        audit.look(&entries(20 * SECOND + 135 * MILLIS, &amt_run(120)));
+        audit.ordered(20 * SECOND + 200 * MILLIS, demand(65));
+        for (n, half_percent) in [(2, 126), (3, 130)] {
+            audit.look(&from_ecu(20 * SECOND + n * 125 * MILLIS, Fate::Delivered));
+            audit.look(&entries(20 * SECOND + n * 125 * MILLIS + 10 * MILLIS, &amt_run(half_percent)));
+        }
+        assert_eq!(audit.not_given, 0, "{:?}", audit.findings);
+        audit.ordered(20 * SECOND + 450 * MILLIS, demand(100));
+        audit.look(&entries(20 * SECOND + 510 * MILLIS, &amt_run(136)));
+        assert_eq!(audit.not_given, 1);
+    }
+
+    #[test]
+    fn a_run_is_withdrawn_only_where_the_engine_has_stopped_or_fell_silent_in_its_start() {
+        let now = 20 * SECOND + 100 * MILLIS;
+        for (phase, allowed) in [
+            (Phase::Running, false),
+            (Phase::FuelRamp, false),
+            (Phase::Cooling, true),
+            (Phase::Stopped, true),
+        ] {
+            let mut audit = in_flight();
+            audit.word(now);
+            audit.withdrawn(now, phase);
+            assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
+        }
+        for (phase, word, allowed) in [
+            (Phase::FuelRamp, now, true),
+            (Phase::Running, now, false),
+            // Nobody has spoken for long.
+            (Phase::Running, now - 10 * SECOND, true),
+        ] {
+            let mut audit = in_flight();
+            audit.word(word);
+            audit.withdrawn(now + 2 * SECOND, phase);
+            assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
+        }
+        // What has stopped a moment ago, and is lit again.
+        let mut relit = in_flight();
+        relit.see_engine(now, Phase::Cooling);
+        relit.withdrawn(now + SECOND, Phase::Ignition);
+        assert_eq!(relit.not_given, 0, "{:?}", relit.findings);
+        let mut later = in_flight();
+        later.word(now);
+        later.see_engine(now - 4 * SECOND, Phase::Cooling);
+        later.withdrawn(now, Phase::Ignition);
+        assert_eq!(later.not_given, 1);
+    }
+
+    #[test]
+    fn an_order_is_given_up_only_where_the_ecu_fell_silent() {
+        let mut heard = in_flight();
+        heard.given_up(20 * SECOND + 50 * MILLIS);
+        assert_eq!(heard.not_given, 1);
+        let mut silent = in_flight();
+        silent.given_up(24 * SECOND);
+        assert_eq!(silent.not_given, 0);
+        // That it is at rest, nothing says: standby is not for the node to order.
+        silent.look(&entries(24 * SECOND + 100 * MILLIS, &[0xFF, 0x12, 0x20, 0x12, 0x20]));
+        assert_eq!(silent.not_given, 1);
+    }
+
+    #[test]
+    fn damaged_sets_without_a_checksum_count_as_a_gap_and_damaged_frames_with_one_do_not() {
+        for (engine, gap) in [(0, true), (2, false)] {
+            let mut audit = audit(engine);
+            audit.look(&from_ecu(SECOND, Fate::Delivered));
+            audit.look(&from_ecu(SECOND + 40 * MILLIS, Fate::Delivered));
+            audit.heard.gap = None;
+            audit.look(&from_ecu(SECOND + 80 * MILLIS, Fate::Flipped(1)));
+            audit.heard.find_gap(SECOND + 120 * MILLIS);
+            assert_eq!(audit.heard.gap.is_some(), gap);
+            audit.heard.find_gap(SECOND + 120 * MILLIS + 3 * 125 * MILLIS);
+            assert!(audit.heard.gap.is_some());
+        }
     }
 
     #[test]

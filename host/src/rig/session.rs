@@ -309,12 +309,7 @@ pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
 }
 
 /// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
-async fn listen(
-    mut events: Events<'_>,
-    desk: &Desk<'_>,
-    plug: &Plug<AnyEcu>,
-    cockpit: &Cockpit<'_>,
-) {
+async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, cockpit: &Cockpit<'_>) {
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,
