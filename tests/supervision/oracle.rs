@@ -514,7 +514,7 @@ impl Oracle {
                 }
                 Word::Run(demand)
             }
-            Command::HandOverToPwm | Command::Service(_) => return Ok(()),
+            Command::HandOverToPwm | Command::Service(_) | Command::ShutDown | Command::Present => return Ok(()),
         };
         let age = self.age(origin);
         let ruled = self.ruler(at);

@@ -6,7 +6,7 @@ use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
-use jetlink::engine::keep::{Memory, Record};
+use jetlink::engine::keep::{Memory, Record, Reset};
 use jetlink::line::Line;
 use jetlink::telemetry::LossStage;
 use jetlink::units::{Celsius, Throttle};
@@ -89,13 +89,15 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 #[test]
 fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
     let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
-    memory.store(&Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) });
-    let channel = Channel::with_memory(&EngineConfig::amt("a", 0, Line::new(2400), None), memory);
+    let config = EngineConfig::amt("a", 0, Line::new(2400), None);
+    let stored = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+    memory.store(&stored, config.fingerprint());
+    let channel = Channel::with_memory(&config, memory, Reset::Warm);
     let handle = channel.handle();
     assert_eq!(handle.command(Command::Disarm, Origin::Bench), Ok(Accepted::InForce));
     assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::Listening));
     let kept = Record::new(Order::EmergencyStop, Origin::Rc);
-    assert_eq!(memory.load(), Some(kept));
+    assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
 }
 
 /// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.

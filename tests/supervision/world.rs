@@ -11,7 +11,7 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::ecu::{EcuConfig, amt::codec::Engine};
 use jetlink::engine::config::{Action, Governor, Slew, Supervision};
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{Memory, Reset};
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -655,10 +655,13 @@ impl Rig {
     }
 }
 
+/// Words of one copy of a record.
+const WORDS: usize = 8;
+
 /// The words behind a record, to write them as a reset in the middle of a write would leave them.
-fn words(memory: &Memory) -> &[AtomicU32; 10] {
-    const { assert!(size_of::<Memory>() == size_of::<[AtomicU32; 10]>()) };
-    // SAFETY: a `Memory` is two copies of five atomic words and nothing else, as the assertion on its size says, and
+fn words(memory: &Memory) -> &[AtomicU32; 2 * WORDS] {
+    const { assert!(size_of::<Memory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
+    // SAFETY: a `Memory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
 }
@@ -701,7 +704,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
                 down_for(&mut rigs, down);
                 for (rig, memory) in rigs.iter_mut().zip(memory) {
                     rig.look_at_ecu();
-                    let demand = memory.load().and_then(|record| match record.order {
+                    let demand = memory.load(rig.config.fingerprint(), Reset::Warm).and_then(|record| match record.order {
                         Order::Run(demand) => Some((record.origin, demand, record.loss != LossStage::None)),
                         _ => None,
                     });
@@ -761,7 +764,7 @@ fn boot<const N: usize>(
     end: u64,
 ) -> Result<End, (usize, String)> {
     static ERRORS: LineErrors = LineErrors::new();
-    let node = Node::with_memory(configs, memory).expect("valid");
+    let node = Node::with_memory(configs, memory, Reset::Warm).expect("valid");
     let handles = node.handles();
     // Commands may come before the engines' tasks have begun.
     if rng.percent(30) {
@@ -848,7 +851,7 @@ fn reset<const N: usize>(
             // Brown-out: a bit or two of each copy.
             for words in memory.iter().map(words) {
                 for copy in 0..2 {
-                    let word = &words[copy * 5 + rng.below(5) as usize];
+                    let word = &words[copy * WORDS + rng.below(WORDS as u64) as usize];
                     word.fetch_xor(1 << rng.below(32), Ordering::Relaxed);
                 }
             }
@@ -869,13 +872,13 @@ fn reset<const N: usize>(
             let before = read();
             let refused = handles[port].command(command, origin).err();
             let after = read();
-            let written = rng.below(6) as usize;
-            let copy = (0..2).find(|copy| before[copy * 5..][..5] != after[copy * 5..][..5]);
+            let written = rng.below(WORDS as u64 + 1) as usize;
+            let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
             match copy {
-                Some(copy) if written < 5 => {
+                Some(copy) if written < WORDS => {
                     // The reset came before the command was answered: it was never given.
                     let kept = words(&memory[port]).iter().zip(before);
-                    for (word, old) in kept.skip(copy * 5 + written).take(5 - written) {
+                    for (word, old) in kept.skip(copy * WORDS + written).take(WORDS - written) {
                         word.store(old, Ordering::Relaxed);
                     }
                 }
