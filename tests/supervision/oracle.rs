@@ -174,6 +174,8 @@ pub struct Oracle {
     may_go_on: bool,
     /// The engine may have reached running in this run.
     reached: bool,
+    /// It has.
+    ran: bool,
     opened: u64,
     last_frame: u64,
     last_run: u64,
@@ -267,6 +269,7 @@ impl Oracle {
             wire_run: false,
             may_go_on: true,
             reached: false,
+            ran: false,
             opened: 0,
             last_frame: 0,
             last_run: 0,
@@ -375,7 +378,8 @@ impl Oracle {
         if let Some((_, Source { word: Word::Run(demand), .. })) = self.ruler(self.at) {
             self.may_have_risen(to, demand);
             self.wanted_until = self.wanted_until.max(to);
-            if !self.uncertain(to) {
+            // One that waits to take over does not count yet.
+            if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
                 self.wanted_until_least = to;
             }
         }
@@ -839,6 +843,7 @@ impl Oracle {
             self.reached = false;
         }
         // What it reports may be something else than what it does.
+        self.ran |= self.wire_run && truth.says_running && !truth.odd && at > self.opened + SECOND;
         let reached = truth.says_running || truth.odd || at < self.odd_at + BEHIND_FAULTY;
         if reached && !core::mem::replace(&mut self.reached, true) {
             // The truth is sampled: it may have been there a little earlier.
@@ -963,6 +968,7 @@ impl Oracle {
         self.other_started = None;
         self.booted = at;
         self.wire_run = false;
+        self.ran = false;
         self.may_go_on = self.latched.is_none();
         self.settled = at;
         self.look();
@@ -1054,7 +1060,8 @@ impl Oracle {
             self.tally.healthy_ends += 1;
             let reason = self.over.is_some()
                 || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run)
-                || self.ended_by_loss(at);
+                || self.ended_by_loss(at)
+                || self.ended_by_lower(at);
             if !reason {
                 return Err(format!("(5) {frame:?} to an engine that runs, and nobody ended its run"));
             }
@@ -1063,6 +1070,7 @@ impl Oracle {
         self.wire_run = false;
         self.may_go_on = false;
         self.reached = false;
+        self.ran = false;
         self.guard = false;
         self.limited = false;
         self.over = None;
@@ -1084,6 +1092,14 @@ impl Oracle {
         let hold = if self.uncertain(at) { 0 } else { loss.hold.as_micros() };
         let slack = if self.uncertain(at) { SECOND + self.longest_age() } else { TOL };
         after.is_some_and(|after| at + slack >= self.wanted_until_least + hold + after)
+    }
+
+    /// A lower source that says standby may have ended the run.
+    fn ended_by_lower(&self, at: u64) -> bool {
+        let loss = self.config.supervision.loss;
+        let lasted = loss.hold.as_micros() + loss.lower_standby_after.as_micros();
+        let lower = |at| matches!(self.ruler(at), Some((_, Source { word: Word::Standby, .. })));
+        at + TOL >= self.wanted_until_least + lasted && (lower(at) || lower(self.last_run))
     }
 
     fn run(&mut self, at: u64) -> Result<bool, String> {
@@ -1142,7 +1158,7 @@ impl Oracle {
             }
         }
         let behind = if disturbed || at < self.odd_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
-        let dead = self.reached && !self.truth.live && at > self.live_at.max(self.opened) + behind;
+        let dead = self.ran && !self.truth.live && at > self.live_at.max(self.opened) + behind;
         if dead && !(self.amt && self.truth.faulty) && !self.truth.odd {
             return Err("(8) run, and the engine has stopped in this run".into());
         }
@@ -1181,6 +1197,7 @@ impl Oracle {
         self.attempts.clear();
         self.wire_run = true;
         self.reached = false;
+        self.ran = false;
         self.opened = at;
         self.last_run = at;
         self.lost = false;
@@ -1353,8 +1370,10 @@ impl Oracle {
         let sliding = if self.on_its_way(at) && !self.lost { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
+        // In doubt, too, a demand of the other kind cannot be compared.
+        let in_doubt = at < self.fault_at + BEHIND_FAULTY;
         let limit = match self.asked(at) {
-            Some(Demand::Throttle(_)) if self.limited => limit.max(before),
+            Some(Demand::Throttle(_)) if self.limited || in_doubt => limit.max(before),
             _ => limit,
         };
         if rpm > limit + slack && !opens && rpm > self.idle_rpm + slack || rpm > self.max_rpm + slack {
