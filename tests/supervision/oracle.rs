@@ -957,7 +957,6 @@ impl Oracle {
         self.in_force = None;
         self.waiting = None;
         self.lost = true;
-        self.silent = None;
         self.over = None;
         self.standby_reason = None;
         self.rising = None;
@@ -978,7 +977,7 @@ impl Oracle {
     // The wire
     // -----------------------------------------------------------------------------------------
 
-    /// True if this frame begins a run, and not one that was ordered some time ago while the transmitter hung.
+    /// True if this frame is that of a start, and not one that was ordered some time ago while the transmitter hung.
     pub fn frame(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
         // Sent before the reset, or out of a transmitter that hung.
         if at <= self.booted + TOL || (at >= self.hung.0 && at < self.hung.1) {
@@ -987,7 +986,8 @@ impl Oracle {
         self.advance(at);
         self.tally.frames += 1;
         let hung = self.hung.1 > self.last_frame;
-        let answer = self.judge(at, frame).map(|opens| opens && !hung);
+        let starts = self.tally.starts;
+        let answer = self.judge(at, frame).map(|_| self.tally.starts > starts && !hung);
         match frame {
             Frame::Full(..) => self.peak_throttle = 0,
             Frame::RpmCode(_) => self.peak_rpm = 0,
@@ -1005,7 +1005,7 @@ impl Oracle {
         answer
     }
 
-    fn judge(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
+    fn judge(&mut self, at: u64, frame: Frame) -> Result<(), String> {
         // A frame and a command at the same instant: the demand before may still be in it.
         if let Some((_, Source { changed, before: Word::Run(demand), .. })) = self.ruler(at)
             && at < changed + TOL
@@ -1028,8 +1028,7 @@ impl Oracle {
         let opens = match switch {
             Some(Switch::Pwm) => return Err("(1) SW 0 hands the engine to the PWM input".into()),
             Some(Switch::Stop | Switch::Standby) => {
-                self.ended(at, frame)?;
-                return Ok(false);
+                return self.ended(at, frame);
             }
             Some(Switch::Run) => self.run(at)?,
             None => false,
@@ -1043,7 +1042,7 @@ impl Oracle {
             }
             _ => {}
         }
-        Ok(opens)
+        Ok(())
     }
 
     /// A stop or standby.
@@ -1090,7 +1089,12 @@ impl Oracle {
         let after = loss.standby_after.map(|after| after.as_micros()).or(in_doubt.then_some(RUN_OUT));
         // After a reset the silence that is carried over is not certain, and after three the hold is left out.
         let hold = if self.uncertain(at) { 0 } else { loss.hold.as_micros() };
-        let slack = if self.uncertain(at) { SECOND + self.longest_age() } else { TOL };
+        // Silence that is carried over a reset may be counted a little longer than it was.
+        let slack = match (self.uncertain(at), self.booted > self.wanted_until_least) {
+            (true, _) => SECOND + self.longest_age(),
+            (false, true) => SECOND,
+            (false, false) => TOL,
+        };
         after.is_some_and(|after| at + slack >= self.wanted_until_least + hold + after)
     }
 
@@ -1112,6 +1116,7 @@ impl Oracle {
         {
             // A new start after it.
             if let Ok(()) = self.start_allowed(at) {
+                self.tally.starts += 1;
                 self.opened_by_start(at);
                 return Ok(true);
             }
@@ -1187,8 +1192,9 @@ impl Oracle {
         if words().any(|attempt| attempt.against.is_none()) {
             return Ok(());
         }
-        let last = words().next_back().and_then(|attempt| attempt.against.clone());
-        Err(last.unwrap_or_else(|| "(1) run begins, and nobody has said so".into()))
+        let mut all: Vec<String> = words().filter_map(|attempt| attempt.against.clone()).collect();
+        all.dedup();
+        Err(if all.is_empty() { "(1) run begins, and nobody has said so".into() } else { all.join("; ") })
     }
 
     fn opened_by_start(&mut self, at: u64) {
@@ -1295,7 +1301,10 @@ impl Oracle {
                 .max(self.peak_throttle)
                 .max(sliding)
                 .max(asked.map_or(0, |asked| self.as_throttle(asked))),
-            false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))),
+            false if version_known => {
+                self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked)))
+            }
+            false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))).max(authority),
         };
         // At the fail-safe of a limit a demand of the other kind cannot be compared.
         let limit = match asked {
