@@ -159,7 +159,7 @@ impl<'a> Handle<'a> {
         // One source at a time, so that two engines cannot both find the other one standing.
         let answer = critical_section::with(|_| {
             let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
-            let free = matches!(command, Command::Run(_))
+            let free = matches!(command, Command::Run(_) | Command::HandOverToPwm)
                 && others.all(|other| !other.see(|engine| engine.keeps_others_from_start(now)));
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });

@@ -11,7 +11,7 @@
 //! commands an engine, except the demonstration (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
-use crate::board::{self, EcuPort, Executor, Led, PORTS, Watchdog};
+use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
@@ -20,7 +20,7 @@ use jetlink::engine::keep::Reset;
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::Runner;
-use jetlink::telemetry::{LinkState, LossStage, Telemetry};
+use jetlink::telemetry::{LossStage, Telemetry};
 use static_cell::StaticCell;
 
 /// How many engines this node runs.
@@ -46,11 +46,18 @@ const SUPERVISION: Duration = Duration::from_millis(250);
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let mut board = board::init(LINES);
-    let cause = board::reset_cause();
-    defmt::info!("jetlink {=str} on {=str}, last reset: {}", env!("CARGO_PKG_VERSION"), board::NAME, cause);
+    defmt::info!(
+        "jetlink {=str} on {=str}, last reset: {}",
+        env!("CARGO_PKG_VERSION"),
+        board::NAME,
+        board.reset_cause
+    );
+    if board.oscillator == Oscillator::Internal {
+        defmt::error!("the crystal does not run: on the chip's own oscillator");
+    }
     log_ports();
 
-    let node = node(board::retained(cause));
+    let node = node(board.reset_cause.retained());
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for handle in node.handles() {
@@ -58,7 +65,7 @@ fn main() -> ! {
             let heard = defmt::unwrap!(handle.events());
             spawner.spawn(defmt::unwrap!(events(handle.name(), heard)));
         }
-        spawner.spawn(defmt::unwrap!(status(node, board.led)));
+        spawner.spawn(defmt::unwrap!(status(node, board.led, board.oscillator)));
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
         #[cfg(feature = "trial")]
@@ -71,7 +78,7 @@ fn main() -> ! {
             let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
             engines.spawn(defmt::unwrap!(engine(runner, port)));
         }
-        // Last: from here on, an engine whose runner stands still means a reset.
+        // Last: from here on, an engine whose runner is stuck means a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
 }
@@ -127,17 +134,17 @@ async fn events(name: &'static str, mut events: Events<'static>) {
     }
 }
 
-/// Status LED: one flash a second when all is well, five when an engine needs a look.
+/// Status LED: one flash a second when all is well, five when an engine needs a look or the crystal does not run.
 #[embassy_executor::task]
-async fn status(node: &'static Node<N>, mut led: Led) {
+async fn status(node: &'static Node<N>, mut led: Led, oscillator: Oscillator) {
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
         second.next().await;
-        let mut flashes = 1;
+        let mut flashes = if oscillator == Oscillator::Crystal { 1 } else { 5 };
         for handle in node.handles() {
             let telemetry = handle.telemetry();
             defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));
-            if needs_a_look(&telemetry) {
+            if telemetry.needs_attention() {
                 flashes = 5;
             }
         }
@@ -150,36 +157,34 @@ async fn status(node: &'static Node<N>, mut led: Led) {
     }
 }
 
-fn needs_a_look(engine: &Telemetry) -> bool {
-    engine.link != LinkState::Up
-        || engine.loss != LossStage::None
-        || engine.limited
-        || !engine.obeyed
-        || engine.stop_latched
-        || engine.report.faults.is_some_and(|faults| !faults.value.is_empty())
-}
-
 /// What matters at a glance, in one line. What the ECU has not said is left out.
 struct StatusLine<'a>(&'a Telemetry);
 
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
         let Telemetry { link, state, report, ordered, ruler, waiting, loss, .. } = self.0;
-        let Telemetry { limited, obeyed, stop_latched, counters, .. } = self.0;
+        let Telemetry { limited, obeyed, stop_latched, in_doubt, transmitter_failed, counters, .. } = self.0;
         defmt::write!(f, "link {}, {}", link, state);
-        if let Some(rpm) = report.rpm {
-            defmt::write!(f, ", {=u32} rpm", rpm.value.get());
+        // What is old is left out, not shown as if it were so now.
+        if let Some(rpm) = self.0.current(report.rpm) {
+            defmt::write!(f, ", {=u32} rpm", rpm.get());
         }
-        if let Some(egt) = report.egt {
-            defmt::write!(f, ", {=i16} °C", egt.value.tenths() / 10);
+        if let Some(egt) = self.0.current(report.egt) {
+            defmt::write!(f, ", {=i16} °C", egt.tenths() / 10);
         }
-        if let Some(throttle) = report.throttle {
-            defmt::write!(f, ", throttle {=u16} %", throttle.value.tenths() / 10);
+        if let Some(throttle) = self.0.current(report.throttle) {
+            defmt::write!(f, ", throttle {=u16} %", throttle.tenths() / 10);
         }
-        if let Some(faults) = report.faults
-            && !faults.value.is_empty()
+        if let Some(faults) = self.0.current(report.faults)
+            && !faults.is_empty()
         {
-            defmt::write!(f, ", faults {}", faults.value);
+            defmt::write!(f, ", faults {}", faults);
+        }
+        if in_doubt.is_some() {
+            defmt::write!(f, ", IN DOUBT whether it runs: the demand does not reach it");
+        }
+        if *transmitter_failed {
+            defmt::write!(f, ", NOTHING GOES OUT: transmitter failed");
         }
         defmt::write!(f, "; ordered {} by {}, {} rules", ordered.order, ordered.origin, ruler);
         if *loss != LossStage::None {
@@ -233,13 +238,13 @@ async fn count() {
 async fn supervisor(node: &'static Node<N>, mut watchdog: Watchdog) {
     let mut at_last_feed = node.handles().map(|handle| handle.progress());
     watchdog.start();
-    let mut look = Ticker::every(SUPERVISION);
     loop {
-        look.next().await;
+        // Not a ticker: after a stall it would catch up, and find runners stuck that had no time to move.
+        Timer::after(SUPERVISION).await;
         let mut all_moved = true;
         for (handle, before) in node.handles().iter().zip(at_last_feed) {
             if handle.progress() == before {
-                defmt::error!("{=str}: its runner stands still", handle.name());
+                defmt::error!("{=str}: its runner is stuck", handle.name());
                 all_moved = false;
             }
         }

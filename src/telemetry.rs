@@ -393,6 +393,28 @@ pub(crate) fn bump(count: &mut u32) {
     *count = count.wrapping_add(1);
 }
 
+/// Older values are not shown as current.
+const CURRENT: Duration = Duration::from_secs(3);
+
+impl Telemetry {
+    /// A value, if it came within the last 3 s: what an ECU said before it fell silent is not what its engine does now.
+    pub fn current<T: Copy>(&self, value: Option<Timed<T>>) -> Option<T> {
+        value.filter(|value| value.age(self.at) <= CURRENT).map(|value| value.value)
+    }
+
+    /// Whether somebody has to look at this engine: what the status LED shows.
+    pub fn needs_attention(&self) -> bool {
+        self.link != LinkState::Up
+            || self.loss != LossStage::None
+            || self.in_doubt.is_some()
+            || self.limited
+            || !self.obeyed
+            || self.transmitter_failed
+            || self.stop_latched
+            || self.report.faults.is_some_and(|faults| !faults.value.is_empty())
+    }
+}
+
 /// A snapshot of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

@@ -93,6 +93,8 @@ pub struct Board {
     pub ram: Range<u64>,
     /// Registers of GPIO port A; 0x400 for each further one.
     pub gpio: u64,
+    /// RCC_CR, which turns oscillators on.
+    pub clock_control: u64,
     /// Registers of the independent watchdog.
     pub watchdog: u64,
     /// The first backup register.
@@ -149,6 +151,7 @@ pub static MATEK_H743: Board = Board {
     behind_bootloader: 0x0802_0000,
     ram: 0x2400_0000..0x2408_0000,
     gpio: 0x5802_0000,
+    clock_control: 0x5802_4400,
     watchdog: 0x5800_4800,
     backup: 0x5800_4050,
     receive_register: 0x24,
@@ -174,6 +177,7 @@ pub static PIXRACER: Board = Board {
     behind_bootloader: 0x0800_4000,
     ram: 0x2000_0000..0x2003_0000,
     gpio: 0x4002_0000,
+    clock_control: 0x4002_3800,
     watchdog: 0x4000_3000,
     backup: 0x4000_2850,
     receive_register: 0x04,

@@ -91,6 +91,8 @@ pub struct Rig {
     instructions_per_second: u64,
     /// UARTs with an ECU.
     wired: Vec<Uart>,
+    /// The crystal does not start.
+    pub dead_crystal: bool,
 }
 
 impl Store for Rig {} // no snapshots
@@ -111,7 +113,7 @@ impl Rig {
             chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
             chip.rtc_slot = Some(chip.bus().slot("RTC").expect("the H743's description has a clock"));
         }
-        Self { chip, kind: board.part, instructions_per_second, wired: Vec::new() }
+        Self { chip, kind: board.part, instructions_per_second, wired: Vec::new(), dead_crystal: false }
     }
 
     /// Hangs a wire on a UART.

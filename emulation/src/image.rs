@@ -116,9 +116,9 @@ pub(crate) fn patch(elf: &mut [u8], address: u64, halfwords: &[u16]) {
 ///
 /// # Panics
 /// If nothing of the image lies there.
-pub(crate) fn vectors(elf: &[u8], table: u64) -> Vec<u8> {
+pub(crate) fn vectors(elf: &[u8], table: u64) -> [u32; 2] {
     let at = offset(elf, table);
-    elf[at..at + 8].to_vec()
+    [at, at + 4].map(|at| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]))
 }
 
 /// Where in the file the bytes for an address of the flash are.

@@ -18,6 +18,7 @@
 //! unless the run passes every check of [`audit`], which no test has to ask for.
 //!
 //! - [`board`]: the two boards, their ports, pins and clocks.
+//! - [`bootloader`]: what stands before an image that keeps its board's bootloader.
 //! - [`image`]: which images there are, and where.
 //! - [`run`]: one run, from what it is made of to what it leaves behind.
 //! - [`audit`]: what is checked at every run.
@@ -29,6 +30,7 @@
 
 pub mod audit;
 pub mod board;
+pub mod bootloader;
 mod chip;
 pub mod engines;
 pub mod image;
@@ -39,6 +41,7 @@ pub mod turnaround;
 mod wire;
 
 pub use board::{BOARDS, Board, MATEK_H743, PIXRACER};
+pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;
 pub use run::{Bench, Report, Run, Tap, Written};

@@ -12,8 +12,11 @@
 //!    Left out: the time that a new prescaler takes to cross over (its status reads 0, that is: done), the
 //!    write lock and the window. The F427's own watchdog model is used as it is.
 //! 3. **The H743 has no real-time clock**, so no backup registers. [`Rtc`] holds what is written, over a reset
-//!    too, as the backup domain does, and does nothing else. That writes need `PWR_CR1.DBP` rigless knows by
-//!    itself. The F427's own model is used as it is.
+//!    too, as the backup domain does, and does nothing else. [`BackupDomain`] empties it when `RCC_BDCR.BDRST` is set.
+//!    That writes need `PWR_CR1.DBP`, and that `RTCSEL` is written once until then, rigless knows by itself. The
+//!    F427's own model is used as it is.
+//! 4. **A crystal always starts.** [`Crystal`] lets one be dead: right after each write that turns it on, it is turned
+//!    off again, before its flag rises.
 
 use std::collections::HashMap;
 
@@ -120,4 +123,43 @@ pub struct Rtc;
 
 impl Device for Rtc {
     type Register = rtc::Register;
+}
+
+/// Empties the backup registers of an STM32H743 at a reset of the backup domain (RM0433, 8.4.6).
+#[derive(Debug)]
+pub struct BackupDomain;
+
+impl BackupDomain {
+    const BDCR: u64 = 0x5802_4470;
+    const BDRST: u64 = 1 << 16;
+    const BKP0R: u64 = 0x5800_4050;
+
+    /// To be called after every write to a register.
+    pub fn after_write(part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
+        if address == Self::BDCR && value & Self::BDRST != 0 {
+            for register in 0..32 {
+                let _ = part.write(at, Self::BKP0R + 4 * register, Width::W32, 0);
+            }
+        }
+    }
+}
+
+/// A crystal that may be dead.
+#[derive(Debug)]
+pub struct Crystal {
+    /// RCC_CR.
+    pub control: u64,
+    /// It does not start any more.
+    pub dead: bool,
+}
+
+impl Crystal {
+    const HSEON: u64 = 1 << 16;
+
+    /// To be called after every write to a register.
+    pub fn after_write(&self, part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
+        if self.dead && address == self.control && value & Self::HSEON != 0 {
+            let _ = part.write(at, self.control, Width::W32, value & !Self::HSEON);
+        }
+    }
 }

@@ -16,13 +16,17 @@ use rigless::time::VirtualNanos;
 use sim::ecu::{Nanos, SECOND};
 use sim::line::Line;
 
-use crate::board::{Board, Uart};
+use crate::board::{Board, Part, Uart};
+use crate::bootloader::Bootloader;
 use crate::chip::Rig;
 use crate::image::Image;
 use crate::log::{self, Log};
-use crate::quirks::TimerFlags;
+use crate::quirks::{BackupDomain, Crystal, TimerFlags};
 use crate::wire::{Far, Wire};
-use crate::{audit, engines, image};
+use crate::{audit, bootloader, engines, image};
+
+/// After so many resets a run is given up.
+const MOST_RESETS: usize = 6;
 
 type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
 
@@ -39,6 +43,7 @@ pub struct Run {
     until: Nanos,
     live: bool,
     patch: Option<(u64, &'static [u16])>,
+    bootloader: Option<Bootloader>,
     resets_expected: usize,
     errors_expected: bool,
 }
@@ -58,6 +63,7 @@ impl Run {
             until: SECOND,
             live: false,
             patch: None,
+            bootloader: None,
             resets_expected: 0,
             errors_expected: false,
         }
@@ -145,6 +151,13 @@ impl Run {
         self
     }
 
+    /// What starts the image in place of a reset. Unless told, an image that is linked behind a bootloader has one that
+    /// leaves nothing, and any other has none.
+    pub fn bootloader(mut self, bootloader: Bootloader) -> Self {
+        self.bootloader = Some(bootloader);
+        self
+    }
+
     /// Runs, and panics unless everything that [`audit`] checks is in order.
     ///
     /// # Panics
@@ -186,14 +199,26 @@ impl Run {
         let table = Table::parse(&bytes).expect("the image's table of log lines");
         let table = Arc::new(table.expect("the image has a table of log lines"));
         let symbols = Symbols::read(&bytes, |value| value & !1).expect("the image's symbols");
-        let start = self.image.start(board);
+        let table_at = self.image.start(board);
         let mut images = Vec::new();
-        if start != board.flash.start {
-            // A bootloader, as far as the application can tell: it takes stack and start from the application's
-            // table and jumps. The part itself starts at the beginning of the flash, at every reset.
-            let jump = image::vectors(&bytes, start);
-            let stub = rigless::image::Image::new(&path, jump, Some(board.flash.start));
-            images.push(stub.expect("eight bytes"));
+        let bootloader = match self.bootloader.take() {
+            None if table_at != board.flash.start => Some(Bootloader::default()),
+            other => other,
+        };
+        if let Some(bootloader) = bootloader {
+            let jump = image::vectors(&bytes, table_at);
+            // The part starts at the beginning of the flash, at every reset. Where the image has that place itself, its
+            // own first words lead to what lies at the end of the flash.
+            let mut at = board.flash.start;
+            if table_at == at {
+                at = board.flash.end - 0x4000;
+                let [low, high] =
+                    [bootloader::entry(at), bootloader::entry(at) >> 16].map(|half| half as u16);
+                image::patch(&mut bytes, table_at + 4, &[low, high]);
+            }
+            let code = bootloader.assemble(board, at, table_at, jump);
+            let stub = rigless::image::Image::new(&path, code, Some(at));
+            images.push(stub.expect("a flat image"));
         }
         images.push(rigless::image::Image::new(&path, bytes, None).expect("an ELF file"));
 
@@ -333,6 +358,11 @@ impl Bench<'_> {
         let uart = self.uart(port);
         let place = self.session.board_mut().place(uart).expect("an ECU on this port");
         place.drop_next();
+    }
+
+    /// The crystal starts no more from here on; one that runs is not stopped.
+    pub fn break_crystal(&mut self) {
+        self.session.board_mut().dead_crystal = true;
     }
 
     /// Somebody presses the reset button.
@@ -557,8 +587,14 @@ impl Driver<Rig> for Hand {
                     self.written.push(Written { at, register, value: access.value });
                 }
                 if write {
-                    let part = &mut session.board_mut().chip;
-                    self.timers.after_write(part, access.virtual_time, access.address);
+                    let (at, address, value) = (access.virtual_time, access.address, access.value);
+                    let rig = session.board_mut();
+                    self.timers.after_write(&mut rig.chip, at, address);
+                    if self.board.part == Part::H743 {
+                        BackupDomain::after_write(&mut rig.chip, at, address, value);
+                    }
+                    let crystal = Crystal { control: self.board.clock_control, dead: rig.dead_crystal };
+                    crystal.after_write(&mut rig.chip, at, address, value);
                 }
             }
             Settled::Hit(hit) if hit.kind == HitKind::Write => {
@@ -595,6 +631,8 @@ impl Driver<Rig> for Hand {
         if let Some(live) = &self.live {
             live.pace(now);
         }
-        (now < self.until).then(|| self.next(now, session))
+        // A start that fails at once would be tried again a thousand times a second.
+        let hopeless = session.resets().len() > MOST_RESETS;
+        (now < self.until && !hopeless).then(|| self.next(now, session))
     }
 }

@@ -140,16 +140,14 @@ fn build(args: &Args) -> Result<PathBuf, String> {
     if args.demo {
         features += ",demo";
     }
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let output = Command::new(cargo)
-        .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
-        .args(["--package", "jetlink", "--bin", "jetlink-fw", "--features", &features])
-        .args(["--message-format", "json-render-diagnostics"])
+    // By name and by its alias: $CARGO may be another Rust than the one that every image is built with.
+    let output = Command::new("cargo")
+        .args(["fw", &features, "--message-format", "json-render-diagnostics"])
         .stderr(Stdio::inherit())
         .output()
         .map_err(|error| format!("cargo cannot be started: {error}"))?;
     if !output.status.success() {
-        return Err("the firmware does not build: see above".into());
+        return Err("the firmware was not built: see above".into());
     }
     let text = String::from_utf8_lossy(&output.stdout);
     text.lines()

@@ -66,6 +66,7 @@ fn what_is_shown_is_for_people() {
             .contains(&"the node has started: it listens to the engines before it obeys run or standby")
     );
     assert!(!text.contains("rejected: the node has just started"), "{text}");
+    assert_eq!(summary(&text, "rejected commands"), ["0"; 4], "{text}");
     assert_eq!(summary(&text, "worst cadence error"), ["-", "-", "0.000", "ms", "0.000", "ms"], "{text}");
     // What matters stands in the first 80 columns behind the time.
     let head = text.lines().find(|line| line.starts_with("      s  engine")).expect("a head");
@@ -316,6 +317,7 @@ fn the_source_is_lost_in_flight() {
 #[test]
 fn a_hot_start() {
     let (text, _) = scenario("hot-start", 8);
+    assert_ne!(summary(&text, "rejected commands"), ["0"], "{text}");
     // However much was told before.
     let expected = [
         "the engine is starting",
@@ -436,11 +438,7 @@ fn real_time_is_real() {
     let began = Instant::now();
     let output = rig(&["--standby", "--duration", "3s"]);
     let took = began.elapsed();
-    assert!(took >= Duration::from_secs(3) && took < Duration::from_secs(10), "{took:?}");
-    let text = out(&output);
+    assert!(took >= Duration::from_millis(2990) && took < Duration::from_secs(10), "{took:?}");
+    let text = status(&output, 0);
     assert!(text.contains("Summary after 3."), "{text}");
-    // A busy machine may miss a window; the rig has to say so then.
-    if output.status.code() != Some(0) {
-        assert!(text.contains("FAILED") && text.contains("missed"), "{text}");
-    }
 }

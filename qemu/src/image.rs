@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-const TARGET: &str = "thumbv7em-none-eabihf";
-
 /// An image and where it lies.
 pub struct Image {
     pub path: PathBuf,
@@ -14,18 +12,15 @@ pub struct Image {
 impl Image {
     /// Builds the firmware with these features.
     pub fn build(features: &[&str]) -> Result<Self, String> {
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let output = Command::new(cargo)
+        // By name and by its alias: $CARGO may be another Rust than the one that every image is built with.
+        let output = Command::new("cargo")
             .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-            .args(["build", "--release", "--target", TARGET, "--package", "jetlink", "--bin", "jetlink-fw"])
-            .args(["--features", &features.join(","), "--message-format", "json-render-diagnostics"])
+            .args(["fw", &features.join(","), "--message-format", "json-render-diagnostics"])
             .stderr(Stdio::inherit())
             .output()
             .map_err(|why| format!("cargo cannot be started: {why}"))?;
         if !output.status.success() {
-            return Err(format!(
-                "the firmware does not build. Is its target installed? rustup target add {TARGET}"
-            ));
+            return Err("the firmware was not built: see above".into());
         }
         let path: PathBuf = String::from_utf8_lossy(&output.stdout)
             .lines()

@@ -1,8 +1,10 @@
-//! Embassy's time driver on the host: one clock per thread, virtual or real.
+//! Embassy's time driver on the host: one virtual clock per thread.
 //!
 //! `cargo test` gives every test its own thread, so every test has its own clock and all of them
-//! can run in parallel. In [`Pace::Virtual`] time stands still while anything can be done and then
-//! jumps to the next alarm; in [`Pace::Wall`] it is the real time.
+//! can run in parallel. Time stands still while anything can be done and then jumps to the next
+//! alarm: at once, or in [`Pace::RealTime`] when the wall clock gets there. What happens, and at
+//! which virtual time, is the same in both: a host that is late delays the run and is not seen in
+//! it.
 //!
 //! The root future is polled when it was woken or when one of its alarms is due, never "just in
 //! case", so that a wake-up which the code under test forgets is seen. Each waker has one alarm,
@@ -10,6 +12,7 @@
 //! with each task, and like there a ring polls the task, which asks again for whatever it still
 //! waits for.
 
+mod pacer;
 mod waker;
 
 use core::cell::{Cell, RefCell};
@@ -21,6 +24,7 @@ use std::time::Instant as WallInstant;
 
 use embassy_time::{Duration, Instant};
 
+use self::pacer::Pacer;
 use self::waker::Root;
 
 /// So many polls at one and the same instant of virtual time are a busy loop.
@@ -29,11 +33,11 @@ const BUSY_LOOP_POLLS: u32 = 1_000_000;
 /// How time passes on this thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pace {
-    /// Jumps to the next alarm as soon as nothing is left to do.
+    /// To the next alarm as soon as nothing is left to do.
     #[default]
-    Virtual,
-    /// Real time; the thread sleeps until the next alarm.
-    Wall,
+    Unlimited,
+    /// The same, but never ahead of the wall clock by more than 2 ms.
+    RealTime,
 }
 
 struct Alarm {
@@ -42,9 +46,10 @@ struct Alarm {
 }
 
 struct Clock {
-    /// The time in ticks; in `Wall` pace the time at which `wall` was taken.
-    base: Cell<u64>,
-    wall: Cell<Option<WallInstant>>,
+    /// The time in ticks.
+    now: Cell<u64>,
+    /// Holds the time back in [`Pace::RealTime`].
+    pacer: Cell<Option<Pacer>>,
     alarms: RefCell<Vec<Alarm>>,
     running: Cell<bool>,
     root: Arc<Root>,
@@ -52,18 +57,22 @@ struct Clock {
 
 thread_local! {
     static CLOCK: Clock = Clock {
-        base: const { Cell::new(0) },
-        wall: const { Cell::new(None) },
+        now: const { Cell::new(0) },
+        pacer: const { Cell::new(None) },
         alarms: const { RefCell::new(Vec::new()) },
         running: const { Cell::new(false) },
-        root: Root::of_this_thread(),
+        root: Root::new(),
     };
 }
 
 impl Clock {
-    fn now(&self) -> u64 {
-        let passed = self.wall.get().map_or(0, |since| since.elapsed().as_micros());
-        self.base.get() + u64::try_from(passed).unwrap_or(u64::MAX)
+    /// Jumps to this time, in real time when the wall clock is there.
+    fn jump(&self, to: u64) {
+        if let Some(mut pacer) = self.pacer.get() {
+            std::thread::sleep(pacer.wait(to, WallInstant::now()));
+            self.pacer.set(Some(pacer));
+        }
+        self.now.set(to);
     }
 
     fn next_alarm(&self) -> Option<u64> {
@@ -93,7 +102,7 @@ embassy_time_driver::time_driver_impl!(static DRIVER: ThreadClock = ThreadClock)
 
 impl embassy_time_driver::Driver for ThreadClock {
     fn now(&self) -> u64 {
-        CLOCK.with(Clock::now)
+        CLOCK.with(|clock| clock.now.get())
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
@@ -102,7 +111,7 @@ impl embassy_time_driver::Driver for ThreadClock {
             return;
         }
         CLOCK.with(|clock| {
-            if at <= clock.now() {
+            if at <= clock.now.get() {
                 waker.wake_by_ref();
                 return;
             }
@@ -115,12 +124,12 @@ impl embassy_time_driver::Driver for ThreadClock {
     }
 }
 
-/// Sets this thread's clock to 0 in [`Pace::Virtual`] and forgets all alarms.
+/// Sets this thread's clock to 0 in [`Pace::Unlimited`] and forgets all alarms.
 pub fn reset() {
     CLOCK.with(|clock| {
         assert!(!clock.running.get(), "clock::reset() inside a running future");
-        clock.base.set(0);
-        clock.wall.set(None);
+        clock.now.set(0);
+        clock.pacer.set(None);
         let forgotten = clock.alarms.take();
         drop(forgotten);
     });
@@ -129,14 +138,9 @@ pub fn reset() {
 /// Changes the pace of this thread's clock; the time goes on from where it is.
 pub fn set_pace(pace: Pace) {
     CLOCK.with(|clock| {
-        clock.base.set(clock.now());
-        clock.wall.set((pace == Pace::Wall).then(WallInstant::now));
+        let pacer = Pacer::new(clock.now.get(), WallInstant::now());
+        clock.pacer.set((pace == Pace::RealTime).then_some(pacer));
     });
-}
-
-/// The pace of this thread's clock.
-pub fn pace() -> Pace {
-    CLOCK.with(|clock| if clock.wall.get().is_some() { Pace::Wall } else { Pace::Virtual })
 }
 
 /// The time on this thread in ns; it has the grain of embassy's tick, 1 µs.
@@ -148,7 +152,7 @@ pub fn now_ns() -> u64 {
 ///
 /// # Panics
 ///
-/// In [`Pace::Virtual`], when the future can never end: nothing is woken and no alarm is armed, or
+/// When the future can never end: nothing is woken and no alarm is armed, or
 /// it wakes itself without end while no time passes.
 pub fn run<F: Future>(future: F) -> F::Output {
     match drive(future, None) {
@@ -167,19 +171,6 @@ pub fn run<F: Future>(future: F) -> F::Output {
 /// As [`run`]: a deadlock before the limit is a deadlock, not a time-out.
 pub fn run_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
     drive(future, Some((Instant::now() + limit).as_ticks()))
-}
-
-/// [`run_for`] in real time, whatever the pace of this thread otherwise is.
-pub fn run_wall_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
-    struct Restore(Pace);
-    impl Drop for Restore {
-        fn drop(&mut self) {
-            set_pace(self.0);
-        }
-    }
-    let _restore = Restore(pace());
-    set_pace(Pace::Wall);
-    run_for(future, limit)
 }
 
 /// Lets time pass with no future running.
@@ -216,45 +207,30 @@ fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
             }
             polls += 1;
         }
-        let virtual_pace = pace() == Pace::Virtual;
         let now = CLOCK.with(|clock| {
-            let now = clock.now();
+            let now = clock.now.get();
             clock.ring(now);
             now
         });
         if root.is_woken() {
-            if virtual_pace {
-                assert!(
-                    polls < BUSY_LOOP_POLLS,
-                    "busy loop: the future woke itself {polls} times at {now} µs and no time passed"
-                );
-            } else if end.is_some_and(|end| now > end) {
-                return None;
-            }
+            assert!(
+                polls < BUSY_LOOP_POLLS,
+                "busy loop: the future woke itself {polls} times at {now} µs and no time passed"
+            );
             continue;
         }
-        let next = CLOCK.with(Clock::next_alarm);
-        if !virtual_pace {
-            if end.is_some_and(|end| now >= end) {
-                return None;
-            }
-            // With nothing armed there may still be another thread that will wake us.
-            let until = [next, end].into_iter().flatten().min();
-            root.park(until.map(|until| core::time::Duration::from_micros(until - now)));
-            continue;
-        }
-        let Some(next) = next else {
+        let Some(next) = CLOCK.with(Clock::next_alarm) else {
             panic!(
                 "deadlock at {now} µs: nothing is woken and no alarm is armed, so nothing can ever happen again"
             );
         };
         polls = 0;
         if let Some(end) = end.filter(|&end| next > end) {
-            CLOCK.with(|clock| clock.base.set(end));
+            CLOCK.with(|clock| clock.jump(end));
             return None;
         }
         CLOCK.with(|clock| {
-            clock.base.set(next);
+            clock.jump(next);
             clock.ring(next);
         });
     }
@@ -412,7 +388,7 @@ mod tests {
     #[test]
     fn wakers_that_are_not_the_root_get_their_own_alarms() {
         reset();
-        let (a, b) = (Root::of_this_thread(), Root::of_this_thread());
+        let (a, b) = (Root::new(), Root::new());
         embassy_time_driver::schedule_wake(100, &waker::waker(&a));
         embassy_time_driver::schedule_wake(300, &waker::waker(&a));
         embassy_time_driver::schedule_wake(200, &waker::waker(&b));
@@ -424,38 +400,45 @@ mod tests {
     }
 
     #[test]
-    fn wall_pace_is_real_time() {
+    fn real_time_follows_the_wall_clock() {
         reset();
+        set_pace(Pace::RealTime);
         let real = WallInstant::now();
-        assert_eq!(run_wall_for(Timer::after_millis(20), Duration::from_secs(5)), Some(()));
+        assert_eq!(run_for(Timer::after_millis(40), Duration::from_secs(5)), Some(()));
+        assert_eq!(run_for(Timer::after_secs(5), Duration::from_millis(40)), None);
         let took = real.elapsed();
-        assert!(took.as_millis() >= 20, "{took:?}");
-        assert!(now_ns() >= 20_000_000);
-        assert_eq!(pace(), Pace::Virtual);
-        assert_eq!(run_wall_for(Timer::after_secs(5), Duration::from_millis(20)), None);
-        assert!(real.elapsed().as_secs() < 4);
+        assert!(took.as_millis() >= 76, "{took:?}");
+        // Unlike the wall clock it arrives exactly.
+        assert_eq!(now_ns(), 80_000_000);
+        // Back to jumping.
+        set_pace(Pace::Unlimited);
+        advance(Duration::from_secs(3600));
+        assert!(real.elapsed().as_secs() < 1800);
     }
 
     #[test]
-    fn another_thread_can_wake_a_wall_clock() {
-        reset();
-        let done = Arc::new(core::sync::atomic::AtomicBool::new(false));
-        let mut started = false;
-        let waits = poll_fn(|cx| {
-            if done.load(core::sync::atomic::Ordering::SeqCst) {
-                return Poll::Ready(());
-            }
-            if !core::mem::replace(&mut started, true) {
-                let (waker, done) = (cx.waker().clone(), done.clone());
-                std::thread::spawn(move || {
-                    std::thread::sleep(core::time::Duration::from_millis(10));
-                    done.store(true, core::sync::atomic::Ordering::SeqCst);
-                    waker.wake();
-                });
-            }
-            Poll::Pending
-        });
-        assert_eq!(run_wall_for(waits, Duration::from_secs(20)), Some(()));
-        assert!(now_ns() < 10_000_000_000);
+    fn a_stalled_host_delays_the_run_and_is_not_seen_in_it() {
+        let run_with = |pace, stall: u64| {
+            reset();
+            set_pace(pace);
+            let real = WallInstant::now();
+            let mut times = Vec::new();
+            run(async {
+                let mut ticker = Ticker::every(Duration::from_millis(20));
+                for i in 0..20 {
+                    ticker.next().await;
+                    times.push(now_ns());
+                    if i == 5 {
+                        std::thread::sleep(core::time::Duration::from_millis(stall));
+                    }
+                }
+            });
+            (times, real.elapsed().as_millis())
+        };
+        let (expected, _) = run_with(Pace::Unlimited, 0);
+        let (times, took) = run_with(Pace::RealTime, 500);
+        assert_eq!(times, expected);
+        // 500 ms, and 400 ms of its own but for the tick that came due in the stall: it does not race to catch up.
+        assert!(took >= 870, "{took} ms");
     }
 }

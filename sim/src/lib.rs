@@ -5,7 +5,7 @@
 //! open points (cited as `ZK-6`, `AMT-11`, ...), never from the driver under test: one misreading
 //! must not stand on both sides of the line and cancel itself out.
 //!
-//! - [`clock`]: embassy's time driver for the host, virtual for tests, wall clock for the rig.
+//! - [`clock`]: embassy's time driver for the host: virtual time, at will no faster than the wall clock.
 //! - [`mod@line`]: baud rate, stop bits and the exact time that bytes take.
 //! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.

@@ -30,11 +30,14 @@ static APP_DESCRIPTOR: [u8; 36] = {
     descriptor
 };
 
-/// "The firmware is well" (Tools/AP_Bootloader, RTC_BOOT_FWOK). Without it some bootloaders stay in the bootloader
-/// after a reset by the watchdog: the last thing wanted with an engine running.
-const FIRMWARE_OK: u32 = 0xB009_3A26;
+/// "Start the application at once" (RTC_BOOT_FAST in ArduPilot's hwdef/common/stm32_util.h), which the bootloader looks
+/// for after a reset and takes away. Without it, it waits 5 s for an upload, unless the watchdog caused the reset.
+///
+/// Not RTC_BOOT_FWOK (0xB009 3A26): that is for bootloaders with CAN, which after a reset by the watchdog start nothing
+/// without it. None of the boards here has one (hwdef-bl.dat), and to the others it means nothing.
+const START_AT_ONCE: u32 = 0xB007_0002;
 
-/// Tells the bootloader that the firmware is well. To be called before the watchdog is started.
-pub fn firmware_is_well() {
-    chip::write_backup_register(FIRMWARE_OK);
+/// Tells the bootloader to start the application at once after the next reset.
+pub fn start_at_once() {
+    chip::write_backup_register(START_AT_ONCE);
 }

@@ -4,6 +4,9 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::{DCB, SCB};
+
+#[cfg(feature = "stm32")]
+use super::early::end;
 use cortex_m_rt::{ExceptionFrame, exception};
 
 #[panic_handler]
@@ -46,5 +49,11 @@ pub fn crash(log: impl FnOnce()) -> ! {
             cortex_m::asm::delay(20_000_000);
         }
     }
+    end()
+}
+
+/// Ends the firmware by a reset.
+#[cfg(not(feature = "stm32"))]
+fn end() -> ! {
     SCB::sys_reset()
 }

@@ -4,14 +4,14 @@
 //! the number of the UART: TX1 and RX1 are USART1.
 
 use super::{
-    Board, Led, Watchdog,
+    Board, Led, Oscillator, Watchdog, early,
     port::{ecu_uarts, open},
 };
 use embassy_stm32::{
     Config,
     rcc::{
-        AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
-        VoltageScale,
+        AHBPrescaler, APBPrescaler, Hse, HseMode, LsConfig, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+        Sysclk, VoltageScale,
     },
     time::Hertz,
 };
@@ -41,9 +41,13 @@ ecu_uarts!(USART1, USART2, USART3, UART4, USART6, UART8);
 
 /// Starts the clocks and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
-    let p = embassy_stm32::init(clocks());
+    let early = early::begin(false);
+    let p = embassy_stm32::init(clocks(early.oscillator));
+    early::finish(early);
     let [serial2, serial3, serial4, serial5, serial6, serial7] = lines;
     Board {
+        reset_cause: early.cause,
+        oscillator: early.oscillator,
         ports: [
             open(serial2, p.USART1, p.PA10, p.PA9, Irqs),
             open(serial3, p.USART2, p.PD6, p.PD5, Irqs),
@@ -57,19 +61,26 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     }
 }
 
-/// 8 MHz crystal, 800 MHz PLL, 400 MHz core, 200 MHz buses, 100 MHz for UARTs.
-fn clocks() -> Config {
+/// 800 MHz PLL from the 8 MHz crystal or from the chip's own 64 MHz, 400 MHz core, 200 MHz buses, 100 MHz for UARTs.
+fn clocks(oscillator: Oscillator) -> Config {
     let mut config = Config::default();
-    config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Oscillator });
+    let (source, prediv, mul) = match oscillator {
+        Oscillator::Crystal => {
+            config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Oscillator });
+            (PllSource::HSE, PllPreDiv::DIV1, PllMul::MUL100)
+        }
+        Oscillator::Internal => (PllSource::HSI, PllPreDiv::DIV4, PllMul::MUL50),
+    };
     config.rcc.pll1 = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV1,
-        mul: PllMul::MUL100,
+        source,
+        prediv,
+        mul,
         fracn: None,
         divp: Some(PllDiv::DIV2),
         divq: Some(PllDiv::DIV8),
         divr: None,
     });
+    config.rcc.ls = LsConfig::off(); // no clock for the RTC: see `write_backup_register` in stm32h7.rs
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV2;
     config.rcc.apb1_pre = APBPrescaler::DIV2;

@@ -6,13 +6,15 @@
 //! `port.rs`, what a family of chips shares is in `stm32h7.rs` and `stm32f4.rs`. To add a board: that
 //! file, its lines below, `memory/<board>.x` and the feature in `Cargo.toml`.
 //!
-//! Every board gives `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`, `reset_cause`,
+//! Every board gives `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`,
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with another chip than an STM32 brings all of them (`qemu_mps2.rs`).
 
 #[cfg(feature = "ardupilot-bootloader")]
 mod ardupilot;
 mod crash;
+#[cfg(feature = "stm32")]
+mod early;
 
 #[cfg(feature = "board-matek-h743")]
 mod matek_h743;
@@ -22,6 +24,7 @@ mod pixracer;
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+mod start;
 #[cfg(feature = "stm32")]
 mod stm32;
 #[cfg(feature = "board-pixracer")]
@@ -33,11 +36,10 @@ mod stm32h7;
 pub use qemu_mps2::*;
 #[cfg(feature = "stm32")]
 pub use {
-    chip::reset_cause,
     chosen::{NAME, PORTS, TELEMETRY_PORT, init},
     embassy_executor::Executor,
     port::EcuPort,
-    stm32::{Led, Watchdog, retained, start_engine_executor},
+    stm32::{Led, Watchdog, start_engine_executor},
 };
 #[cfg(feature = "board-matek-h743")]
 use {matek_h743 as chosen, stm32h7 as chip};
@@ -45,15 +47,63 @@ use {matek_h743 as chosen, stm32h7 as chip};
 use {pixracer as chosen, stm32f4 as chip};
 
 use embassy_executor::InterruptExecutor;
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{Memory, Reset};
+
+/// Why the chip was reset last, as far as its flags tell.
+#[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
+#[cfg_attr(not(feature = "stm32"), expect(dead_code, reason = "QEMU tells none"))]
+pub enum ResetCause {
+    /// The power came on.
+    PowerOn,
+    /// The supply sagged.
+    BrownOut,
+    /// The independent watchdog was not fed. Behind an ArduPilot bootloader also a panic or a fault.
+    Watchdog,
+    /// The window watchdog, which this firmware does not use.
+    WindowWatchdog,
+    /// The firmware asked for it: a panic or a fault, if no debugger did.
+    Software,
+    /// A low-power mode was entered against the option bytes.
+    LowPower,
+    /// The reset pin: a button or a debug probe.
+    Pin,
+    /// No flag is set.
+    Unknown,
+}
+
+impl ResetCause {
+    /// What of the retained state may be believed after it. Where the flags say nothing, as after a bootloader that clears
+    /// them, the power may have gone away.
+    pub fn retained(self) -> Reset {
+        match self {
+            Self::Watchdog | Self::WindowWatchdog | Self::Software | Self::LowPower | Self::Pin => {
+                Reset::Warm
+            }
+            Self::PowerOn | Self::BrownOut | Self::Unknown => Reset::PowerLost,
+        }
+    }
+}
+
+/// What the clocks are made from.
+#[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
+pub enum Oscillator {
+    /// The board's crystal, or the clock that comes in its place.
+    Crystal,
+    /// The chip's own oscillator: the crystal does not run.
+    Internal,
+}
 
 /// The board, ready for the firmware.
 pub struct Board {
+    /// Why it was reset.
+    pub reset_cause: ResetCause,
+    /// What its clocks are made from.
+    pub oscillator: Oscillator,
     /// The ECU ports that were asked for, open.
     pub ports: [Option<EcuPort>; PORTS.len()],
     /// The status LED, dark.
     pub led: Led,
-    /// The watchdog, not yet running.
+    /// The watchdog.
     pub watchdog: Watchdog,
 }
 

@@ -3,7 +3,7 @@
 //! Pins from ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/Pixracer/hwdef.dat`.
 
 use super::{
-    Board, Led, Watchdog,
+    Board, Led, Oscillator, Watchdog, early,
     port::{ecu_uarts, open},
 };
 use embassy_stm32::{
@@ -39,7 +39,9 @@ ecu_uarts!(USART1, USART3, UART4, UART7, UART8);
 
 /// Starts the clocks and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
-    let p = embassy_stm32::init(clocks());
+    let early = early::begin(false);
+    let p = embassy_stm32::init(clocks(early.oscillator));
+    early::finish(early);
 
     hold(p.PC5, Level::High); // VDD_PERIPH_EN: 5 V on the ports' sockets
     hold(p.PA10, Level::High); // UART8_TXINV: high, TX of the FrSky socket is not inverted
@@ -48,6 +50,8 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
 
     let [serial2, serial3, serial4, serial5, serial6] = lines;
     Board {
+        reset_cause: early.cause,
+        oscillator: early.oscillator,
         ports: [
             open(serial2, p.USART3, p.PD9, p.PD8, Irqs),
             open(serial3, p.UART4, p.PA1, p.PA0, Irqs),
@@ -65,13 +69,20 @@ fn hold(pin: Peri<'static, impl Pin>, level: Level) {
     core::mem::forget(Output::new(pin, level, Speed::Low)); // dropped, it would let go of the pin
 }
 
-/// 24 MHz crystal, 336 MHz PLL, 168 MHz core, 42 MHz (APB1) and 84 MHz (APB2) for UARTs.
-fn clocks() -> Config {
+/// 336 MHz PLL from the 24 MHz crystal or from the chip's own 16 MHz, 168 MHz core, 42 MHz (APB1) and 84 MHz (APB2) for
+/// UARTs.
+fn clocks(oscillator: Oscillator) -> Config {
     let mut config = Config::default();
-    config.rcc.hse = Some(Hse { freq: Hertz(24_000_000), mode: HseMode::Oscillator });
-    config.rcc.pll_src = PllSource::HSE;
+    let (source, prediv) = match oscillator {
+        Oscillator::Crystal => {
+            config.rcc.hse = Some(Hse { freq: Hertz(24_000_000), mode: HseMode::Oscillator });
+            (PllSource::HSE, PllPreDiv::DIV24)
+        }
+        Oscillator::Internal => (PllSource::HSI, PllPreDiv::DIV16),
+    };
+    config.rcc.pll_src = source;
     config.rcc.pll = Some(Pll {
-        prediv: PllPreDiv::DIV24,
+        prediv,
         mul: PllMul::MUL336,
         divp: Some(PllPDiv::DIV2),
         divq: Some(PllQDiv::DIV7),

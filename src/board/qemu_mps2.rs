@@ -14,11 +14,10 @@ mod semihosting;
 mod uart;
 
 use self::uart::Port;
-use super::{Board, ENGINE_EXECUTOR};
+use super::{Board, ENGINE_EXECUTOR, Oscillator, ResetCause};
 use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 use cortex_m_rt::exception;
 use embassy_executor::SendSpawner;
-use jetlink::engine::keep::Reset;
 use jetlink::line::Line;
 
 #[cfg(feature = "trial")]
@@ -117,6 +116,8 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     unsafe { core.NVIC.set_priority(EXECUTOR_INTERRUPT, EXECUTOR_PRIORITY) };
     let mut port = 0;
     Board {
+        reset_cause: ResetCause::Unknown, // QEMU does not have the board's register for it
+        oscillator: Oscillator::Crystal,
         ports: lines.map(|line| {
             let opened = line.map(|line| Port::open(port, line));
             port += 1;
@@ -130,16 +131,6 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
 /// Starts the executor for the engines' tasks. To be called once.
 pub fn start_engine_executor() -> SendSpawner {
     ENGINE_EXECUTOR.start(EXECUTOR_INTERRUPT)
-}
-
-/// Why the chip was reset. QEMU does not have the board's register for it.
-pub fn reset_cause() -> &'static str {
-    "not known in QEMU"
-}
-
-/// QEMU keeps no RAM over a reset that could be believed.
-pub fn retained(_cause: &'static str) -> Reset {
-    Reset::PowerLost
 }
 
 /// USERLED0. QEMU has it, and shows it to nobody but its own trace.

@@ -1,17 +1,23 @@
 //! What boards with an STM32F427 share: the names and registers that differ from one family of
 //! chips to another.
 
-use super::{ENGINE_EXECUTOR, stm32::ResetCause};
+use super::{ENGINE_EXECUTOR, ResetCause};
 use embassy_stm32::{
     interrupt, // the module and the attribute
     interrupt::Interrupt,
-    pac::{RCC, usart::Usart},
+    pac::{self, DBGMCU, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
 };
 use jetlink::line::LineError;
 
 /// The independent watchdog.
 pub type Iwdg = peripherals::IWDG;
+
+/// Its registers.
+pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
+
+/// The chip's own oscillator, in Hz (RM0090, 6.2.2).
+const HSI_HZ: u32 = 16_000_000;
 
 /// An interrupt of a peripheral that no board uses (CAN2): it carries the engines' executor.
 pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CAN2_SCE;
@@ -35,6 +41,11 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
+/// The watchdog stands still while a debug probe has halted the core.
+pub fn freeze_watchdog_while_halted() {
+    DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
+}
+
 /// Writes a word to the first backup register, which a reset leaves alone.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn write_backup_register(word: u32) {
@@ -43,6 +54,45 @@ pub fn write_backup_register(word: u32) {
     PWR.cr1().modify(|w| w.set_dbp(true));
     while !PWR.cr1().read().dbp() {}
     RTC.bkpr(0).write(|w| w.set_bkp(word));
+}
+
+/// What has to be so before `embassy_stm32::init`: nothing here. Embassy and ArduPilot's bootloader both give the RTC
+/// the LSI, so neither resets the backup domain.
+pub fn before_init() {}
+
+/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,
+/// within 0.1 s.
+pub fn start_crystal(bypass: bool) -> bool {
+    RCC.cr().modify(|w| w.set_hsion(true));
+    while !RCC.cr().read().hsirdy() {}
+    RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
+    while RCC.cfgr().read().sws() != Sw::HSI {}
+    RCC.cr().modify(|w| {
+        w.set_pllon(false);
+        w.set_csson(false);
+        w.set_hseon(false);
+    });
+    while RCC.cr().read().hserdy() {}
+    RCC.cr().modify(|w| w.set_hsebyp(bypass));
+    RCC.cr().modify(|w| w.set_hseon(true));
+    for _ in 0..1000 {
+        if RCC.cr().read().hserdy() {
+            return true;
+        }
+        cortex_m::asm::delay(HSI_HZ / 10_000);
+    }
+    RCC.cr().modify(|w| w.set_hseon(false));
+    false
+}
+
+/// Turns the clock security system on: a crystal that stops raises the NMI.
+pub fn watch_crystal() {
+    RCC.cr().modify(|w| w.set_csson(true));
+}
+
+/// Takes the NMI of the clock security system back, which would else come again at once.
+pub fn clear_crystal_alarm() {
+    RCC.cir().modify(|w| w.set_cssc(true));
 }
 
 /// Why the chip was reset. Clears the flags, so only the first call after a reset knows.

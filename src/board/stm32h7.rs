@@ -1,17 +1,27 @@
 //! What boards with an STM32H743 share: the names and registers that differ from one family of
 //! chips to another.
 
-use super::{ENGINE_EXECUTOR, stm32::ResetCause};
+use super::{ENGINE_EXECUTOR, ResetCause};
 use embassy_stm32::{
     interrupt, // the module and the attribute
     interrupt::Interrupt,
-    pac::{RCC, usart::Usart},
+    pac::{
+        self, DBGMCU, PWR, RCC,
+        rcc::vals::{Rtcsel, Sw},
+        usart::Usart,
+    },
     peripherals,
 };
 use jetlink::line::LineError;
 
 /// The independent watchdog.
 pub type Iwdg = peripherals::IWDG1;
+
+/// Its registers.
+pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
+
+/// The chip's own oscillator, in Hz (RM0433, 8.5.2).
+const HSI_HZ: u32 = 64_000_000;
 
 /// An interrupt of a peripheral that no board uses (HDMI-CEC): it carries the engines' executor.
 pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CEC;
@@ -34,14 +44,65 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
+/// The watchdog stands still while a debug probe has halted the core.
+pub fn freeze_watchdog_while_halted() {
+    DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+}
+
 /// Writes a word to the first backup register, which a reset leaves alone.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn write_backup_register(word: u32) {
-    use embassy_stm32::pac::{PWR, RTC};
     RCC.apb4enr().modify(|w| w.set_rtcapben(true));
     PWR.cr1().modify(|w| w.set_dbp(true));
     while !PWR.cr1().read().dbp() {}
-    RTC.bkpr(0).write(|w| w.set_bkp(word));
+    // The bootloader resets the backup domain, and the word with it, if the clock of the RTC is another one than its
+    // own, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is chosen, here as in the
+    // board's `Config`, and the RTC is turned on without one, as ArduPilot's set_rtc_backup() does.
+    RCC.bdcr().modify(|w| w.set_rtcen(true));
+    pac::RTC.bkpr(0).write(|w| w.set_bkp(word));
+}
+
+/// What has to be so before `embassy_stm32::init`: it resets the backup domain unless it finds what it is to make, here
+/// an RTC that is off.
+pub fn before_init() {
+    PWR.cr1().modify(|w| w.set_dbp(true));
+    if RCC.bdcr().read().rtcsel() == Rtcsel::DISABLE {
+        RCC.bdcr().modify(|w| w.set_rtcen(false));
+    }
+}
+
+/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,
+/// within 0.1 s.
+pub fn start_crystal(bypass: bool) -> bool {
+    RCC.cr().modify(|w| w.set_hsion(true));
+    while !RCC.cr().read().hsirdy() {}
+    RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
+    while RCC.cfgr().read().sws() != Sw::HSI {}
+    RCC.cr().modify(|w| {
+        (0..3).for_each(|pll| w.set_pllon(pll, false));
+        w.set_hseon(false);
+    });
+    while RCC.cr().read().hserdy() {}
+    RCC.cr().modify(|w| w.set_hsebyp(bypass));
+    RCC.cr().modify(|w| w.set_hseon(true));
+    for _ in 0..1000 {
+        if RCC.cr().read().hserdy() {
+            return true;
+        }
+        cortex_m::asm::delay(HSI_HZ / 10_000);
+    }
+    RCC.cr().modify(|w| w.set_hseon(false));
+    false
+}
+
+/// Turns the clock security system on: a crystal that stops raises the NMI.
+pub fn watch_crystal() {
+    RCC.cr().modify(|w| w.set_hsecsson(true));
+}
+
+/// Takes the NMI of the clock security system back, which would else come again at once.
+pub fn clear_crystal_alarm() {
+    RCC.cicr().write(|w| w.set_hsecssc(true));
 }
 
 /// Why the chip was reset. Clears the flags, so only the first call after a reset knows.

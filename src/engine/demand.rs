@@ -184,8 +184,8 @@ enum Moving {
 pub(super) struct Shaper {
     moving: Moving,
     governor: Option<Governor>,
-    /// The throttle that the governor has set.
-    governed: Throttle,
+    /// The throttle that the governor has set; `None` before it has.
+    governed: Option<Throttle>,
     /// It rises at its set rate until it is where it is commanded to: after a start, a take-over, a gap.
     rising: bool,
     /// It was reduced, because another engine failed.
@@ -199,7 +199,7 @@ impl Shaper {
         Self {
             moving: Moving::new(now, demand),
             governor: None,
-            governed: Throttle::IDLE,
+            governed: None,
             rising: true,
             was_reduced: false,
             at: now,
@@ -259,7 +259,17 @@ impl Shaper {
                 (reduced(asked, shape.reduced_to), slew)
             }
             Plan::Hold(_) => (self.moving.demand(), Rates::AT_ONCE),
-            // Whether it lives is in doubt: it may go down, and not up.
+            // Whether it lives is in doubt: it may go down, and not up. A throttle in place of an rpm cannot be said then; the
+            // idle speed can.
+            Plan::To(Demand::Throttle(_))
+                if shape.running
+                    && !shape.living
+                    && matches!(self.moving, Moving::Rpm(_))
+                    && !shape.governed =>
+            {
+                let Demand::Rpm(now_at) = self.moving.demand() else { return (self.moving.demand(), None) };
+                (Demand::Rpm(shape.idle_rpm.map_or(now_at, |idle| idle.min(now_at))), slew)
+            }
             Plan::To(demand)
                 if shape.running
                     && !shape.living
@@ -294,15 +304,21 @@ impl Shaper {
             return (Demand::Throttle(Throttle::IDLE), next);
         }
         if !shape.living {
-            // Whether the engine lives is in doubt: it neither controls nor winds up.
+            // Whether the engine lives is in doubt: it neither controls nor winds up, and holds nothing on old telemetry.
             self.governor = None;
-            return (Demand::Throttle(self.governed), next);
+            let fresh = shape.rpm.is_some_and(|rpm| rpm.age(now) <= settings.max_age);
+            let held = match self.governed {
+                None => shape.throttle.unwrap_or(Throttle::IDLE),
+                Some(governed) if fresh => governed,
+                Some(_) => *self.governed.insert(Throttle::IDLE),
+            };
+            return (Demand::Throttle(held), next);
         }
         let governor = self
             .governor
             .get_or_insert_with(|| Governor::new(settings, shape.throttle.unwrap_or(Throttle::IDLE)));
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
-        self.governed = throttle;
+        self.governed = Some(throttle);
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
     }
 
@@ -318,7 +334,7 @@ impl Shaper {
             (Demand::Rpm(rpm), Some(idle)) if !shape.governed => Demand::Rpm(rpm.min(idle)),
             (Demand::Rpm(_), _) => {
                 // From the governor's throttle on; an ECU's own is not known, and its idle rpm neither.
-                let from = if shape.governed { self.governed } else { Throttle::IDLE };
+                let from = self.governed.filter(|_| shape.governed).unwrap_or(Throttle::IDLE);
                 self.moving = Moving::new(now, Demand::Throttle(from));
                 Demand::Throttle(from.min(safe))
             }

@@ -89,8 +89,8 @@ impl Record {
             Order::EmergencyStop => self.origin,
             _ => Origin::Node,
         };
-        let (ran, by_id6, pump_open) = (self.ran, self.by_id6, self.pump_open);
-        Self { ran, by_id6, pump_open, ..Self::new(order, origin) }
+        let (ran, by_id6, pump_open, silent) = (self.ran, self.by_id6, self.pump_open, self.silent);
+        Self { ran, by_id6, pump_open, silent, ..Self::new(order, origin) }
     }
 
     /// Silence in the steps in which it is retained.

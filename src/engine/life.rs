@@ -6,7 +6,7 @@
 
 use super::exhaust::Burning;
 use crate::link::{Sign, Stage};
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 /// Reports in a row that have to agree before they confirm or end a life.
 const AGREEING: u8 = 2;
@@ -46,6 +46,9 @@ pub enum End {
     GapInStart,
     /// The ECU reports faults only, and the exhaust is cold or cools.
     NotBurning,
+    /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
+    /// reports what it does.
+    Unconfirmed,
 }
 
 impl End {
@@ -57,6 +60,7 @@ impl End {
             Self::StartsAgain => "the ECU starts the engine again",
             Self::GapInStart => "the ECU fell silent during the start",
             Self::NotBurning => "the exhaust is cold",
+            Self::Unconfirmed => "nothing says for too long whether the engine runs",
         }
     }
 }
@@ -175,7 +179,10 @@ impl Life {
                 self.advance(sign);
                 None
             }
-            Fit::Neither => None,
+            Fit::Neither => {
+                self.contradict(sign);
+                None
+            }
             Fit::Confirms => {
                 self.confirm();
                 None
@@ -236,12 +243,22 @@ impl Life {
         }
     }
 
-    /// A report that fits: two that agree move the life on. In doubt they do not: only a running engine confirms.
+    /// A report that fits: two that agree move the life on. They also end the doubt that one odd report raised in a start;
+    /// after a gap only a running engine does.
     fn advance(&mut self, sign: Sign) {
         let Sign::State { stage, .. } = sign else { return };
+        self.contradict(sign);
         let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
-        if self.doubt.is_none() && agrees && stage > Stage::Clearance {
+        if agrees && stage > Stage::Clearance && !self.after_gap() {
+            self.doubt = None;
             self.progress = Progress::Starting(stage);
+        }
+    }
+
+    /// Reports that agree follow one another: one that says something else begins anew.
+    fn contradict(&mut self, sign: Sign) {
+        if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
+            (doubt.confirming, doubt.ending) = (0, 0);
         }
     }
 
@@ -303,6 +320,10 @@ impl Life {
 pub(super) struct Finding {
     /// Since when nothing is in force.
     pub since: Instant,
+    /// Since when no source has wanted anything, as far as that began before.
+    pub silent_since: Instant,
+    /// Silence from before the last reset.
+    pub carried: Duration,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
     alive: u8,
@@ -326,7 +347,30 @@ pub(super) enum Found {
 impl Finding {
     /// Nothing is known.
     pub const fn new(since: Instant, ran: bool) -> Self {
-        Self { since, ran, alive: 0, ending: 0, throttle: None }
+        Self {
+            since,
+            silent_since: since,
+            carried: Duration::from_ticks(0),
+            ran,
+            alive: 0,
+            ending: 0,
+            throttle: None,
+        }
+    }
+
+    /// The same, with sources that fell silent earlier.
+    pub const fn silent_since(self, silent_since: Instant) -> Self {
+        Self { silent_since, ..self }
+    }
+
+    /// The same, with this silence from before a reset.
+    pub const fn carrying(self, carried: Duration) -> Self {
+        Self { carried, ..self }
+    }
+
+    /// The ECU was not heard for a while: what it reported before counts no more.
+    pub const fn gap(&mut self) {
+        (self.alive, self.ending) = (0, 0);
     }
 
     /// One frame. `answers`: the ECU waits for replies (AMT), and a set without a named running state counts if its shaft

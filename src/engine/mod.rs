@@ -57,6 +57,7 @@ const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "nothing allocates, and one engine has one mode")]
 enum Mode {
     /// Nothing is in force: until the ECU has reported what its engine does.
     Listen(Finding),
@@ -110,6 +111,9 @@ struct Run {
     carried: Duration,
     /// It goes on after a reset, which is reported when its life is confirmed.
     resumed: bool,
+    /// The ECU has shown a speed control of its own in this run: while its version is not known again after a loss of the
+    /// link, no governor takes its place.
+    own_speed_control: bool,
     /// It was resumed at the fail-safe stage, because resets follow one another without a source.
     resumed_low: bool,
     /// A limit was passed whose action is the fail-safe throttle.
@@ -168,6 +172,8 @@ pub struct Engine {
     /// Since when nothing that was to be sent went out; and that was reported.
     transmitter: Option<Instant>,
     transmitter_failed: bool,
+    /// [`Engine::start`] was called: until then what survived a reset stays as it is.
+    begun: bool,
     /// What survived the reset, until the engine begins.
     kept: Option<Record>,
     given_to_keep: Option<Record>,
@@ -216,6 +222,7 @@ impl Engine {
             resets: 0,
             transmitter: None,
             transmitter_failed: false,
+            begun: false,
             kept: None,
             given_to_keep: None,
             ruler_told: None,
@@ -396,7 +403,7 @@ impl Engine {
             transmitter_failed: self.transmitter_failed,
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
-            start_by: run.and_then(|run| run.start_by),
+            start_by: run.filter(|run| !run.life.reached()).and_then(|run| run.start_by),
             failed: self.failed,
             others_failed: self.others_failed,
             counters,
@@ -481,6 +488,7 @@ impl Engine {
             stage,
             carried,
             resumed: matches!(beginning, Beginning::Reset(_)),
+            own_speed_control: false,
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),
@@ -521,7 +529,12 @@ impl Engine {
                     Some(end) => self.life_over(now, end),
                     None => {
                         self.tell_doubt(doubted, doubts);
-                        self.express(now);
+                        if doubts {
+                            // What is answered to a set of a doubtful engine depends on that set.
+                            self.shape(now);
+                        } else {
+                            self.express(now);
+                        }
                     }
                 }
             }
@@ -577,6 +590,9 @@ impl Engine {
 
     /// Brings what is ordered up to date: with the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
+        if !self.begun {
+            return;
+        }
         self.at = self.at.max(now);
         self.find_gap(now);
         self.expire(now);
@@ -605,7 +621,7 @@ impl Engine {
                     None => self.tell_doubt(doubted, true),
                 }
             }
-            Mode::Listen(finding) => *finding = Finding::new(finding.since, finding.ran),
+            Mode::Listen(finding) => finding.gap(),
             Mode::Stop(_) | Mode::Standby => {}
         }
     }
@@ -663,10 +679,14 @@ impl Engine {
     /// Nothing has confirmed the life in time: permission and order are gone, the engine is not. Should the ECU report a
     /// running engine, however late, it goes on as one that was found running. A start ends.
     fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm) = match &self.mode {
-            Mode::Run(run) => (run.life.reached(), false),
+        let (reached, pwm, silent_since) = match &self.mode {
+            Mode::Run(run) => {
+                let hold = self.config.loss.hold;
+                let since = run.fail_safe_at.map(|at| at.checked_sub(hold).unwrap_or(Instant::MIN));
+                (run.life.reached(), false, since)
+            }
             // ID 0 leaves the PWM input in charge for as long as it takes.
-            Mode::Pwm { life, .. } => (life.reached(), true),
+            Mode::Pwm { life, .. } => (life.reached(), true, None),
             _ => return,
         };
         if pwm && reached {
@@ -677,16 +697,24 @@ impl Engine {
             return;
         }
         self.failed = true;
-        self.mode = Mode::Listen(Finding::new(now, true));
+        // The stages of loss go on where they were.
+        let silent_since = silent_since.unwrap_or(now);
+        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since));
         self.order(now, Order::Listen, Origin::Node);
+        self.event(Event::RunWithdrawn(End::Unconfirmed));
     }
 
     /// When nothing is in force and no source has wanted anything: standby goes out then. A ZK ECU from version 5 would keep
     /// running otherwise (ZK-10).
     fn listened_out(&self, now: Instant, finding: Finding) -> Option<Instant> {
-        let silent_from = self.sources.all_silent_from(now)?.unwrap_or(finding.since).max(finding.since);
-        let after = self.config.loss.standby_after.unwrap_or(RUN_OUT);
-        silent_from.checked_add(self.config.loss.hold)?.checked_add(after)
+        let silent_from = match self.sources.all_silent_from(now)? {
+            // It spoke since nothing is in force.
+            Some(from) if from > finding.since => from,
+            _ => finding.silent_since,
+        };
+        let after = self.config.loss.hold + self.config.loss.standby_after.unwrap_or(RUN_OUT);
+        silent_from
+            .checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks())))
     }
 
     /// Who rules: of a running engine the source whose demand is in force, of a stopped one whoever stopped it.
@@ -772,10 +800,13 @@ impl Engine {
             rpm: self.link.report().rpm,
             throttle: self.link.report().throttle.map(|throttle| throttle.value),
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
-            governed: self.link.speed_control().is_err(),
+            governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
+                && self.link.speed_control().is_err(),
         };
         let config = self.config;
+        let speed_control = self.link.speed_control().is_ok();
         let Mode::Run(run) = &mut self.mode else { return };
+        run.own_speed_control |= speed_control;
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;

@@ -48,6 +48,7 @@ impl Engine {
     /// Begins, after a reset of whatever kind, with what survived it.
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
+        self.begun = true;
         self.at = self.at.max(now);
         if self.kept.is_none() {
             self.keep(kept);
@@ -64,12 +65,12 @@ impl Engine {
 
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let ran = kept.is_some_and(|kept| kept.ran);
-        self.mode = Mode::Listen(Finding::new(now, ran));
+        let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
+        self.mode = Mode::Listen(Finding::new(now, ran).carrying(silent));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
             Order::Run(demand) if ran => {
-                let silent = kept.silent + RESET_TAKES;
                 let low = self.resets >= RESETS_MAX;
                 let lost = low || kept.loss != LossStage::None;
                 // After resets in a row without a word it is not waited for once more.
@@ -82,7 +83,7 @@ impl Engine {
                 }
             }
             // A start that the reset has cut short.
-            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false)),
+            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(silent)),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -104,7 +105,11 @@ impl Engine {
         let by = self.ordered.origin;
         let kept = match &self.mode {
             Mode::Listen(_) if self.kept.is_some() => self.kept.unwrap_or(Record::new(Order::Listen, by)),
-            Mode::Listen(finding) => Record { ran: finding.ran, ..Record::new(Order::Listen, by) },
+            Mode::Listen(finding) => {
+                let silent = finding.carried + self.at.saturating_duration_since(finding.silent_since);
+                let silent = if self.sources.any_spoken() { Duration::from_ticks(0) } else { silent };
+                Record { ran: finding.ran, silent: Record::steps(silent), ..Record::new(Order::Listen, by) }
+            }
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
             Mode::Standby => Record::new(Order::Standby, by),
             Mode::Run(run) => {

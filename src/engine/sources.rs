@@ -105,12 +105,13 @@ impl Sources {
                 continue;
             }
             let before = *slot;
+            // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
-                Some(source) if now < source.silent_from => (source.since, source.was_lost),
+                Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
                 // A steady stream with one short gap goes on.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
-                    (now, !steady || now >= source.silent_from + return_within)
+                    (now, !steady || now >= source.lost_at(age) + return_within)
                 }
                 None => (now, false),
             };
@@ -241,6 +242,16 @@ impl Sources {
     fn may_rule(&self, now: Instant, source: &Source) -> bool {
         let fresh = now < source.silent_from && source.intent != Intent::Nothing;
         fresh && (!source.was_lost || recovered(source, self.recover_after))
+    }
+}
+
+impl Source {
+    /// When its last word is too old for the next one to follow without a gap.
+    fn lost_at(&self, age: Duration) -> Instant {
+        match self.intent {
+            Intent::Nothing => self.heard.checked_add(age).unwrap_or(Instant::MAX),
+            _ => self.silent_from,
+        }
     }
 }
 

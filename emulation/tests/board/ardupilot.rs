@@ -1,16 +1,14 @@
-//! Images behind an ArduPilot bootloader. In its place are two words at the beginning of the flash, stack and start
-//! of the application, which is what its jump amounts to: the part starts there, with its vectors there. The register
-//! that says where the vectors are (VTOR) is inside the core, where a test cannot look. But without the application's
-//! own vectors no interrupt finds its handler, as the last test here shows.
+//! Images behind an ArduPilot bootloader, or behind what stands in its place (`emulation::bootloader`): instructions
+//! that leave the part as the bootloader leaves it, and jump as it jumps.
 
-use crate::support::{engines, first_byte, on_each_board, others_are_well, symbol};
-use emulation::{Image, Run};
+use crate::support::{crash, engines, first_byte, on_each_board, others_are_well, symbol};
+use emulation::{Board, Bootloader, Image, Jump, Leftover, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
 
-/// What the bootloader looks for after a reset (RTC_BOOT_FWOK).
-const FIRMWARE_OK: u32 = 0xB009_3A26;
+/// What lets the bootloader start the application at once after a reset.
+const START_AT_ONCE: u32 = bootloader::BOOT_FAST;
 /// What starts the watchdog.
 const START: u64 = 0xCCCC;
 
@@ -24,8 +22,7 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
 
         let (sender, receiver) = mpsc::channel();
         let look = move |bench: &mut emulation::Bench<'_>| {
-            let words = [table, table + 4, board.flash.start, board.flash.start + 4].map(|at| bench.word(at));
-            let _ = sender.send((bench.register(board.backup), words));
+            let _ = sender.send((bench.register(board.backup), bench.word(table)));
         };
         let again = look.clone();
         let report = Run::new(board, image)
@@ -38,21 +35,21 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
             .resets(1)
             .until(4 * SECOND)
             .go();
-        for (backup, words) in receiver.iter().take(2) {
-            assert_eq!(backup, Some(FIRMWARE_OK));
-            assert_eq!(words[0], Some(board.ram.end as u32));
-            assert_eq!(words[..2], words[2..]);
+        for (backup, stack) in receiver.iter().take(2) {
+            assert_eq!(backup, Some(START_AT_ONCE));
+            assert_eq!(stack, Some(board.ram.end as u32));
         }
 
-        // The bootloader is told before the watchdog runs, at both boots.
+        // The bootloader is told before the watchdog runs, at both boots, and again when Embassy has set the clocks.
         let is = |register, value| {
             move |write: &&emulation::Written| write.register == register && write.value == value
         };
-        let told: Vec<_> = report.written.iter().filter(is(board.backup, FIRMWARE_OK.into())).collect();
+        let told: Vec<_> = report.written.iter().filter(is(board.backup, START_AT_ONCE.into())).collect();
         let started: Vec<_> = report.written.iter().filter(is(board.watchdog, START)).collect();
-        assert_eq!((told.len(), started.len()), (2, 2), "{:?}", report.written);
-        for (told, started) in told.iter().zip(started) {
-            assert!(told.at <= started.at, "{told:?} {started:?}");
+        // The watchdog is started again when the supervisor sets its time.
+        assert_eq!((told.len(), started.len()), (4, 4), "{:?}", report.written);
+        for (told, started) in told.chunks(2).zip(started.chunks(2)) {
+            assert!(told[0].at < started[0].at, "{told:?} {started:?}");
         }
         assert!(report.logged("last reset: Watchdog"), "{}", report.log_text());
 
@@ -77,20 +74,95 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
     });
 }
 
+/// What can only be left behind a mask: without one, the bootloader's own handlers would have taken it.
+const PENDING: [Leftover; 3] = [Leftover::SysTick, Leftover::PendSv, Leftover::Interrupts];
+
+/// Behind a bootloader that leaves this, every ECU is served, and nothing is reset.
+fn served(board: &'static Board, image: Image, jump: Jump, leaves: &[Leftover]) {
+    let what = format!("{} {image:?}: {jump:?}, {leaves:?}", board.name);
+    let bootloader = Bootloader { jump, leaves: leaves.to_vec(), ..Bootloader::default() };
+    let run = Run::new(board, image).engines().bootloader(bootloader).until(800 * MILLIS);
+    let (report, complaints) = run.go_unchecked();
+    let sent: Vec<_> = report.wires().map(|(port, wire)| (port, wire.tx.len())).collect();
+    assert!(complaints.is_empty(), "{what}: {complaints:?}; bytes sent: {sent:?}\n{}", report.log_text());
+    others_are_well(&report, &[]);
+}
+
 #[test]
-fn without_its_own_vectors_it_would_not_run() {
+fn each_thing_that_a_bootloader_leaves_is_put_right() {
     on_each_board(|board| {
-        // The third instruction of the start sets VTOR: str r1, [r0].
-        let set = symbol(board, Image::Ardupilot, "Reset") + 4;
-        let (sender, receiver) = mpsc::channel();
-        let run = || Run::new(board, Image::Ardupilot).engines().until(SECOND);
-        let look = move |bench: &mut emulation::Bench<'_>| {
-            sender.send(bench.word(set).map(|word| word as u16)).expect("the test waits");
-        };
-        assert!(run().at(SECOND / 2, look).go_unchecked().1.is_empty());
-        assert_eq!(receiver.recv(), Ok(Some(0x6001)));
-        let report = run().patch(set, &[0xBF00]).go_unchecked().0;
-        let sent: usize = report.wires().map(|(_, wire)| wire.tx.len()).sum();
-        assert_eq!(sent, 0, "the first interrupt ends it");
+        for leftover in Leftover::ALL {
+            if PENDING.contains(&leftover) {
+                served(board, Image::Ardupilot, Jump::New, &[Leftover::Primask, leftover]);
+            } else {
+                served(board, Image::Ardupilot, Jump::New, &[leftover]);
+            }
+        }
+        served(board, Image::Ardupilot, Jump::New, &[Leftover::Vtor]);
+    });
+}
+
+#[test]
+fn all_that_a_bootloader_leaves_together_is_put_right() {
+    on_each_board(|board| {
+        served(board, Image::Ardupilot, Jump::New, &Leftover::ALL);
+        let with_vtor: Vec<_> = Leftover::ALL.into_iter().chain([Leftover::Vtor]).collect();
+        served(board, Image::Ardupilot, Jump::New, &with_vtor);
+        // The older ones neither mask interrupts nor move the process stack.
+        let masks = [Leftover::Primask, Leftover::Basepri, Leftover::Faultmask];
+        let old: Vec<_> =
+            Leftover::ALL.into_iter().filter(|one| !masks.contains(one) && !PENDING.contains(one)).collect();
+        served(board, Image::Ardupilot, Jump::Old, &[Leftover::ProcessStack]);
+        served(board, Image::Ardupilot, Jump::Old, &old);
+    });
+}
+
+/// ST's own loader starts an image without a reset after `dfu-util …:leave`, with its own vectors.
+#[test]
+fn a_plain_image_that_a_loader_starts_sets_its_own_vectors() {
+    on_each_board(|board| {
+        served(board, Image::Release, Jump::New, &[Leftover::Vtor]);
+        let everything: Vec<_> = Leftover::ALL.into_iter().chain([Leftover::Vtor]).collect();
+        served(board, Image::Release, Jump::New, &everything);
+    });
+}
+
+/// When the firmware said hello.
+fn boots(report: &Report) -> Vec<u64> {
+    report.lines("last reset: ").map(|log| log.at).collect()
+}
+
+/// With the bootloader's own decision, and the engines' ECUs.
+fn deciding(board: &'static Board, image: Image) -> Run {
+    let leaves = Leftover::ALL.into_iter().filter(|one| *one != Leftover::Watchdog).collect();
+    Run::new(board, image).engines().bootloader(Bootloader { jump: Jump::New, leaves, decides: true })
+}
+
+#[test]
+fn after_the_first_start_the_bootloader_waits_no_more() {
+    on_each_board(|board| {
+        let wait = bootloader::WAIT_MS * MILLIS;
+        let resets = [wait + SECOND, wait + 1500 * MILLIS, wait + 2 * SECOND];
+        let report = deciding(board, Image::Ardupilot)
+            .at(resets[0], |bench| bench.press_reset())
+            .at(resets[1], move |bench| crash(bench, board, Image::Ardupilot))
+            .at(resets[2], |bench| bench.watchdog_runs_out())
+            .resets(3)
+            .with_errors()
+            .until(wait + 2500 * MILLIS)
+            .go();
+        let boots = boots(&report);
+        println!("{}: boots at {boots:?}, resets {:?}", board.name, report.resets);
+        // A start without the word is the one that waits: the check can fail.
+        assert!((wait..wait + 100 * MILLIS).contains(&boots[0]), "{boots:?}");
+        for (boot, (reset, _)) in boots[1..].iter().zip(&report.resets) {
+            assert!(boot - reset < 10 * MILLIS, "{boots:?} {:?}", report.resets);
+        }
+        let causes: Vec<_> =
+            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
+        assert_eq!(causes, ["PowerOn", "Pin", "Watchdog", "Watchdog"]);
+        // The crash: within 250 ms, and from there on 0.2 ms at most.
+        let said = report.when("has no handler, resetting");
+        assert!(report.resets[1].0 - said < MILLIS, "{said} {:?}", report.resets);
     });
 }

@@ -2,7 +2,7 @@
 //!
 //! The demonstration is silent for 5 s after a reset, then commands 10 s of standby, 180 s of idle, 15 s of 20 %.
 
-use crate::support::{engines, on_each_board, others_are_well, symbol};
+use crate::support::{crash, engines, on_each_board, others_are_well, symbol};
 use emulation::engines::{Engine, Protocol};
 use emulation::{Bench, Board, Image, Report, Run};
 use sim::amt::{AmtEcu, Ops};
@@ -88,20 +88,6 @@ fn scramble(bench: &mut Bench<'_>, board: &Board) {
     }
 }
 
-/// The supervisor's task, which runs every 250 ms, begins with a jump to the handler of interrupts that nobody
-/// expects: the firmware says so and resets itself.
-fn crash(bench: &mut Bench<'_>, board: &Board) {
-    let image = Image::Demo.read(board).expect("an image");
-    let task = emulation::image::symbol_ending(&image, "10supervisor4POOL").expect("a task");
-    let handler = symbol(board, Image::Demo, "DefaultHandler") as u32 | 1;
-    // One address of code is in the task's header: where it runs.
-    let is_code =
-        |word: &Option<u32>| word.is_some_and(|word| word & 1 == 1 && board.flash.contains(&word.into()));
-    let header = (task..task + 64).step_by(4);
-    let code = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
-    bench.set_word(code, handler);
-}
-
 /// A reset that belongs to a run.
 struct Reset {
     at: Nanos,
@@ -124,7 +110,7 @@ fn engines_that_run_go_on_after_any_reset() {
         let report = Run::new(board, Image::Demo)
             .quick_engines()
             .at(RESETS[0].at, |bench| bench.watchdog_runs_out())
-            .at(RESETS[1].at, move |bench| crash(bench, board))
+            .at(RESETS[1].at, move |bench| crash(bench, board, Image::Demo))
             .at(RESETS[2].at, move |bench| {
                 scramble(bench, board);
                 bench.press_reset();

@@ -7,6 +7,7 @@ mod amt_frames;
 mod ardupilot;
 mod babble;
 mod boot;
+mod crystal;
 mod cut;
 mod engine;
 mod harness;

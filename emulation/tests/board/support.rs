@@ -1,7 +1,7 @@
 //! What several tests ask of a run.
 
 use emulation::engines::{self, Engine, Protocol};
-use emulation::{BOARDS, Board, Image, Report};
+use emulation::{BOARDS, Bench, Board, Image, Report};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos};
 use sim::zk::ZkEcu;
@@ -101,4 +101,36 @@ pub fn errors_told(report: &Report, engine: &str) -> (u32, u32, u32) {
     let mut numbers = counts.split(|c: char| !c.is_ascii_digit()).filter_map(|word| word.parse().ok());
     let mut next = || numbers.next().expect("three counts");
     (next(), next(), next())
+}
+
+/// The supervisor's task, which runs every 250 ms, begins with a jump to the handler of interrupts that nobody
+/// expects: the firmware says so and resets itself.
+pub fn crash(bench: &mut Bench<'_>, board: &Board, image: Image) {
+    let handler = symbol(board, image, "DefaultHandler");
+    hijack(bench, board, image, Task::Supervisor, handler);
+}
+
+/// A task of the firmware.
+#[derive(Clone, Copy, Debug)]
+pub enum Task {
+    /// In thread mode, every 250 ms.
+    Supervisor,
+    /// In the interrupt of the engines' executor, at every byte of the first engine.
+    Engine,
+}
+
+/// When this task runs next, it does what is at this address instead.
+pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, code: u64) {
+    let elf = image.read(board).expect("an image");
+    let name = match task {
+        Task::Supervisor => "10supervisor4POOL",
+        Task::Engine => "6engine4POOL",
+    };
+    let task = emulation::image::symbol_ending(&elf, name).expect("a task");
+    // One address of code is in the task's header: where it runs.
+    let is_code =
+        |word: &Option<u32>| word.is_some_and(|word| word & 1 == 1 && board.flash.contains(&word.into()));
+    let header = (task..task + 64).step_by(4);
+    let at = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
+    bench.set_word(at, code as u32 | 1);
 }

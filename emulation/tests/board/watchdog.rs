@@ -13,7 +13,7 @@ fn it_bites_when_an_engines_task_stands_still() {
         assert_eq!(format!("{cause:?}"), "Model(\"IWDG\")");
         // The task stands still from 5 s on, and the last food was given within 250 ms of that.
         assert!((5500 * MILLIS..6500 * MILLIS).contains(&at), "{at}");
-        assert!(report.when("left: its runner stands still") > 5 * SECOND);
+        assert!(report.when("left: its runner is stuck") > 5 * SECOND);
         assert!(report.when("last reset: Watchdog") < at + 5 * MILLIS, "back at once");
         // And the engines are served again.
         let again = report.lines("left: LinkUp").next_back().expect("up again").at;

@@ -153,6 +153,8 @@ pub struct Desk<'a> {
     pub audit: RefCell<Audit>,
     /// How often the engine stopped although it was to run.
     pub stops: Cell<u32>,
+    /// What the pilot could not reach, from the moment on when it gave up.
+    pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
     /// For what may come in any number.
@@ -172,6 +174,7 @@ impl<'a> Desk<'a> {
             clean_from,
             audit: RefCell::new(Audit::new(engine)),
             stops: Cell::new(0),
+            failure: RefCell::default(),
             recovered_after: Cell::new(None),
             limiter: RefCell::new(Limiter::new()),
             notes,

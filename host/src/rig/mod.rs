@@ -3,6 +3,7 @@
 mod audit;
 mod csv;
 mod desk;
+mod ending;
 mod engines;
 mod faults;
 mod limiter;
@@ -22,14 +23,15 @@ mod summary;
 mod table;
 
 use self::csv::Csv;
+use self::ending::{EndRequest, EndedBy};
 use self::engines::Engine;
 use self::faults::Faults;
 use self::lines::Lines;
 use self::plan::Plan;
 use self::plot::{Plot, Subject};
 use self::scenario::Scenario;
-use self::session::Setup;
-use self::show::{Screen, Show};
+use self::session::{End, Setup};
+use self::show::{Screen, Show, ShowError, cannot_show};
 use self::table::Table;
 use embassy_time::Duration;
 use std::io::{self, IsTerminal, Write};
@@ -47,7 +49,7 @@ const HELP: &str = "\
 What it does:
   Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
   idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
-  table shows it live (q or Ctrl-C ends it); otherwise, and with --fast, plain lines do. The summary at the end
+  table shows it live (q ends it); otherwise, and with --fast, plain lines do. The summary at the end
   counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
 
 What is shown:
@@ -98,8 +100,12 @@ Exit status:
      that had to happen did
   1  otherwise, or a file could not be written
   2  a wrong option
-  Without --fast the run is in real time, and this computer has to keep the windows of 30 ms: if it stalls, one
-  may be missed, and the exit status says so.";
+  A run that is ended early completes its files and prints the summary so far. That is no failure: the status is
+  0 after q, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, and 1 only if something had gone wrong before.
+
+Time:
+  All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
+  delays the run and does not change it: the same seed gives the same result, live and with --fast.";
 
 /// Arguments of `jetlink rig`.
 #[derive(clap::Args, Debug)]
@@ -109,7 +115,7 @@ pub struct Args {
     #[arg(long = "engine", value_name = "DESCRIPTION")]
     engines: Vec<String>,
 
-    /// Virtual time: as quick as the machine allows, and the same output for the same seed
+    /// As quick as the machine allows, instead of in real time
     #[arg(long)]
     fast: bool,
 
@@ -137,6 +143,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<String>,
 
+    /// For the test of what a panic leaves behind
+    #[arg(long, value_name = "TIME", hide = true)]
+    panic_at: Option<String>,
+
     /// Play something that goes wrong, and judge what happens
     #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
     scenario: Option<String>,
@@ -160,8 +170,7 @@ pub fn run(args: Args) -> ExitCode {
         }
     };
     match perform(&args, &setup) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
+        Ok(status) => status,
         Err(error) => {
             complain(&error);
             ExitCode::FAILURE
@@ -177,7 +186,7 @@ fn list_scenarios() -> ExitCode {
     match io::stdout().write_all(text.as_bytes()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            complain(&format!("cannot write to the standard output: {error}"));
+            complain(&cannot_show(&error));
             ExitCode::FAILURE
         }
     }
@@ -208,15 +217,17 @@ fn setup(args: &Args) -> Result<Setup, String> {
         .as_ref()
         .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
         .transpose()?;
+    let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
     let mut plan = Plan::new(&engines, duration, args.standby, &mut faults)?;
     if let Some(scenario) = scenario {
         plan.length = scenario.length();
     }
-    Ok(Setup { engines, plan, faults, scenario, seed, fast: args.fast })
+    Ok(Setup { engines, plan, faults, scenario, seed, fast: args.fast, panic_at })
 }
 
-/// Whether all went well.
-fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
+/// The whole run, to its exit status.
+fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
+    let end = EndRequest::by_signals()?;
     let names: Vec<&'static str> = setup.engines.iter().map(Engine::name).collect();
     let csv = args.csv.as_deref().map(Csv::create).transpose()?;
     let title = match setup.scenario {
@@ -231,7 +242,8 @@ fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
     let plot = args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.
     let on_terminal = io::stdout().is_terminal();
-    let table = (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length));
+    let table =
+        (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length, end.clone()));
     let screen = match table {
         Some(Ok(table)) => Screen::Table(Box::new(table)),
         // A terminal that cannot be drawn on can still be written to.
@@ -242,15 +254,36 @@ fn perform(args: &Args, setup: &Setup) -> Result<bool, String> {
     };
     let show = Show { names, screen, csv, plot };
 
-    let (sender, receiver) = mpsc::sync_channel(MESSAGES);
-    let shower = std::thread::spawn(move || show.run(&receiver));
-    let outcomes = session::run(setup, |message| sender.send(message).is_ok());
-    drop(sender);
-    shower.join().map_err(|_| "the screen's thread has panicked".to_owned())??;
+    // Whatever happens in the scope, it waits for the screen and the files.
+    let (outcomes, shown) = std::thread::scope(|scope| {
+        let (sender, receiver) = mpsc::sync_channel(MESSAGES);
+        let shower = scope.spawn(move || show.run(&receiver));
+        let go_on = |message| sender.send(message).is_ok() && end.requested().is_none();
+        let outcomes = session::run(setup, go_on);
+        drop(sender);
+        (outcomes, shower.join().unwrap_or(Err(ShowError::Panicked)))
+    });
 
+    // A request in the last moment ends nothing any more.
+    let ended_by = end.requested().filter(|_| outcomes.end == End::Interrupted);
     let problems = summary::problems(&outcomes);
-    io::stdout()
-        .write_all(summary::text(&outcomes, &problems).as_bytes())
-        .map_err(|error| format!("cannot write to the standard output: {error}"))?;
-    Ok(problems.is_empty())
+    let text = summary::text(&outcomes, &problems, ended_by);
+    let printed = match &shown {
+        Err(ShowError::Screen(_) | ShowError::File(_)) => Ok(()),
+        Ok(()) | Err(ShowError::Panicked) => io::stdout().write_all(text.as_bytes()),
+    };
+    // With the terminal gone, nobody reads.
+    let nobody_reads = ended_by == Some(EndedBy::HangUp);
+    match shown {
+        Err(ShowError::File(error)) => return Err(error),
+        Err(ShowError::Screen(error)) if !nobody_reads => return Err(error),
+        Err(ShowError::Panicked) => return Err("the screen's thread has panicked".to_owned()),
+        Ok(()) | Err(ShowError::Screen(_)) => {}
+    }
+    printed.or_else(|error| if nobody_reads { Ok(()) } else { Err(cannot_show(&error)) })?;
+    Ok(match ended_by {
+        _ if !problems.is_empty() => ExitCode::FAILURE,
+        Some(by) => ExitCode::from(by.status()),
+        None => ExitCode::SUCCESS,
+    })
 }

@@ -35,6 +35,8 @@ pub struct Node<'a> {
     /// What was counted until the last reset.
     before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
+    /// Commands of each engine that were rejected because the node had just started, as it always does.
+    rejected_at_start: RefCell<Vec<u32>>,
 }
 
 impl<'a> Node<'a> {
@@ -49,6 +51,7 @@ impl<'a> Node<'a> {
             last: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
             wanted: Cell::new(None),
+            rejected_at_start: RefCell::new(vec![0; engines.len()]),
         };
         node.boot();
         node
@@ -113,7 +116,17 @@ impl<'a> Node<'a> {
         origin: Origin,
     ) -> Option<Result<Accepted, Rejected>> {
         let channels = self.channels.borrow().clone()?;
-        Some(channels.get(engine)?.handle_in(&channels).command(command, origin))
+        let answer = channels.get(engine)?.handle_in(&channels).command(command, origin);
+        if answer == Err(Rejected::Listening) {
+            self.rejected_at_start.borrow_mut()[engine] += 1;
+        }
+        Some(answer)
+    }
+
+    /// How many commands of this engine were rejected for another reason than that the node had just started.
+    pub fn commands_rejected(&self, engine: usize) -> u32 {
+        let rejected = self.telemetry(engine).counters.commands_rejected;
+        rejected.saturating_sub(self.rejected_at_start.borrow()[engine])
     }
 
     fn look(&self) {

@@ -13,7 +13,7 @@ use super::plan::{EnginePlan, LEAST_RUNNING};
 use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
-use jetlink::command::{Command, Demand, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::telemetry::{LinkState, Phase, Telemetry};
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
@@ -93,6 +93,7 @@ impl<'a> Pilot<'a> {
             Ok(()) => self.stage(Stage::Done),
             Err(why) => {
                 self.desk.note(format!("NOT REACHED: {why}"));
+                self.desk.failure.replace(Some(why.clone()));
                 self.stage(Stage::Failed);
                 // Nothing is left running.
                 self.desk.lever.set(Lever::Standby);
@@ -155,6 +156,8 @@ impl<'a> Pilot<'a> {
             })
             .await;
         ready.map_err(|_| format!("not ready for a start in time: {}", self.describe()))?;
+        // A node takes two reports of the version before it commands a speed.
+        self.hold(Instant::now() + TICK * 10).await;
         if !self.standby_only {
             self.hold(self.plan.start_at).await;
         }
@@ -192,7 +195,15 @@ impl<'a> Pilot<'a> {
         loop {
             match self.command(self.desk.lever.get()) {
                 Ok(()) => return Ok(()),
-                Err(Cut::Refused(Rejected::Start(_))) if Instant::now() < limit => ticker.next().await,
+                // It waits, for as long as it is asked for.
+                Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))) if Instant::now() < limit => {
+                    ticker.next().await;
+                }
+                // A refusal has used the permission up: standby once more.
+                Err(Cut::Refused(Rejected::Start(_)) | Cut::Stopped) if Instant::now() < limit => {
+                    let _ = self.command(Lever::Standby);
+                    ticker.next().await;
+                }
                 Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
                 Err(Cut::TimeUp | Cut::Stopped) => {
                     return Err(format!("the start was not asked for in time: {}", self.describe()));
@@ -331,7 +342,7 @@ impl<'a> Pilot<'a> {
         self.command(lever)?;
         loop {
             let telemetry = self.telemetry();
-            let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_));
+            let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
             if matches!(lever, Lever::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
             }
@@ -355,6 +366,7 @@ impl<'a> Pilot<'a> {
         self.desk.judge(at, lever.order(), answer);
         match answer {
             // After a reset it listens first.
+            Ok(Accepted::StartWaits) => Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))),
             Ok(_) | Err(Rejected::Listening) => Ok(()),
             Err(Rejected::StandbyFirst) => Err(Cut::Stopped),
             Err(why) => Err(Cut::Refused(why)),

@@ -14,6 +14,7 @@ use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channels::{Channel, Events};
 use jetlink::command::{Demand, Order, Ordered, Rejected};
+use jetlink::engine::life;
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
@@ -22,6 +23,7 @@ use sim::clock;
 use sim::wire::{Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::Pin;
 use std::task::Poll;
 
@@ -43,6 +45,8 @@ pub struct Setup {
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
     pub fast: bool,
+    /// Panic at this engine time: for the test of what a panic leaves behind.
+    pub panic_at: Option<Duration>,
 }
 
 /// What came of one engine.
@@ -54,6 +58,8 @@ pub struct Outcome {
     pub flown: Option<Result<(), String>>,
     /// What the node has counted.
     pub node: Counters,
+    /// Commands that the node rejected, but for those of its first moments, when it listens only.
+    pub commands_rejected: u32,
     /// Whether the link is up at the end.
     pub link: LinkState,
     /// What the ECU has counted.
@@ -70,6 +76,17 @@ pub struct Outcome {
     pub is_live: bool,
 }
 
+/// How a run ended.
+#[derive(Debug, PartialEq, Eq)]
+pub enum End {
+    /// All was played.
+    Complete,
+    /// Before its time, because nobody wanted more.
+    Interrupted,
+    /// By a panic with this message: a mistake in the rig or in jetlink.
+    Panicked(String),
+}
+
 /// What came of a run.
 #[derive(Debug)]
 pub struct Outcomes {
@@ -77,8 +94,8 @@ pub struct Outcomes {
     pub engines: Vec<Outcome>,
     /// Engine time at the end.
     pub length: Duration,
-    /// Somebody ended the run early.
-    pub interrupted: bool,
+    /// How it ended.
+    pub end: End,
     /// What had to happen in a scenario, and whether it did.
     pub checks: Vec<Check>,
 }
@@ -88,7 +105,7 @@ type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 /// Runs. `show` is called with all that is to be shown and says whether to go on.
 pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
-    clock::set_pace(if setup.fast { clock::Pace::Virtual } else { clock::Pace::Wall });
+    clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::RealTime });
 
     let count = setup.engines.len();
     let notes = Notes::default();
@@ -136,11 +153,15 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     }
     tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
 
-    let interrupted = Cell::new(false);
+    let end = Cell::new(End::Complete);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
         let mut all_done_at = None;
         loop {
+            assert!(
+                setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
+                "the moment of --panic-at"
+            );
             look(&desks, &plugs);
             let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
             for (desk, telemetry) in desks.iter().zip(&telemetry) {
@@ -151,7 +172,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
             let go_on = notes.take().into_iter().chain([samples]).all(&mut show);
             if !go_on {
-                interrupted.set(true);
+                end.set(End::Interrupted);
                 return;
             }
             if flown.iter().all(|flown| flown.borrow().is_some()) {
@@ -164,7 +185,13 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         }
     };
     let world = until_done(watch, tasks);
-    clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes));
+    let run = || clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes));
+    // What was seen until a panic is still worth its summary. Nothing runs any more then.
+    if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
+        let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
+        let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
+        end.set(End::Panicked(message.unwrap_or_default()));
+    }
     look(&desks, &plugs);
     desks.iter().for_each(|desk| desk.note_hidden(true));
     for message in notes.take() {
@@ -172,7 +199,6 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     }
 
     let length = Instant::now() - Instant::MIN;
-    let interrupted = interrupted.get();
     let checks = cockpit.checks();
     drop(cockpit);
     let mut engines = Vec::new();
@@ -180,8 +206,10 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         let telemetry = node.telemetry(i);
         engines.push(Outcome {
             name: desk.engine.name(),
-            flown: flown.take(),
+            // A pilot that has given up still waits for its engine to cool.
+            flown: flown.take().or_else(|| desk.failure.take().map(Err)),
             node: telemetry.counters,
+            commands_rejected: node.commands_rejected(i),
             link: telemetry.link,
             ecu: plug.ecu(|ecu| counts(ecu)),
             audit: desk.audit.into_inner(),
@@ -192,7 +220,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
         });
     }
-    Outcomes { engines, length, interrupted, checks }
+    Outcomes { engines, length, end: end.into_inner(), checks }
 }
 
 /// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
@@ -301,10 +329,17 @@ async fn listen(
         if matches!(event, Event::Limit(Passed { what: Watched::StartTimeout, .. })) {
             desk.audit.borrow_mut().withdrawn(clock::now_ns());
         }
-        if matches!(event, Event::RunWithdrawn(_)) {
-            let live = plug.ecu(|ecu| ecu.turbine().phase().is_live());
+        if let Event::RunWithdrawn(end) = event {
+            let phase = plug.ecu(|ecu| ecu.turbine().phase());
             let mut audit = desk.audit.borrow_mut();
-            if !live || channel.handle().telemetry().link == LinkState::Lost {
+            // A gap in a start ends it, and so does a start that begins anew behind one.
+            let start_ended =
+                phase.is_starting() && matches!(end, life::End::GapInStart | life::End::StartsAgain);
+            if !phase.is_live()
+                || start_ended
+                || end == life::End::Unconfirmed
+                || channel.handle().telemetry().link == LinkState::Lost
+            {
                 audit.withdrawn(clock::now_ns());
             } else {
                 audit.withdrawn_in_error(clock::now_ns());

@@ -6,6 +6,8 @@ use super::lines::Lines;
 use super::plot::Plot;
 use super::sample::Message;
 use super::table::Table;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Receiver;
 
 /// Where the run is shown.
@@ -30,50 +32,61 @@ pub struct Show {
     pub plot: Option<Plot>,
 }
 
+/// Why a run could not be shown.
+#[derive(Debug)]
+pub enum ShowError {
+    /// The standard output takes nothing.
+    Screen(String),
+    /// A file takes nothing.
+    File(String),
+    /// A panic, whose message has been printed.
+    Panicked,
+}
+
 impl Show {
-    /// Takes messages until there are no more, or somebody ends the run, and completes the files.
-    pub fn run(mut self, messages: &Receiver<Message>) -> Result<(), String> {
-        let shown = self.messages(messages);
+    /// Takes messages until there are no more, or the screen takes none, and completes the files in either case.
+    pub fn run(mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {
+        let shown = catch_unwind(AssertUnwindSafe(|| self.messages(messages)));
+        let shown = shown.unwrap_or(Err(ShowError::Panicked));
         // The terminal is put back before anything else can be printed.
         drop(self.screen);
-        shown?;
-        if let Some(csv) = self.csv {
-            csv.finish()?;
-        }
-        self.plot.map_or(Ok(()), Plot::finish)
+        // A file that could not be written before cannot be completed either: the first error is the one.
+        let csv = self.csv.map_or(Ok(()), Csv::finish).map_err(ShowError::File);
+        let plot = self.plot.map_or(Ok(()), Plot::finish).map_err(ShowError::File);
+        shown.and(csv).and(plot)
     }
 
-    fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), String> {
-        let cannot_show = |error| format!("cannot write to the standard output: {error}");
+    fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {
         while let Ok(message) = messages.recv() {
-            let go_on = match (&mut self.screen, &message) {
-                (Screen::Lines(lines), Message::Note(note)) => lines.note(note).map(|()| true),
-                (Screen::Lines(lines), Message::Samples { at, samples }) => {
-                    lines.samples(*at, samples).map(|()| true)
-                }
+            let shown = match (&mut self.screen, &message) {
+                (Screen::Lines(lines), Message::Note(note)) => lines.note(note),
+                (Screen::Lines(lines), Message::Samples { at, samples }) => lines.samples(*at, samples),
                 (Screen::Table(table), Message::Note(note)) => {
                     table.note(note);
-                    Ok(true)
+                    Ok(())
                 }
                 (Screen::Table(table), Message::Samples { at, samples }) => table.samples(*at, samples),
                 // It is noted too.
-                (_, Message::Mark { .. }) => Ok(true),
+                (_, Message::Mark { .. }) => Ok(()),
             };
             if let (Message::Mark { at, label }, Some(plot)) = (&message, &mut self.plot) {
                 plot.mark(*at, label);
             }
             if let Message::Samples { at, samples } = &message {
                 if let Some(csv) = &mut self.csv {
-                    csv.samples(*at, &self.names, samples)?;
+                    csv.samples(*at, &self.names, samples).map_err(ShowError::File)?;
                 }
                 if let Some(plot) = &mut self.plot {
                     plot.samples(*at, samples);
                 }
             }
-            if !go_on.map_err(cannot_show)? {
-                return Ok(());
-            }
+            shown.map_err(|error| ShowError::Screen(cannot_show(&error)))?;
         }
         Ok(())
     }
+}
+
+/// That the standard output takes nothing, for people.
+pub fn cannot_show(error: &io::Error) -> String {
+    format!("cannot write to the standard output: {error}")
 }

@@ -1,17 +1,19 @@
 //! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
 
+use super::ending::EndedBy;
 use super::quantity::seconds;
 use super::row::millis;
 use super::sample::decode_errors;
-use super::session::{Outcome, Outcomes};
+use super::session::{End, Outcome, Outcomes};
 use embassy_time::Duration;
 use jetlink::telemetry::LinkState;
 
-/// Everything that makes a run a failure, a sentence each.
+/// Everything that makes a run a failure, a sentence each. That it was ended early is none: what it has not come to
+/// is not judged then, what went wrong until then is.
 pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     let mut problems = Vec::new();
-    if outcomes.interrupted {
-        problems.push("the run was ended before its time".to_owned());
+    if let End::Panicked(message) = &outcomes.end {
+        problems.push(format!("the rig has panicked: {message}"));
     }
     for check in outcomes.checks.iter().filter(|check| !check.held) {
         problems.push(format!("this did not happen: {}", check.what));
@@ -34,10 +36,10 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
         if more > 0 {
             problem(format!("and {more} more commands that nobody gave"));
         }
-        if outcome.flown.is_some() && outcome.is_live {
+        if outcomes.end == End::Complete && outcome.flown.is_some() && outcome.is_live {
             problem("the engine is not shut down".to_owned());
         }
-        if !outcomes.interrupted && outcome.link != LinkState::Up {
+        if outcomes.end == End::Complete && outcome.link != LinkState::Up {
             problem("the link is not up at the end".to_owned());
         }
         if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > 1) {
@@ -71,8 +73,8 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     problems
 }
 
-/// Writes it all.
-pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
+/// Writes it all. `ended_by` is who ended it before its time.
+pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>) -> String {
     let engines = &outcomes.engines;
     let mut rows: Vec<(&str, Vec<String>)> = Vec::new();
     let mut row = |head: &'static str, cell: &dyn Fn(&Outcome) -> String| {
@@ -106,7 +108,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
     row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.turns_missed.to_string() });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
     row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
-    row("rejected commands", &|o| o.node.commands_rejected.to_string());
+    row("rejected commands", &|o| o.commands_rejected.to_string());
     row("stops by themselves", &|o| o.stops.to_string());
     if outcomes.checks.is_empty() && engines.iter().any(|outcome| !outcome.line_was_clean) {
         row("link up after the faults", &|o| {
@@ -140,15 +142,17 @@ pub fn text(outcomes: &Outcomes, problems: &[String]) -> String {
         let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
         text += &format!("{windows} replies in time, {missed} missed{worst}\n");
     }
-    if problems.is_empty() {
+    if let Some(by) = ended_by {
+        text += &format!("The run was ended by {} before it was complete.\n", by.name());
+    }
+    for problem in problems {
+        text += &format!("FAILED  {problem}\n");
+    }
+    if problems.is_empty() && outcomes.end == End::Complete {
         text += match outcomes.checks.len() {
             0 => "All engines reached what was asked and are shut down.\n",
             _ => "All that had to happen did, and all engines are shut down.\n",
         };
-    } else {
-        for problem in problems {
-            text += &format!("FAILED  {problem}\n");
-        }
     }
     text
 }
@@ -166,13 +170,13 @@ mod tests {
     fn what_did_not_happen_fails_the_run() {
         let check = |held| Check { what: "it stops".to_owned(), held };
         let outcomes =
-            |checks| Outcomes { engines: Vec::new(), length: Duration::MIN, interrupted: false, checks };
+            |checks| Outcomes { engines: Vec::new(), length: Duration::MIN, end: End::Complete, checks };
         let good = outcomes(vec![check(true)]);
         assert_eq!(problems(&good), Vec::<String>::new());
         let bad = outcomes(vec![check(true), check(false)]);
         let found = problems(&bad);
         assert_eq!(found, ["this did not happen: it stops"]);
-        let text = text(&bad, &found);
+        let text = text(&bad, &found, None);
         assert!(text.contains("  NO     it stops") && text.contains("FAILED  this did not"), "{text}");
     }
 }

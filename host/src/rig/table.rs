@@ -4,6 +4,7 @@
 //! key: it ends the run, and the summary is still printed.
 
 use super::desk::Note;
+use super::ending::{EndRequest, EndedBy};
 use super::lines::frame_rates;
 use super::quantity::seconds;
 use super::row::{heads, row};
@@ -18,6 +19,8 @@ use crossterm::{cursor, execute, queue};
 use embassy_time::{Duration, Instant};
 use std::collections::VecDeque;
 use std::io::{self, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Between two pictures.
 const DRAW_EVERY: Duration = Duration::from_millis(200);
@@ -38,21 +41,27 @@ pub struct Table {
     before: Option<(Instant, Vec<u32>)>,
     rates: Vec<f64>,
     notes: VecDeque<String>,
-    _screen: AlternateScreen,
+    end: EndRequest,
+    screen: AlternateScreen,
 }
 
-/// The alternate screen in raw mode, as long as it lives.
+/// The alternate screen in raw mode, as long as it lives and nothing has panicked.
 #[derive(Debug)]
-struct AlternateScreen;
+struct AlternateScreen {
+    /// A panic has put the terminal back: what is drawn now would cover its message.
+    left: Arc<AtomicBool>,
+}
 
 impl AlternateScreen {
     fn enter() -> io::Result<Self> {
         enable_raw_mode()?;
-        let screen = Self;
+        let left = Arc::new(AtomicBool::new(false));
+        let screen = Self { left: left.clone() };
         execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)?;
         // A panic, in whatever thread, is to be read on the normal screen.
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
+            left.store(true, Ordering::SeqCst);
             restore();
             print(panic);
         }));
@@ -62,7 +71,9 @@ impl AlternateScreen {
 
 impl Drop for AlternateScreen {
     fn drop(&mut self) {
-        restore();
+        if !self.left.load(Ordering::SeqCst) {
+            restore();
+        }
     }
 }
 
@@ -74,7 +85,7 @@ fn restore() {
 
 impl Table {
     /// Takes the terminal over.
-    pub fn new(names: Vec<&'static str>, length: Duration) -> io::Result<Self> {
+    pub fn new(names: Vec<&'static str>, length: Duration, end: EndRequest) -> io::Result<Self> {
         Ok(Self {
             rates: vec![0.0; names.len()],
             names,
@@ -82,7 +93,8 @@ impl Table {
             next: Instant::MIN,
             before: None,
             notes: VecDeque::new(),
-            _screen: AlternateScreen::enter()?,
+            end,
+            screen: AlternateScreen::enter()?,
         })
     }
 
@@ -93,10 +105,10 @@ impl Table {
         self.notes.truncate(NOTES_KEPT);
     }
 
-    /// A sample of all engines; drawn if it is time. False: somebody wants to end the run.
-    pub fn samples(&mut self, at: Instant, samples: &[Sample]) -> io::Result<bool> {
+    /// A sample of all engines; drawn if it is time.
+    pub fn samples(&mut self, at: Instant, samples: &[Sample]) -> io::Result<()> {
         if at < self.next {
-            return Ok(true);
+            return Ok(());
         }
         self.next = at + DRAW_EVERY;
         let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
@@ -105,7 +117,8 @@ impl Table {
             self.before = Some((at, frames));
         }
         self.draw(at, samples)?;
-        Ok(go_on())
+        look_at_keys(&self.end);
+        Ok(())
     }
 
     fn draw(&self, at: Instant, samples: &[Sample]) -> io::Result<()> {
@@ -131,6 +144,10 @@ impl Table {
         }
 
         let mut out = io::stdout().lock();
+        // Behind the lock: a panic in the other thread says that it leaves, then waits for the lock to do so.
+        if self.screen.left.load(Ordering::SeqCst) {
+            return Ok(());
+        }
         queue!(out, BeginSynchronizedUpdate, cursor::MoveTo(0, 0))?;
         for (y, (bold, line)) in (0..height).zip(lines) {
             let line: String = line.chars().take(width.into()).collect();
@@ -162,16 +179,19 @@ fn wrapped(note: &str, width: usize) -> Vec<String> {
 }
 
 /// Looks at the keys that were pressed. Where none can be read, nobody ends the run by one.
-fn go_on() -> bool {
+fn look_at_keys(end: &EndRequest) {
     while poll(core::time::Duration::ZERO).unwrap_or(false) {
         let Ok(Event::Key(key)) = read() else { continue };
         let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-        let end = control_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc);
-        if end && key.kind == KeyEventKind::Press {
-            return false;
-        }
+        let by = match key.code {
+            _ if key.kind != KeyEventKind::Press => continue,
+            _ if control_c => EndedBy::Interrupt,
+            KeyCode::Char('q') | KeyCode::Esc => EndedBy::Key,
+            _ => continue,
+        };
+        end.request(by);
+        return;
     }
-    true
 }
 
 #[cfg(test)]

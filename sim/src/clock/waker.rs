@@ -8,32 +8,21 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::{RawWaker, RawWakerVTable, Waker};
-use core::time::Duration;
 use std::sync::Arc;
-use std::thread::{self, Thread};
 
-/// Whether the root future of a thread is to be polled. Any thread may say so.
+/// Whether the root future of a thread is to be polled.
 #[derive(Debug)]
 pub(super) struct Root {
     woken: AtomicBool,
-    parked: AtomicBool,
-    thread: Thread,
 }
 
 impl Root {
-    pub(super) fn of_this_thread() -> Arc<Self> {
-        Arc::new(Self {
-            woken: AtomicBool::new(false),
-            parked: AtomicBool::new(false),
-            thread: thread::current(),
-        })
+    pub(super) fn new() -> Arc<Self> {
+        Arc::new(Self { woken: AtomicBool::new(false) })
     }
 
     pub(super) fn wake(&self) {
-        self.woken.store(true, Ordering::SeqCst);
-        if self.parked.load(Ordering::SeqCst) {
-            self.thread.unpark();
-        }
+        self.woken.store(true, Ordering::Release);
     }
 
     pub(super) fn is_woken(&self) -> bool {
@@ -42,19 +31,6 @@ impl Root {
 
     pub(super) fn take_woken(&self) -> bool {
         self.woken.swap(false, Ordering::AcqRel)
-    }
-
-    /// Sleeps until woken or until the time has passed; it may also return early.
-    pub(super) fn park(&self, for_at_most: Option<Duration>) {
-        self.parked.store(true, Ordering::SeqCst);
-        // Read after the store above: a wake either is seen here or sees `parked` and unparks.
-        if !self.woken.load(Ordering::SeqCst) {
-            match for_at_most {
-                Some(time) => thread::park_timeout(time),
-                None => thread::park(),
-            }
-        }
-        self.parked.store(false, Ordering::SeqCst);
     }
 }
 

@@ -470,15 +470,17 @@ impl ZkLink {
     }
 
     fn compose(&mut self, now: Instant) -> Control {
+        if let (ServiceState::Unlocking { service, attempts_left }, false) =
+            (self.service, self.order == Order::EmergencyStop)
+        {
+            self.service = ServiceState::Sending { service, attempts_left };
+            return service.control();
+        }
         if let Some(control) = self.close_command(now) {
             return control;
         }
         if self.order == Order::EmergencyStop {
             return self.switch_and_demand();
-        }
-        if let ServiceState::Unlocking { service, attempts_left } = self.service {
-            self.service = ServiceState::Sending { service, attempts_left };
-            return service.control();
         }
         // The demand never waits for two turns.
         if !self.extra_last

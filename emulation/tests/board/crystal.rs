@@ -1,0 +1,99 @@
+//! A crystal that does not start, and one that stops in flight. The emulator starts every crystal and raises no NMI of
+//! the clock security system: the first is turned off after each write that turns it on (`emulation/src/quirks.rs`), the
+//! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
+
+use crate::support::{Task, hijack, on_each_board, others_are_well};
+use emulation::{Bench, Board, Fate, Image, Run};
+use sim::ecu::{MILLIS, SECOND};
+
+const WITHOUT: &str = "the crystal does not run: on the chip's own oscillator";
+
+#[test]
+fn a_crystal_that_is_dead_at_a_reset_costs_no_engine() {
+    on_each_board(|board| {
+        let reset = 1500 * MILLIS;
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .at(SECOND, |bench| bench.break_crystal())
+            .at(reset, |bench| bench.watchdog_runs_out())
+            .resets(1)
+            .with_errors()
+            .until(4 * SECOND)
+            .go(); // which finds wrong baud rates
+        let boots: Vec<_> = report.lines("last reset: ").map(|log| log.at).collect();
+        println!("{}: {boots:?}, reset {:?}", board.name, report.resets);
+        assert!(
+            report.logs.iter().all(|log| log.level != "error" || log.text == WITHOUT),
+            "{}",
+            report.log_text()
+        );
+        assert_eq!(report.lines(WITHOUT).count(), 1);
+        // At most 0.1 s of trying, by the core's cycles.
+        assert!(boots[1] - report.resets[0].0 < 105 * MILLIS, "{boots:?}");
+        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        assert!((reset..reset + SECOND).contains(&again), "{again}");
+    });
+}
+
+#[test]
+fn a_crystal_that_is_dead_at_power_on_costs_no_engine() {
+    on_each_board(|board| {
+        let run = Run::new(board, Image::Release).engines().at(0, |bench| bench.break_crystal());
+        let report = run.with_errors().until(2 * SECOND).go();
+        assert!(report.logged(WITHOUT), "{}", report.log_text());
+        others_are_well(&report, &[]);
+    });
+}
+
+/// From here on the crystal is dead, and when this task runs next, the NMI comes that says so.
+fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
+    bench.break_crystal();
+    // movw r0, #0xED04; movt r0, #0xE000; mov.w r1, #0x80000000; str r1, [r0]; bx lr: NMIPENDSET in ICSR.
+    let code = board.ram.start + 0x18000;
+    for (i, word) in [0x5004_F64E, 0x0000_F2CE, 0x4100_F04F, 0x4770_6001].into_iter().enumerate() {
+        bench.set_word(code + 4 * i as u64, word);
+    }
+    hijack(bench, board, image, task, code);
+}
+
+#[test]
+fn a_crystal_that_stops_resets_a_plain_image() {
+    on_each_board(|board| {
+        let stop = |bench: &mut Bench<'_>| stop_crystal(bench, board, Image::Release, Task::Engine);
+        let run = Run::new(board, Image::Release).engines().at(1500 * MILLIS, stop).resets(1).with_errors();
+        let report = run.until(4 * SECOND).go();
+        assert_eq!(report.lines("the crystal has stopped, resetting").count(), 1, "{}", report.log_text());
+        assert!(report.logged("last reset: Software") && report.logged(WITHOUT));
+        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        assert!(again > report.resets[0].0, "{}", report.log_text());
+    });
+}
+
+/// Behind an ArduPilot bootloader a reset would end in the bootloader, which waits for the crystal without an end.
+#[test]
+fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
+    on_each_board(|board| {
+        for task in [Task::Supervisor, Task::Engine] {
+            let stop = move |bench: &mut Bench<'_>| stop_crystal(bench, board, Image::Ardupilot, task);
+            let run = Run::new(board, Image::Ardupilot).engines().at(1500 * MILLIS, stop).with_errors();
+            let (report, complaints) = run.until(4 * SECOND).go_unchecked();
+            // The firmware started twice without a reset, and the bytes that were under way at that moment took longer.
+            let expected =
+                |complaint: &String| complaint.ends_with("2 times") || complaint.contains(" at 15");
+            assert!(complaints.iter().all(expected), "{task:?} {complaints:?} {}", report.log_text());
+            assert!(
+                complaints.iter().any(|complaint| complaint.ends_with("last reset\" 2 times")),
+                "{task:?}"
+            );
+            for (port, wire) in report.wires() {
+                let byte = board.port(port).byte_ns(wire.line());
+                let later = wire.rx.iter().filter(|rx| rx.start > 2800 * MILLIS && rx.fate == Fate::Heard);
+                let wrong = later.clone().find(|rx| ((rx.end - rx.start) as f64 - byte).abs() > 2.0);
+                assert!(later.count() > 20 && wrong.is_none(), "{task:?} {port} {wrong:?}");
+            }
+            assert!(report.resets.is_empty() && report.logged(WITHOUT));
+            let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+            assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
+        }
+    });
+}

@@ -1,0 +1,110 @@
+//! Who ends a run before its time: a key, or a signal.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Who ended the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EndedBy {
+    /// The key `q` or Esc.
+    Key,
+    /// Ctrl-C, as a key or as a signal.
+    Interrupt,
+    /// SIGTERM: `kill`, or a shutdown.
+    Terminate,
+    /// SIGHUP: the terminal was closed.
+    HangUp,
+}
+
+impl EndedBy {
+    const ALL: [Self; 4] = [Self::Key, Self::Interrupt, Self::Terminate, Self::HangUp];
+
+    /// For people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Key => "a key",
+            Self::Interrupt => "Ctrl-C",
+            Self::Terminate => "SIGTERM",
+            Self::HangUp => "SIGHUP",
+        }
+    }
+
+    /// The exit status: that of a shell for a signal.
+    pub const fn status(self) -> u8 {
+        match self {
+            Self::Key => 0,
+            Self::Interrupt => 130,
+            Self::Terminate => 143,
+            Self::HangUp => 129,
+        }
+    }
+}
+
+/// The request to end the run, shared by all who may make it.
+#[derive(Clone, Debug, Default)]
+pub struct EndRequest {
+    /// 0 for none, else the place in [`EndedBy::ALL`], counted from 1: a signal handler can store no more.
+    code: Arc<AtomicUsize>,
+}
+
+impl EndRequest {
+    /// From here on the signals that end a program ask for the end of the run, but for those that are ignored.
+    pub fn by_signals() -> Result<Self, String> {
+        let request = Self::default();
+        for (signal, by) in signals() {
+            if is_ignored(signal) {
+                continue;
+            }
+            signal_hook::flag::register_usize(signal, request.code.clone(), code(by))
+                .map_err(|error| format!("cannot handle {}: {error}", by.name()))?;
+        }
+        Ok(request)
+    }
+
+    /// Asks for the end.
+    pub fn request(&self, by: EndedBy) {
+        self.code.store(code(by), Ordering::SeqCst);
+    }
+
+    /// Who asked for the end, if anybody did.
+    pub fn requested(&self) -> Option<EndedBy> {
+        self.code.load(Ordering::SeqCst).checked_sub(1).and_then(|i| EndedBy::ALL.get(i).copied())
+    }
+}
+
+fn code(by: EndedBy) -> usize {
+    EndedBy::ALL.iter().position(|&other| other == by).map_or(0, |i| i + 1)
+}
+
+fn signals() -> Vec<(i32, EndedBy)> {
+    use signal_hook::consts;
+    vec![
+        (consts::SIGINT, EndedBy::Interrupt),
+        (consts::SIGTERM, EndedBy::Terminate),
+        #[cfg(unix)]
+        (consts::SIGHUP, EndedBy::HangUp),
+    ]
+}
+
+/// Whether whoever started this program wants the signal ignored, as `nohup` does. Known on Linux only.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    u32::try_from(signal - 1).is_ok_and(|bit| ignored.checked_shr(bit).is_some_and(|mask| mask & 1 == 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_names_who_made_it() {
+        for by in EndedBy::ALL {
+            let request = EndRequest::default();
+            assert_eq!(request.requested(), None);
+            request.clone().request(by);
+            assert_eq!(request.requested(), Some(by));
+        }
+    }
+}

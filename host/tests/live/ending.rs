@@ -1,0 +1,268 @@
+//! `jetlink rig` that is ended before its time: by a key, by a signal, by a panic. The terminal is as it was, the
+//! files are complete, the summary so far is printed.
+
+use super::{file, signal};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The most that anything here may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+const HEAD: &str = "jetlink rig   ";
+const LEAVE_ALTERNATE_SCREEN: &str = "\u{1b}[?1049l";
+const SHOW_CURSOR: &str = "\u{1b}[?25h";
+
+fn jetlink(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_jetlink"));
+    command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
+    command
+}
+
+#[track_caller]
+fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !done() {
+        assert!(began.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[track_caller]
+fn ended(child: &mut Child) -> ExitStatus {
+    let mut status = None;
+    wait_until("the rig ends", || {
+        status = child.try_wait().expect("a status");
+        status.is_some()
+    });
+    status.expect("a status")
+}
+
+/// A rig on a terminal of its own.
+struct Terminal {
+    child: Child,
+    /// What a person types goes in here.
+    keyboard: Option<File>,
+    /// The program's side, to look at its modes.
+    side: File,
+    output: Arc<Mutex<String>>,
+}
+
+impl Terminal {
+    fn start(args: &[&str]) -> Self {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+        grantpt(&master).expect("a terminal");
+        unlockpt(&master).expect("a terminal");
+        let name = ptsname(&master, Vec::new()).expect("a terminal").into_string().expect("UTF-8");
+        let side = OpenOptions::new().read(true).write(true).open(name).expect("a terminal");
+        tcsetwinsize(&side, Winsize { ws_row: 30, ws_col: 140, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
+        let program = || Stdio::from(side.try_clone().expect("a copy"));
+        let child =
+            jetlink(args).stdin(program()).stdout(program()).stderr(program()).spawn().expect("it runs");
+        let keyboard = File::from(master);
+        let output = Arc::new(Mutex::new(String::new()));
+        let (mut screen, copy) = (keyboard.try_clone().expect("a copy"), output.clone());
+        thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(count @ 1..) = screen.read(&mut bytes) {
+                copy.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..count]));
+            }
+        });
+        Self { child, keyboard: Some(keyboard), side, output }
+    }
+
+    fn output(&self) -> String {
+        self.output.lock().unwrap().clone()
+    }
+
+    /// Until the table is shown and at work.
+    #[track_caller]
+    fn is_live(&self) {
+        wait_until("the table is shown", || {
+            self.output().matches(HEAD).count() > 5 && self.output().contains("left")
+        });
+        assert!(self.is_raw(), "the table needs single keys");
+    }
+
+    fn is_raw(&self) -> bool {
+        !tcgetattr(&self.side).expect("modes").local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
+    }
+
+    fn types(&mut self, keys: &[u8]) {
+        self.keyboard.as_mut().expect("open").write_all(keys).expect("typed");
+    }
+
+    /// The status, and what is on the normal screen afterwards.
+    #[track_caller]
+    fn end(mut self) -> (ExitStatus, String) {
+        let status = ended(&mut self.child);
+        assert!(!self.is_raw(), "the terminal is still in raw mode");
+        // The last of it may still be on its way from the terminal.
+        wait_until("the summary", || self.output().contains("\nSummary after "));
+        thread::sleep(Duration::from_millis(200));
+        let output = self.output();
+        let (_, normal) = output.rsplit_once(LEAVE_ALTERNATE_SCREEN).expect("the alternate screen is left");
+        assert!(normal.contains(SHOW_CURSOR), "the cursor is shown: {normal:?}");
+        (status, normal.replace('\r', ""))
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill(); // it may have ended already
+        let _ = self.child.wait();
+    }
+}
+
+/// Both files are what a run that ends by itself leaves: whole rows for all engines, and a picture.
+#[track_caller]
+fn files_are_complete(csv: &Path, plot: &Path, engines: usize) {
+    let text = std::fs::read_to_string(csv).expect("the CSV file");
+    assert!(text.ends_with('\n'));
+    let mut rows = text.lines();
+    let columns = rows.next().expect("a head").split(',').count();
+    let count = rows.clone().count();
+    assert!(count >= 10 * engines && count.is_multiple_of(engines), "{count} rows");
+    assert!(rows.all(|row| row.split(',').count() == columns), "{text}");
+    let picture = std::fs::read_to_string(plot).expect("the plot");
+    let xml = roxmltree::Document::parse(&picture).expect("well-formed XML");
+    assert!(xml.descendants().any(|node| node.text().is_some_and(|text| text.contains("left: "))));
+}
+
+/// An ended run without a problem.
+#[track_caller]
+fn is_no_failure(text: &str, by: &str) {
+    assert!(text.contains(&format!("The run was ended by {by} before it was complete.")), "{text}");
+    assert!(text.contains("commands that nobody gave") && text.contains("replies in time"), "{text}");
+    assert!(
+        !text.contains("FAILED") && !text.contains("are shut down") && !text.contains("panicked"),
+        "{text}"
+    );
+}
+
+#[test]
+fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
+    type End = fn(&mut Terminal);
+    let ends: [(&str, End, i32, &str); 6] = [
+        ("q", |terminal| terminal.types(b"q"), 0, "a key"),
+        ("Ctrl-C", |terminal| terminal.types(&[3]), 130, "Ctrl-C"),
+        ("SIGINT", |terminal| signal(&terminal.child, "INT"), 130, "Ctrl-C"),
+        ("SIGTERM", |terminal| signal(&terminal.child, "TERM"), 143, "SIGTERM"),
+        // As `timeout` does: to the process, and to its group.
+        (
+            "SIGTERM twice",
+            |terminal| {
+                signal(&terminal.child, "TERM");
+                let _ = Command::new("kill").arg("-TERM").arg(terminal.child.id().to_string()).output();
+            },
+            143,
+            "SIGTERM",
+        ),
+        ("SIGHUP", |terminal| signal(&terminal.child, "HUP"), 129, "SIGHUP"),
+    ];
+    thread::scope(|scope| {
+        for (name, end, status, by) in ends {
+            scope.spawn(move || {
+                let name = name.replace(' ', "-");
+                let (csv, plot) = (file(&format!("end-{name}.csv")), file(&format!("end-{name}.svg")));
+                let mut terminal =
+                    Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
+                terminal.is_live();
+                end(&mut terminal);
+                let (ended, text) = terminal.end();
+                assert_eq!(ended.code(), Some(status), "{name}: {text}");
+                is_no_failure(&text, by);
+                files_are_complete(&csv, &plot, 4);
+            });
+        }
+    });
+}
+
+#[test]
+fn a_panic_restores_the_terminal_and_fails() {
+    let (csv, plot) = (file("panic.csv"), file("panic.svg"));
+    let terminal = Terminal::start(&[
+        "--panic-at",
+        "2s",
+        "--csv",
+        csv.to_str().unwrap(),
+        "--plot",
+        plot.to_str().unwrap(),
+    ]);
+    terminal.is_live();
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(1), "{text}");
+    // The message itself is on the normal screen, and nothing is drawn over it.
+    assert!(text.contains("panicked at") && text.contains("the moment of --panic-at"), "{text}");
+    assert!(!text.contains(HEAD), "{text}");
+    assert!(text.contains("FAILED  the rig has panicked: the moment of --panic-at"), "{text}");
+    files_are_complete(&csv, &plot, 4);
+}
+
+#[test]
+fn a_closed_terminal_ends_the_run_with_complete_files() {
+    let (csv, plot) = (file("closed.csv"), file("closed.svg"));
+    let mut terminal = Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
+    terminal.is_live();
+    // First the signal, then nothing can be written any more.
+    signal(&terminal.child, "HUP");
+    drop(terminal.keyboard.take());
+    assert_eq!(ended(&mut terminal.child).code(), Some(129));
+    files_are_complete(&csv, &plot, 4);
+}
+
+/// Runs without a terminal until its CSV file has rows at this engine time, then sends a signal.
+#[track_caller]
+fn ended_by(name: &str, args: &[&str], engine_time: f64, signal_name: &str) -> (Option<i32>, String) {
+    let csv = file(&format!("{name}.csv"));
+    let _ = std::fs::remove_file(&csv); // of an earlier test
+    let log = file(&format!("{name}.log"));
+    let out = File::create(&log).expect("a file");
+    let mut child = jetlink(args).arg("--csv").arg(&csv).stdout(out).spawn().expect("it runs");
+    wait_until("rows in the CSV file", || {
+        let rows = std::fs::read_to_string(&csv).unwrap_or_default();
+        // The last row may not be whole yet.
+        let row = rows.lines().rev().nth(1).and_then(|row| row.split(',').next()?.parse::<f64>().ok());
+        row.is_some_and(|at| at >= engine_time)
+    });
+    signal(&child, signal_name);
+    let status = ended(&mut child).code();
+    (status, std::fs::read_to_string(log).expect("the output"))
+}
+
+#[test]
+fn what_went_wrong_before_the_end_still_fails_the_run() {
+    let args = ["--fast", "--duration", "24h"];
+    let (status, text) = ended_by("end-good", &args, 60.0, "TERM");
+    assert_eq!(status, Some(143), "{text}");
+    is_no_failure(&text, "SIGTERM");
+    let bad = [&args[..], &["--faults", "hot-start=left"]].concat();
+    let (status, text) = ended_by("end-bad", &bad, 60.0, "TERM");
+    assert_eq!(status, Some(1), "{text}");
+    assert!(text.contains("FAILED  left: the start failed: "), "{text}");
+    assert!(text.contains("The run was ended by SIGTERM before it was complete."), "{text}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("FAILED")).count(), 1, "{text}");
+}
+
+#[test]
+fn a_scenario_can_be_ended() {
+    let (status, text) = ended_by("end-scenario", &["--scenario", "emergency-stop"], 2.0, "INT");
+    assert_eq!(status, Some(130), "{text}");
+    assert!(text.contains("The run was ended by Ctrl-C before") && !text.contains("FAILED"), "{text}");
+}
+
+/// `nohup` has SIGHUP ignored, and so it stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn nohup_is_respected() {
+    let script = format!("trap '' HUP; exec '{}' rig --standby --duration 2s", env!("CARGO_BIN_EXE_jetlink"));
+    let mut child = Command::new("sh").args(["-c", &script]).stdout(Stdio::null()).spawn().expect("it runs");
+    thread::sleep(Duration::from_secs(1));
+    signal(&child, "HUP");
+    assert_eq!(ended(&mut child).code(), Some(0));
+}

@@ -1,0 +1,70 @@
+//! Holds virtual time back to the wall clock.
+
+use core::time::Duration;
+use std::time::Instant;
+
+/// A run this little ahead of the wall clock goes on without a sleep: the bytes of a line at 115200 baud are
+/// 87 µs apart, and a sleep costs about as much.
+const LEAD: Duration = Duration::from_millis(2);
+/// A run this late makes up for it. A longer delay (a suspended laptop, a stopped process) shifts all that follows.
+const CATCHES_UP: Duration = Duration::from_millis(100);
+
+/// Which wall clock time belongs to which virtual time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pacer {
+    /// In µs.
+    virtual_time: u64,
+    wall: Instant,
+}
+
+impl Pacer {
+    /// From here on the two go together.
+    pub(super) const fn new(virtual_time: u64, wall: Instant) -> Self {
+        Self { virtual_time, wall }
+    }
+
+    /// The sleep before virtual time may be `to`, in µs. `now` is the wall clock's time.
+    pub(super) fn wait(&mut self, to: u64, now: Instant) -> Duration {
+        let due = self.wall + Duration::from_micros(to.saturating_sub(self.virtual_time));
+        if now.saturating_duration_since(due) > CATCHES_UP {
+            *self = Self::new(to, now);
+        }
+        let early = due.saturating_duration_since(now);
+        if early > LEAD { early } else { Duration::ZERO }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    #[test]
+    fn virtual_time_waits_for_the_wall_clock() {
+        let start = Instant::now();
+        let mut pacer = Pacer::new(5_000, start);
+        assert_eq!(pacer.wait(15_000, start), ms(10));
+        assert_eq!(pacer.wait(15_000, start + ms(4)), ms(6));
+        assert_eq!(pacer.wait(15_000, start + ms(8)), ms(0), "2 ms ahead is close enough");
+        assert_eq!(pacer.wait(15_000, start + ms(10)), ms(0));
+    }
+
+    #[test]
+    fn a_short_delay_is_made_up_for() {
+        let start = Instant::now();
+        let mut pacer = Pacer::new(0, start);
+        assert_eq!(pacer.wait(1_000_000, start + ms(1100)), ms(0));
+        assert_eq!(pacer.wait(1_150_000, start + ms(1100)), ms(50));
+    }
+
+    #[test]
+    fn a_long_delay_shifts_all_that_follows() {
+        let start = Instant::now();
+        let mut pacer = Pacer::new(0, start);
+        assert_eq!(pacer.wait(1_000_000, start + ms(4000)), ms(0));
+        assert_eq!(pacer.wait(1_150_000, start + ms(4000)), ms(150));
+    }
+}

@@ -1,0 +1,110 @@
+//! What happens before Embassy starts the clocks, and right after: the watchdog, the bootloader's word, the crystal.
+//!
+//! Embassy's `init` waits without an end for the crystal, the PLL, the regulator and the LSI. A crystal that died in
+//! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
+//! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
+
+use super::{Oscillator, ResetCause, chip};
+use core::sync::atomic::{AtomicBool, Ordering};
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
+
+/// What is known before the clocks run.
+#[derive(Clone, Copy)]
+pub struct Early {
+    /// Why the chip was reset.
+    pub cause: ResetCause,
+    /// What the clocks are to be made from.
+    pub oscillator: Oscillator,
+}
+
+/// Set while the node runs without its crystal.
+static WITHOUT_CRYSTAL: AtomicBool = AtomicBool::new(false);
+
+/// To be called first, before `embassy_stm32::init`, with whether an external clock comes in place of a crystal.
+pub fn begin(bypass: bool) -> Early {
+    // A probe that halts the core must not be answered by a reset.
+    chip::freeze_watchdog_while_halted();
+    // Before the watchdog: what it ends from here on, the bootloader lets start again.
+    #[cfg(feature = "ardupilot-bootloader")]
+    super::ardupilot::start_at_once();
+    // 2.0 s at 32 kHz, 1.4 s to 3.9 s at 47 kHz and 17 kHz: the start takes some milliseconds, and 0.1 s more
+    // without a crystal.
+    watch(Pr::from_bits(2), 0xFFF);
+    let cause = chip::reset_cause();
+    let oscillator = if chip::start_crystal(bypass) { Oscillator::Crystal } else { Oscillator::Internal };
+    WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
+    chip::before_init();
+    Early { cause, oscillator }
+}
+
+/// To be called right after `embassy_stm32::init`.
+pub fn finish(early: Early) {
+    // Again: `init` may have reset what holds the word.
+    #[cfg(feature = "ardupilot-bootloader")]
+    super::ardupilot::start_at_once();
+    if early.oscillator == Oscillator::Crystal {
+        chip::watch_crystal();
+    }
+}
+
+/// Starts the watchdog, or gives the one that runs another time: so many counts down from `reload`, each of 4, 8, 16 …
+/// periods of its oscillator.
+pub fn watch(prescaler: Pr, reload: u16) {
+    let watchdog = chip::WATCHDOG;
+    watchdog.kr().write(|w| w.set_key(Key::START));
+    settled();
+    watchdog.kr().write(|w| w.set_key(Key::ENABLE));
+    watchdog.pr().write(|w| w.set_pr(prescaler));
+    watchdog.rlr().write(|w| w.set_rl(reload));
+    settled();
+    watchdog.kr().write(|w| w.set_key(Key::RESET));
+}
+
+/// Waits until a new prescaler and reload value have crossed over into the watchdog's own clock: five periods of it
+/// (RM0433, 45.4.4), 0.3 ms at most; ten times that, if the core runs at 400 MHz.
+fn settled() {
+    for _ in 0..100_000 {
+        if chip::WATCHDOG.sr().read().0 == 0 {
+            return;
+        }
+    }
+}
+
+/// Ends the firmware. A plain image by a reset.
+#[cfg(not(feature = "ardupilot-bootloader"))]
+pub fn end() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
+/// Ends the firmware. Behind an ArduPilot bootloader by the watchdog: after any other reset some bootloaders wait 5 s
+/// for an upload. And without a crystal not by a reset at all: the bootloader waits for it without an end.
+#[cfg(feature = "ardupilot-bootloader")]
+pub fn end() -> ! {
+    if WITHOUT_CRYSTAL.load(Ordering::Relaxed) {
+        restart();
+    }
+    super::ardupilot::start_at_once();
+    watch(Pr::from_bits(0), 0);
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+/// Goes back to the image's first instruction, from wherever this is called.
+#[cfg(feature = "ardupilot-bootloader")]
+fn restart() -> ! {
+    // SAFETY: `Reset` and `__pre_init` (start.rs) rely on nothing: they leave the handler that this may be called in,
+    // set the stack and initialise the memory. Nothing runs on after this.
+    unsafe { core::arch::asm!("cpsid i", "b Reset", options(noreturn)) }
+}
+
+/// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
+#[cortex_m_rt::exception]
+unsafe fn NonMaskableInt() -> ! {
+    chip::clear_crystal_alarm();
+    // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
+    #[cfg(feature = "ardupilot-bootloader")]
+    restart();
+    #[cfg(not(feature = "ardupilot-bootloader"))]
+    super::crash::crash(|| defmt::error!("the crystal has stopped, resetting"))
+}

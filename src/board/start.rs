@@ -1,0 +1,161 @@
+//! The first instructions of every image: they put the core into the state that a reset leaves, whoever started the
+//! image.
+//!
+//! After a reset there is nothing to do. But a bootloader starts an application by a jump. ArduPilot's (AP_Bootloader,
+//! `jump_to_app`) leaves interrupts masked (PRIMASK 1, BASEPRI 0x20), thread mode on the process stack (CONTROL 2), an
+//! MPU region and, on an H7, the data cache on; older ones leave SysTick and other interrupts running. ST's loader
+//! leaves VTOR at its own table after `dfu-util …:leave`. cortex-m-rt's start undoes none of it. And the firmware itself
+//! comes back here out of a handler, where a reset would not do (early.rs).
+//!
+//! The rules of `__pre_init`: RAM is not initialised, so no Rust; it uses no stack, since the one in use may be the
+//! bootloader's. VTOR is set here, with interrupts off, and not by cortex-m-rt's feature `set-vtor`, which sets it
+//! before: an interrupt that the bootloader left running would end in our handler for unexpected ones.
+
+// SAFETY: called by cortex-m-rt's `Reset`, once, before RAM is initialised. Touches r0 to r6 and r12, which `Reset` does
+// not use across the call, no memory but registers of the core (Armv7-M, B3.2 to B3.5), and returns by lr. The clean of
+// the data cache writes back what the bootloader had written, which is what it had meant to.
+core::arch::global_asm!(
+    ".cfi_sections .debug_frame
+     .section .text.__pre_init, \"ax\", %progbits
+     .global __pre_init
+     .type __pre_init, %function
+     .thumb_func
+     .cfi_startproc
+     __pre_init:
+     cpsid i
+     mrs r0, ipsr
+     cbz r0, 9f",
+    // In a handler. Each return ends one, and leads through `Reset` back to here: the interrupt that is next in IABR,
+    // by its number, or thread mode when there is none. The floating-point state of what was interrupted is not wanted
+    // (FPCCR, LSPACT).
+    "ldr r1, =_stack_start
+     mov sp, r1
+     ldr r1, =0xE000EF34
+     ldr r2, [r1]
+     bic r2, r2, #1
+     str r2, [r1]
+     ldr r1, =0xE000E300
+     movs r2, #16
+     5:
+     ldr r3, [r1]
+     subs r4, r0, r2
+     cmp r4, #31
+     bhi 6f
+     movs r5, #1
+     lsls r5, r4
+     bics r3, r5
+     6:
+     cbnz r3, 7f
+     adds r1, #4
+     adds r2, #32
+     cmp r2, #256
+     blo 5b
+     movs r2, #0
+     mvn r6, #6
+     b 8f
+     7:
+     rbit r3, r3
+     clz r3, r3
+     adds r2, r3
+     mvn r6, #14
+     8:
+     ldr r1, =Reset
+     bic r1, r1, #1
+     orr r2, r2, #0x01000000
+     push {{r1, r2}}
+     sub sp, #24
+     bx r6",
+    "9:
+     movs r0, #0
+     msr control, r0
+     isb
+     ldr r1, =_stack_start
+     msr msp, r1
+     msr basepri, r0
+     clrex",
+    // Not `msr faultmask`: while FAULTMASK is 1, only CPS changes it (Armv7-M, B5.2.1 and B5.2.3).
+    "cpsie f",
+    // SysTick off, then what it and PendSV have pending (PENDSTCLR, PENDSVCLR).
+    "ldr r1, =0xE000E010
+     str r0, [r1]
+     ldr r1, =0xE000ED00
+     ldr r2, =0x0A000000
+     str r2, [r1, #0x04]",
+    // VTOR; AIRCR: groups as after a reset; SCR: no deep sleep.
+    "ldr r2, =__vector_table
+     str r2, [r1, #0x08]
+     ldr r2, =0x05FA0000
+     str r2, [r1, #0x0C]
+     str r0, [r1, #0x10]",
+    // SHPR1 to SHPR3; SHCSR: faults escalate to HardFault, which has a handler.
+    "str r0, [r1, #0x18]
+     str r0, [r1, #0x1C]
+     str r0, [r1, #0x20]
+     ldr r2, [r1, #0x24]
+     bic r2, r2, #0x70000
+     str r2, [r1, #0x24]",
+    // NVIC_ICER and NVIC_ICPR, 240 interrupts.
+    "ldr r2, =0xE000E180
+     mvns r3, r0
+     movs r4, #8
+     1:
+     str r3, [r2]
+     str r3, [r2, #0x100]
+     adds r2, #4
+     subs r4, #1
+     bne 1b",
+    // NVIC_IPR: the drivers rely on the highest priority, which is what a reset leaves.
+    "ldr r2, =0xE000E400
+     movs r4, #60
+     1:
+     str r0, [r2]
+     adds r2, #4
+     subs r4, #1
+     bne 1b",
+    // MPU_CTRL; then each region (MPU_TYPE says how many): MPU_RNR, MPU_RASR.
+    "dmb
+     str r0, [r1, #0x94]
+     ldrb r4, [r1, #0x91]
+     1:
+     cbz r4, 2f
+     subs r4, #1
+     str r4, [r1, #0x98]
+     str r0, [r1, #0xA0]
+     b 1b
+     2:
+     dsb
+     isb",
+    // The data cache, if it is on (CCR bit 16; a Cortex-M4 has none): off, then cleaned and invalidated by set and
+    // way (CSSELR 0, CCSIDR, DCCISW with sets from bit 5 and ways at the top).
+    "ldr r2, [r1, #0x14]
+     tst r2, #0x10000
+     beq 5f
+     str r0, [r1, #0x84]
+     dsb
+     ldr r3, [r1, #0x80]
+     bic r2, r2, #0x10000
+     str r2, [r1, #0x14]
+     dsb
+     ubfx r4, r3, #3, #10
+     clz r12, r4
+     ubfx r3, r3, #13, #15
+     ldr r1, =0xE000EF74
+     3:
+     mov r5, r4
+     4:
+     lsl r2, r5, r12
+     orr r2, r2, r3, lsl #5
+     str r2, [r1]
+     subs r5, #1
+     bpl 4b
+     subs r3, #1
+     bpl 3b
+     5:
+     dsb
+     isb
+     cpsie i
+     bx lr
+     .ltorg
+     .cfi_endproc
+     .size __pre_init, . - __pre_init"
+);

@@ -1,0 +1,57 @@
+//! The aliases of `.cargo/config.toml` that build a firmware image: `cargo fw`, `image`, `flash-*`, `emu`,
+//! `emu-run`, `qemu` and `qemu-test`.
+//!
+//! Every image is built with one pinned Rust, while everything else builds with the Rust that is there. So this
+//! asks for what is needed, reports what is missing and how to install it, and starts `cargo` with the pinned
+//! toolchain, whatever the caller has chosen.
+#![forbid(unsafe_code)]
+
+mod environment;
+mod pin;
+mod task;
+
+use std::process::{Command, ExitCode};
+use task::Task;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match prepare(&arguments) {
+        Ok(command) => start(command),
+        Err(why) => {
+            eprintln!("error: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The command, when all that it needs is installed.
+fn prepare(arguments: &[String]) -> Result<Command, String> {
+    let task = Task::parse(arguments)?;
+    environment::check_toolchain()?;
+    for program in task.programs() {
+        environment::check_program(program)?;
+    }
+    let mut cargo = environment::cargo();
+    cargo.args(task.cargo_arguments());
+    Ok(cargo)
+}
+
+/// Becomes the command, so that a signal to this process reaches it.
+#[cfg(unix)]
+fn start(mut command: Command) -> ExitCode {
+    use std::os::unix::process::CommandExt;
+    not_started(&command.exec())
+}
+
+#[cfg(not(unix))]
+fn start(mut command: Command) -> ExitCode {
+    match command.status() {
+        Ok(status) => ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)),
+        Err(error) => not_started(&error),
+    }
+}
+
+fn not_started(error: &std::io::Error) -> ExitCode {
+    eprintln!("error: cargo cannot be started: {error}");
+    ExitCode::FAILURE
+}

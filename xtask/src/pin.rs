@@ -1,0 +1,47 @@
+//! The pinned toolchain, as `pinned-toolchain.toml` names it.
+
+const FILE: &str = include_str!("../pinned-toolchain.toml");
+
+/// Its version, for example `1.98.0`.
+pub fn version() -> &'static str {
+    string("channel")
+}
+
+/// The firmware's target.
+pub fn target() -> &'static str {
+    string("targets")
+}
+
+/// The first string that this key has; the tests see to it that there is one.
+fn string(key: &str) -> &'static str {
+    let value = FILE.lines().find_map(|line| line.strip_prefix(key)?.trim_start().strip_prefix('='));
+    value.and_then(|value| value.split('"').nth(1)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file's lines but for its comments.
+    fn settings(file: &str) -> Vec<&str> {
+        file.lines().filter(|line| !line.starts_with('#')).collect()
+    }
+
+    #[test]
+    fn the_pin_is_an_exact_version_and_the_target_that_of_both_chips() {
+        let numbers: Vec<u32> =
+            version().split('.').map(|number| number.parse().expect("a number")).collect();
+        assert_eq!(numbers.len(), 3, "{}", version());
+        assert_eq!(target(), "thumbv7em-none-eabihf");
+    }
+
+    #[test]
+    fn emulation_has_the_same_toolchain() {
+        let emulation = include_str!("../../emulation/rust-toolchain.toml");
+        assert_eq!(settings(emulation), settings(FILE));
+        let manifest = include_str!("../../emulation/Cargo.toml");
+        let minor = version().rsplit_once('.').expect("three numbers").0;
+        let least = format!("rust-version = \"{minor}\"");
+        assert!(manifest.lines().any(|line| line == least), "emulation/Cargo.toml does not say {least}");
+    }
+}

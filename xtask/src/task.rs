@@ -1,0 +1,110 @@
+//! The aliases, and the `cargo` command that each stands for.
+
+use crate::environment::Program;
+use crate::pin;
+
+const QEMU: Program = Program {
+    name: "qemu-system-arm",
+    install: "sudo apt install qemu-system-arm (Debian, Ubuntu), sudo dnf install qemu-system-arm (Fedora) or \
+              brew install qemu (macOS); or name it with --qemu <path>",
+};
+const PROBE_RS: Program =
+    Program { name: "probe-rs", install: "cargo install probe-rs-tools --locked (see https://probe.rs)" };
+
+/// The manifest of the emulator's workspace.
+const EMULATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml");
+
+/// Build, flash and run with a debug probe: the alias's name behind `flash-`, and probe-rs's name of the chip.
+const CHIPS: [(&str, &str); 2] = [("matek-h743", "STM32H743VITx"), ("pixracer", "STM32F427VITx")];
+
+/// What is asked for, with its further arguments.
+#[derive(Debug)]
+pub enum Task<'a> {
+    /// `cargo fw FEATURES`: build for a board.
+    Fw(&'a str, &'a [String]),
+    /// `cargo image BOARD`: write the files to flash.
+    Image(&'a [String]),
+    /// `cargo flash-BOARD`: build, flash and run with a debug probe.
+    Flash(usize, &'a [String]),
+    /// `cargo emu`: the tests on emulated boards.
+    Emu(&'a [String]),
+    /// `cargo emu-run`: one image on an emulated board.
+    EmuRun(&'a [String]),
+    /// `cargo qemu`, or with true `cargo qemu-test`.
+    Qemu(bool, &'a [String]),
+}
+
+impl<'a> Task<'a> {
+    /// What the arguments of this program ask for.
+    pub fn parse(arguments: &'a [String]) -> Result<Self, String> {
+        let [task, rest @ ..] = arguments else { return Err(usage()) };
+        Ok(match task.as_str() {
+            "fw" => match rest {
+                [features, more @ ..] if !features.starts_with('-') => Self::Fw(features, more),
+                _ => {
+                    return Err("name the board: cargo fw board-matek-h743, cargo fw board-pixracer, \
+                                and further features behind a comma"
+                        .into());
+                }
+            },
+            "image" => Self::Image(rest),
+            "emu" => Self::Emu(rest),
+            "emu-run" => Self::EmuRun(rest),
+            "qemu" => Self::Qemu(false, rest),
+            "qemu-test" => Self::Qemu(true, rest),
+            other => {
+                let chip = other
+                    .strip_prefix("flash-")
+                    .and_then(|board| CHIPS.iter().position(|(name, _)| *name == board));
+                Self::Flash(chip.ok_or_else(usage)?, rest)
+            }
+        })
+    }
+
+    /// What it needs besides Rust.
+    pub fn programs(&self) -> Vec<Program> {
+        match self {
+            Self::Flash(..) => vec![PROBE_RS],
+            Self::Qemu(_, more) if !more.iter().any(|more| more.starts_with("--qemu")) => vec![QEMU],
+            _ => Vec::new(),
+        }
+    }
+
+    /// The arguments of `cargo`.
+    pub fn cargo_arguments(&self) -> Vec<String> {
+        let firmware =
+            ["--release", "--target", pin::target(), "--package", "jetlink", "--bin", "jetlink-fw"];
+        let emu = ["run", "--quiet", "--manifest-path", EMULATION, "--bin", "emu", "--"];
+        match self {
+            Self::Fw(features, more) => {
+                strings(&[&["build"], &firmware[..], &["--features", features]].concat(), more)
+            }
+            Self::Image(more) => {
+                strings(&["run", "--package", "host", "--bin", "jetlink", "--", "image"], more)
+            }
+            Self::Flash(chip, more) => {
+                let (board, chip) = CHIPS[*chip];
+                let features = format!("board-{board}");
+                let runner = format!("target.{}.runner = 'probe-rs run --chip {chip}'", pin::target());
+                let these = ["--features", &features, "--config", &runner];
+                strings(&[&["run"], &firmware[..], &these].concat(), more)
+            }
+            Self::Emu(more) => strings(&[&emu[..], &["test"]].concat(), more),
+            Self::EmuRun(more) => strings(&[&emu[..], &["run"]].concat(), more),
+            Self::Qemu(test, more) => {
+                let qemu = ["run", "--quiet", "--package", "qemu", "--", "test"];
+                strings(&qemu[..qemu.len() - usize::from(!test)], more)
+            }
+        }
+    }
+}
+
+fn strings(first: &[&str], more: &[String]) -> Vec<String> {
+    first.iter().map(|&argument| argument.to_owned()).chain(more.iter().cloned()).collect()
+}
+
+fn usage() -> String {
+    "this program stands behind cargo fw, image, flash-matek-h743, flash-pixracer, emu, emu-run, qemu and \
+     qemu-test; call those"
+        .into()
+}
