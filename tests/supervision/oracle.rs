@@ -666,12 +666,15 @@ impl Oracle {
         let return_within = self.config.supervision.return_within.as_micros();
         let before = self.sources[slot(origin)];
         let mut source = before.unwrap_or(Source::new(at, word));
-        if let Some(before) = before
-            && at >= before.silent_from
-        {
-            // A steady stream with one short gap goes on.
-            source.was_lost = !self.steady(&before) || at >= before.silent_from + return_within;
-            source.since = at;
+        if let Some(before) = before {
+            // One that is present and wants nothing speaks without a gap.
+            let gap_from =
+                if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
+            if at >= gap_from {
+                // A steady stream with one short gap goes on.
+                source.was_lost = !self.steady(&before) || at >= gap_from + return_within;
+                source.since = at;
+            }
         }
         if source.word != word {
             source.before = source.word;
@@ -1358,7 +1361,7 @@ impl Oracle {
         }
         self.tally.rising_frames += 1;
         if throttle > risen {
-            return Err(format!("(9) throttle {throttle}, and it rises to {risen} at most"));
+            return Err(format!("(9) throttle {throttle}, and it rises to {risen} at most {:?} reached {} inforce {:?} wait {:?} lost {} settled {} truth {:?}", self.rising, self.reached, self.in_force, self.waiting, self.lost, self.settled, self.truth));
         }
         Ok(())
     }
