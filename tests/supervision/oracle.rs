@@ -185,6 +185,8 @@ pub struct Oracle {
     /// The largest demands that a source in control asked for since the last frame.
     peak_throttle: u16,
     peak_rpm: u32,
+    /// The same, of the source that certainly was in control.
+    ruled_peak: u16,
     /// The same since the last reset, of any source, while it is not certain who is in control.
     uncertain_throttle: u16,
     uncertain_rpm: u32,
@@ -278,6 +280,7 @@ impl Oracle {
             factor: 4,
             peak_throttle: 0,
             peak_rpm: 0,
+            ruled_peak: 0,
             uncertain_throttle: 0,
             uncertain_rpm: 0,
             last_asked: 0,
@@ -403,6 +406,7 @@ impl Oracle {
                 // It was never lost, or came back after a short gap.
                 if self.in_force == Some(origin) && certain && (!self.lost || !source.was_lost) {
                     self.last_asked = self.as_throttle(demand);
+                    self.ruled_peak = self.ruled_peak.max(self.last_asked);
                     if core::mem::take(&mut self.lost) {
                         self.settled = at;
                         self.rise(at);
@@ -449,6 +453,10 @@ impl Oracle {
                     self.waiting = None;
                     self.settled = at;
                     self.rise(at);
+                    if self.maybe_close {
+                        // It may have been there before, and have risen.
+                        self.rising = None;
+                    }
                 }
             }
             // Nobody, or a lower one that says standby: the stages of loss go on.
@@ -492,7 +500,15 @@ impl Oracle {
     /// The demand rises at its set rate from here.
     fn rise(&mut self, at: u64) {
         if !self.uncertain(at) {
-            self.rising = Some((at, self.rising.map_or(self.throttle, |(_, from)| from.max(self.throttle))));
+            // What was in force may have moved on since the last frame.
+            let moved = match self.config.supervision.slew.up {
+                Some(up) => {
+                    let passed = at.saturating_sub(self.last_frame) + 25_000;
+                    self.throttle + u16::try_from(u64::from(up) * passed / SECOND).unwrap_or(1000)
+                }
+                None => self.throttle.max(self.ruled_peak),
+            };
+            self.rising = Some((at, self.rising.map_or(moved, |(_, from)| from.max(moved))));
         }
     }
 
@@ -992,7 +1008,7 @@ impl Oracle {
         let starts = self.tally.starts;
         let answer = self.judge(at, frame).map(|_| self.tally.starts > starts && !hung);
         match frame {
-            Frame::Full(..) => self.peak_throttle = 0,
+            Frame::Full(..) => (self.peak_throttle, self.ruled_peak) = (0, 0),
             Frame::RpmCode(_) => self.peak_rpm = 0,
             // It shows no demand.
             _ => return answer,
@@ -1361,7 +1377,7 @@ impl Oracle {
         }
         self.tally.rising_frames += 1;
         if throttle > risen {
-            return Err(format!("(9) throttle {throttle}, and it rises to {risen} at most {:?} reached {} inforce {:?} wait {:?} lost {} settled {} truth {:?}", self.rising, self.reached, self.in_force, self.waiting, self.lost, self.settled, self.truth));
+            return Err(format!("(9) throttle {throttle}, and it rises to {risen} at most"));
         }
         Ok(())
     }
