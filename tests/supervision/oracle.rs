@@ -19,8 +19,8 @@ const BEHIND_FAULTY: u64 = 5_000_000;
 const UNCERTAIN: u64 = 8_000_000;
 /// Where no engine is known to live, standby comes so long after the fail-safe stage began.
 const RUN_OUT: u64 = 10_000_000;
-/// From the loss of an ECU's power until nothing more says run: three expected frames, and a reply.
-const DARK: u64 = 600_000;
+/// From the loss of an ECU's power, or its last byte, until nothing more says run: three expected frames, and a reply.
+pub const DARK: u64 = 600_000;
 /// What silence that is carried over a reset may lack, beside the time that the node was down: a step in which it is
 /// retained, and the interval at which the node looks at the time.
 const CARRIED: u64 = 300_000;
@@ -119,6 +119,10 @@ pub enum Input {
     LineFault,
     /// The ECU lost its power.
     Dark,
+    /// Nothing has come from the ECU for [`DARK`].
+    Unheard,
+    /// Something comes again.
+    Heard,
     /// The node's transmitter hung until now: what lay in its ring comes out late.
     HungUntil(u64),
     /// The ECU is heard again, after it was silent for so long that the link was lost.
@@ -231,6 +235,7 @@ pub struct Oracle {
     fault_at: u64,
     line_fault_at: u64,
     dark_at: Option<u64>,
+    unheard: bool,
     hung: (u64, u64),
     other_started: Option<u64>,
     link_back: u64,
@@ -311,6 +316,7 @@ impl Oracle {
             fault_at: 0,
             line_fault_at: 0,
             dark_at: None,
+            unheard: false,
             hung: (0, 0),
             other_started: None,
             link_back: 0,
@@ -574,6 +580,8 @@ impl Oracle {
                     self.dark_at.get_or_insert(at);
                 }
             }
+            Input::Unheard => self.unheard = true,
+            Input::Heard => self.unheard = false,
             Input::HungUntil(until) => self.hung = (self.last_frame, until),
             Input::LinkBack => self.link_back = at,
             Input::OtherStarted => self.other_started = Some(at),
@@ -734,6 +742,11 @@ impl Oracle {
             }
             self.speak(at, origin, fresh.map_or(Word::Nothing, |before| before.word));
         } else {
+            let healthy = self.wire_run && self.over.is_none() && self.latched.is_none() && self.ran;
+            let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
+            if healthy && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately {
+                return Err(format!("(5) one word of standby of {origin:?} counts, and the engine runs"));
+            }
             let changed = fresh.is_none_or(|before| before.word != Word::Standby);
             if changed {
                 self.use_up_all();
@@ -1173,7 +1186,10 @@ impl Oracle {
         {
             return Err(format!("(1) run, and {origin:?} says standby, with nobody who wants it to run"));
         }
-        // A life that is over.
+        // A life that is in doubt, or over.
+        if self.unheard {
+            return Err("(8) run, and the ECU is not heard".into());
+        }
         let disturbed = at < self.fault_at + BEHIND_FAULTY;
         if let Some(dark) = self.dark_at {
             let noisy = self.line_fault_at + 3 * SECOND > dark;

@@ -1,7 +1,7 @@
 //! Random worlds: one or two engines with simulated ECUs on a node that is reset now and then, and sources that
 //! command them well and badly. Everything comes from one seed.
 
-use crate::oracle::{Input, Kept, Oracle, Tally, Truth};
+use crate::oracle::{DARK, Input, Kept, Oracle, Tally, Truth};
 use crate::wire::Reader;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
@@ -179,6 +179,8 @@ struct Rig {
     trace: VecDeque<(u64, Trace)>,
     /// When a byte of the ECU came last.
     byte_at: u64,
+    /// That it is silent was noted.
+    unheard: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -313,6 +315,7 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         truth: Truth::default(),
         trace: VecDeque::new(),
         byte_at: 0,
+        unheard: false,
     }
 }
 
@@ -329,6 +332,12 @@ impl Rig {
             self.note(Trace::Input(input));
         }
         self.inputs.push_back((now(), input));
+    }
+
+    /// In the order of time.
+    fn insert(&mut self, at: u64, input: Input) {
+        let place = self.inputs.partition_point(|(before, _)| *before <= at);
+        self.inputs.insert(place, (at, input));
     }
 
     fn command(
@@ -367,10 +376,20 @@ impl Rig {
             log.iter().filter(|byte| byte.direction == Direction::ToNode && byte.fate == Fate::Delivered)
         {
             let at = byte.end / 1000;
-            if at > core::mem::replace(&mut self.byte_at, at) + lost_after {
-                let place = self.inputs.partition_point(|(before, _)| *before <= at);
-                self.inputs.insert(place, (at, Input::LinkBack));
+            let before = core::mem::replace(&mut self.byte_at, at);
+            if at > before + lost_after {
+                self.insert(at, Input::LinkBack);
             }
+            if at > before + DARK {
+                if !core::mem::take(&mut self.unheard) {
+                    self.insert(before + DARK, Input::Unheard);
+                }
+                self.insert(at, Input::Heard);
+            }
+        }
+        if !self.unheard && now() > self.byte_at + DARK + LONGEST_FRAME {
+            self.unheard = true;
+            self.insert(self.byte_at + DARK, Input::Unheard);
         }
         for index in seen..self.frames.len() {
             let (at, frame) = self.frames[index];
