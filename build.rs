@@ -29,9 +29,8 @@ fn main() {
     // Behind an ArduPilot bootloader the image begins later in the flash.
     let place = if env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some() { "-ardupilot" } else { "" };
     let map = format!("memory/{board}{place}.x");
-    if let Err(error) = fs::copy(&map, Path::new(&out).join("board.x")) {
-        panic!("{map}: {error}");
-    }
+    let read = |file: &str| fs::read_to_string(file).unwrap_or_else(|error| panic!("{file}: {error}"));
+    fs::write(Path::new(&out).join("board.x"), read(&map) + &read("memory/kept.x")).unwrap();
     // The chip crate of an STM32 brings the names of its interrupts for cortex-m-rt's script. A board
     // without one fills its vector table by itself and needs no names.
     if env::var_os("CARGO_FEATURE_STM32").is_none() {

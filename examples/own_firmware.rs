@@ -15,7 +15,7 @@ mod firmware {
     use jetlink::command::{Command, Origin};
     use jetlink::config::{EngineConfig, check};
     use jetlink::ecu::zk::codec::Rate;
-    use jetlink::engine::keep::Memory;
+    use jetlink::engine::keep::{Memory, Reset};
     use jetlink::line::Line;
     use jetlink::runner::{LineErrors, Runner};
     use static_cell::StaticCell;
@@ -35,6 +35,16 @@ mod firmware {
     #[unsafe(link_section = ".uninit.kept")]
     static KEPT: Memory = Memory::new();
 
+    // What of it may be believed: after a power-up or a brown-out nothing that could start or raise an engine, because the
+    // RAM may have been without power. The chip's flags stay on until they are cleared.
+    fn reset() -> Reset {
+        let rcc = embassy_stm32::pac::RCC;
+        let flags = rcc.rsr().read();
+        rcc.rsr().modify(|w| w.set_rmvf(true));
+        let warm = flags.iwdg1rstf() || flags.wwdg1rstf() || flags.sftrstf() || flags.pinrstf();
+        if warm && !flags.porrstf() && !flags.borrstf() { Reset::Warm } else { Reset::PowerLost }
+    }
+
     // 3. A task that owns the UART. It wants a higher priority than whatever computes for long: see how
     //    src/firmware.rs uses an InterruptExecutor.
     #[embassy_executor::task]
@@ -45,8 +55,8 @@ mod firmware {
         runner.run(rx, tx, &ERRORS).await
     }
 
-    // 4. Anything that commands or listens has a handle; they can be copied. This one commands standby: it also shuts
-    //    down an engine that went on after a reset.
+    // 4. Anything that commands or listens has a handle; they can be copied. This one commands standby: the second word
+    //    also shuts down an engine that went on after a reset.
     #[embassy_executor::task]
     async fn pilot(handle: Handle<'static>) {
         let mut tick = Ticker::every(Duration::from_millis(100));
@@ -73,7 +83,7 @@ mod firmware {
         let uart = defmt::unwrap!(BufferedUart::new(p.USART1, p.PA10, p.PA9, tx, rx, Irqs, config));
 
         static CHANNEL: StaticCell<Channel> = StaticCell::new();
-        let channel: &'static Channel = CHANNEL.init(Channel::with_memory(&ENGINE, &KEPT));
+        let channel: &'static Channel = CHANNEL.init(Channel::with_memory(&ENGINE, &KEPT, reset()));
         spawner.spawn(defmt::unwrap!(engine(channel.runner(), uart)));
         spawner.spawn(defmt::unwrap!(pilot(channel.handle())));
         // 5. A watchdog is fed only while `channel.handle().progress()` changes. There is none here: see

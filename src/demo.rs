@@ -2,6 +2,7 @@
 //! at a bench sees an engine controller react. It is a source of commands like any other: it speaks ten times
 //! a second, and what it asks can be refused.
 
+use crate::pilot::command_all;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Command, Demand, Origin};
 use jetlink::node::Node;
@@ -42,8 +43,7 @@ pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
             defmt::info!("demonstration: {}", command);
             let end = Instant::now() + Duration::from_secs(seconds);
             while Instant::now() < end {
-                // What is refused is told by the engine's events.
-                let _ = node.command_all(command, Origin::Bench);
+                command_all(node, command);
                 tick.next().await;
             }
         }

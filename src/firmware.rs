@@ -87,7 +87,7 @@ fn main() -> ! {
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
     static NODE: StaticCell<Node<N>> = StaticCell::new();
-    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT, reset)))
+    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT.0, reset)))
 }
 
 /// Logs what is on each port.

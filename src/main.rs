@@ -10,6 +10,8 @@ mod board;
 mod demo;
 #[cfg(target_os = "none")]
 mod firmware;
+#[cfg(all(target_os = "none", any(feature = "demo", feature = "trial")))]
+mod pilot;
 #[cfg(all(target_os = "none", feature = "trial"))]
 mod trial;
 

@@ -4,6 +4,7 @@
 //! It judges by telemetry alone. What the simulated ECUs have to say about it is the runner's business (`qemu/`).
 
 use crate::board;
+use crate::pilot::command_all;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Command, Demand, Origin};
 use jetlink::node::Node;
@@ -81,8 +82,7 @@ pub async fn run<const N: usize>(node: &Node<N>) -> ! {
     for step in STEPS {
         let began = Instant::now();
         loop {
-            // What is refused is told by the engine's events.
-            let _ = node.command_all(step.command, Origin::Bench);
+            command_all(node, step.command);
             tick.next().await;
             let engines = node.handles().map(|handle| handle.telemetry());
             let lost = |engine: &Telemetry| engine.link == LinkState::Lost || engine.loss != LossStage::None;

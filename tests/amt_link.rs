@@ -1,22 +1,24 @@
 //! The conversation with an AMT ECU as tables of time, input and output. Times are in microseconds; the time of
 //! a frame is that of its last stop bit.
 
-use jetlink::command::{Demand, Order, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::{Engine, ErrorBits};
 use jetlink::ecu::amt::link::{AmtLink, Config, REPLY_WINDOW, Service as AmtService};
 use jetlink::ecu::zk::link::Service as ZkService;
-use jetlink::ecu::{Faults, Service, zk};
+use jetlink::ecu::{EcuConfig, Faults, Service, zk};
+use jetlink::engine::keep::Record;
 use jetlink::line::{Line, LineError};
-use jetlink::link::{Link, Output, Timing};
+use jetlink::link::{Link, Output, Sign, Stage, Timing};
 use jetlink::telemetry::{Event, LinkState, NotSent, Phase, ReportedSwitch};
-use jetlink::units::{Rpm, Throttle};
+use jetlink::units::{Celsius, Rpm, Throttle};
 use proptest::prelude::*;
 
 #[path = "support/bench.rs"]
 mod bench;
 #[path = "support/frames.rs"]
 mod frames;
-use bench::{Bench, micros, us};
+use bench::{Bench, Machine, micros, us};
 use frames::amt::{
     AUTO_STOP, CLEARANCE, EMERGENCY, FULL_OPERATION, IDLE_CALIBRATION, NO_CLEARANCE, RUN, STARTED_UP,
     STARTING, alternate, control, error, normal, setup,
@@ -37,11 +39,6 @@ fn amt(config: Config, line: Line) -> Bench<AmtLink> {
     bench
 }
 
-/// Nothing is ordered yet, as after a reset.
-fn listening() -> Bench<AmtLink> {
-    Bench::new(AmtLink::new(Config::DEFAULT, SLOW, Config::TIMING), SLOW)
-}
-
 fn default() -> Bench<AmtLink> {
     amt(Config::DEFAULT, SLOW)
 }
@@ -55,32 +52,108 @@ fn ctf() -> Service {
 }
 
 /// A frame now, and the bytes of its reply.
-fn reply_to(bench: &mut Bench<AmtLink>, frame: &[u8]) -> Vec<u8> {
+fn reply_to<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> Vec<u8> {
+    answer_to(bench, frame).unwrap_or_else(|| panic!("a reply at {}", bench.now()))
+}
+
+/// A frame now, and the bytes of its reply, if there is one.
+fn answer_to<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> Option<Vec<u8>> {
     let t = bench.now() + EVERY;
-    bench.rx(t, frame);
+    bench.run_to(t);
+    bench.frames();
+    bench.receive(frame);
     let mut frames = bench.frames();
-    assert_eq!(frames.len(), 1, "one reply at {t}: {frames:02x?}");
-    let (at, bytes) = frames.remove(0);
+    assert!(frames.len() <= 1, "one reply at {t}: {frames:02x?}");
+    let (at, bytes) = frames.pop()?;
     assert_eq!(at, t, "at once");
-    bytes
+    Some(bytes)
 }
 
 /// The OPS and THR (in half percents) of the reply to a frame.
-fn ops_thr(bench: &mut Bench<AmtLink>, frame: &[u8]) -> (u8, u8) {
-    let bytes = reply_to(bench, frame);
+fn ops_thr<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> (u8, u8) {
+    read_control(&reply_to(bench, frame))
+}
+
+/// The same, if there is a reply.
+fn answer<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> Option<(u8, u8)> {
+    answer_to(bench, frame).map(|bytes| read_control(&bytes))
+}
+
+fn read_control(bytes: &[u8]) -> (u8, u8) {
     let (ops, half_percents) = (bytes[1], bytes[2] - 32);
     assert_eq!(bytes, control(ops, half_percents));
     (ops, half_percents)
 }
 
-/// Two frames of full operation: the demand is released.
+/// The demand is released, and the phase is known.
 fn running() -> Bench<AmtLink> {
     let mut bench = default();
     bench.order(0, throttle(800)).unwrap();
     for _ in 0..2 {
         reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
     }
+    bench.act(|link, _| link.release(true));
     bench.event_kinds();
+    bench
+}
+
+/// The same frame with a hot exhaust: 140 × 4.6 − 50 = 594 °C (AMT-7).
+fn hot<const N: usize>(mut frame: [u8; N]) -> [u8; N] {
+    frame[3] = 140;
+    frame
+}
+
+/// The supervision on top of the link, after a reset with what was retained.
+fn engine_after(config: Config, record: Option<Record>) -> Bench<jetlink::engine::Engine> {
+    let mut engine = EngineConfig::amt("a", 0, SLOW, Some(Engine::Olympus));
+    engine.ecu = EcuConfig::Amt(config);
+    let mut bench = Bench::new(jetlink::engine::Engine::new(&engine), SLOW);
+    if record.is_some() {
+        bench.machine = jetlink::engine::Engine::new(&engine);
+        bench.act(|machine, now| machine.start(now, record));
+    }
+    bench
+}
+
+fn command(bench: &mut Bench<jetlink::engine::Engine>, command: Command) -> Result<Accepted, Rejected> {
+    bench.act(|engine, now| engine.command(now, command, Origin::Rc, true))
+}
+
+fn run_at(tenths: u16) -> Command {
+    Command::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
+}
+
+/// Ordered to start by a person who asked for this throttle right behind it.
+fn started(config: Config, tenths: u16) -> Bench<jetlink::engine::Engine> {
+    let mut bench = engine_after(config, Some(Record::new(Order::Standby, Origin::Rc)));
+    for _ in 0..16 {
+        assert_eq!(ops_thr(&mut bench, &normal(CLEARANCE, AUTO_STOP, 0)), (AUTO_OPS, 0));
+    }
+    command(&mut bench, Command::Arm).unwrap();
+    command(&mut bench, Command::Standby).unwrap();
+    assert_eq!(command(&mut bench, run_at(0)), Ok(Accepted::InForce));
+    command(&mut bench, run_at(tenths)).unwrap();
+    bench
+}
+
+/// A frame with its source still fresh, and what is answered.
+fn flown(bench: &mut Bench<jetlink::engine::Engine>, tenths: u16, frame: &[u8]) -> Option<(u8, u8)> {
+    let _ = command(bench, run_at(tenths));
+    answer(bench, frame)
+}
+
+/// Running at 80 %, commanded.
+fn flying() -> Bench<jetlink::engine::Engine> {
+    let mut bench = started(Config::DEFAULT, 800);
+    for (state, rpm) in [(STARTING, 10), (STARTED_UP, 30)] {
+        for _ in 0..2 {
+            assert_eq!(flown(&mut bench, 800, &hot(normal(state, RUN, rpm))), Some((RUN_OPS, 0)));
+        }
+    }
+    for _ in 0..16 {
+        flown(&mut bench, 800, &hot(normal(FULL_OPERATION, RUN, 100)));
+    }
+    assert_eq!(flown(&mut bench, 800, &hot(normal(FULL_OPERATION, RUN, 100))), Some((RUN_OPS, 160)));
     bench
 }
 
@@ -296,69 +369,109 @@ fn amt_10_orders_and_their_switch() {
     }
 }
 
-/// While nothing is ordered, the ECU is told what it says it obeys, with the throttle it obeys: that changes nothing.
-/// Before it has said so it gets no answer, because a wrong one could stop a running engine.
+/// While nothing is in force, and while the life of the engine is in doubt, no frame of whatever kind gets a reply: what is
+/// not answered is not started. It counts as no missed reply.
 #[test]
-fn nothing_ordered_says_back_what_the_ecu_obeys() {
-    for silent in [error(0x01), alternate(0x06), [0xFF, 0x0B, 1, 2, 3, 4]] {
-        let mut bench = listening();
-        for _ in 0..3 {
-            bench.rx(bench.now() + EVERY, &silent);
+fn without_an_order_and_in_doubt_no_frame_is_answered() {
+    let demand = Demand::Throttle(Throttle::FULL);
+    for order in [Order::Listen, Order::Doubt(demand)] {
+        for released in [false, true] {
+            let mut bench = default();
+            bench.act(|link, _| link.release(released));
+            bench.order(0, order).unwrap();
+            for data1 in 0..0xFF {
+                if data1 != 0x05 {
+                    assert_eq!(
+                        answer(&mut bench, &[0xFF, data1, 100, 140, 200, 1]),
+                        None,
+                        "{order:?} {data1:#04x}"
+                    );
+                }
+            }
+            assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), None);
+            bench.machine.line_error(LineError::Framing);
+            assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), None);
+            let counters = bench.machine.counters();
+            assert_eq!((counters.frames, counters.sent, counters.replies_missed), (256, 0, 0));
+            // Beside the orders that are answered.
+            for (order, expected) in
+                [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle(0), RUN_OPS)]
+            {
+                bench.order(bench.now(), order).unwrap();
+                assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), Some((expected, 0)));
+            }
         }
-        assert_eq!(bench.frames(), vec![], "{silent:02x?}");
-        // The control: an order, and it is answered.
-        bench.order(bench.now(), Order::Standby).unwrap();
-        assert_eq!(ops_thr(&mut bench, &silent), (AUTO_OPS, 0));
     }
-    for (state, switch, ops) in [
-        (FULL_OPERATION, RUN, RUN_OPS),
-        (FULL_OPERATION, AUTO_STOP, AUTO_OPS),
-        (CLEARANCE, AUTO_STOP, AUTO_OPS),
-        (NO_CLEARANCE, EMERGENCY, STOP_OPS),
+}
+
+/// With no order in force an engine that two sets report running, with its shaft turning, goes on at the throttle on which
+/// they agree. The switch that the ECU says it obeys starts nothing.
+#[test]
+fn an_engine_found_running_goes_on_at_its_own_throttle() {
+    let at = |frame: [u8; 6], half_percents: u8| {
+        let mut frame = hot(frame);
+        frame[4] = half_percents;
+        frame
+    };
+    for half_percents in [131, 1, 200] {
+        let mut bench = engine_after(Config::DEFAULT, None);
+        let running = at(normal(FULL_OPERATION, RUN, 100), half_percents);
+        assert_eq!(answer(&mut bench, &running), None, "one set alone may be odd");
+        assert_eq!(answer(&mut bench, &at(running, 60)), None, "they have to agree on the throttle");
+        assert_eq!(answer(&mut bench, &running), None);
+        assert_eq!(answer(&mut bench, &running), Some((RUN_OPS, half_percents)));
+    }
+    // Sets in a row, and what goes out behind each of them.
+    let standby = Some((AUTO_OPS, 0));
+    for (frames, replies) in [
+        // Damaged, it says nothing.
+        (vec![(true, at(normal(FULL_OPERATION, RUN, 100), 80)); 4], vec![None; 4]),
+        // An engine at rest is put to standby, whatever the switch says.
+        (vec![(false, at(normal(CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
+        (vec![(false, at(normal(NO_CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
+        (vec![(false, at(normal(STARTING, RUN, 10), 80)); 2], vec![None, standby]),
+        // A shaft below half of idle is no running engine.
+        (vec![(false, at(normal(FULL_OPERATION, RUN, 19), 80)); 4], vec![None; 4]),
+        (vec![(false, at(normal(FULL_OPERATION, RUN, 20), 80)); 2], vec![None, Some((RUN_OPS, 80))]),
+        // Faults alone say nothing of an engine of which nothing is known.
+        (vec![(false, at(hot(error(0x01)), 80)); 4], vec![None; 4]),
+        (vec![(false, alternate(0x06)); 4], vec![None; 4]),
     ] {
-        let mut bench = listening();
-        let mut frame = normal(state, switch, 100);
-        for half_percents in [131, 0, 200] {
-            frame[4] = half_percents;
-            // In two sets in a row.
-            bench.rx(bench.now() + EVERY, &frame);
-            bench.frames();
-            assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{state:#b} {switch:#b}");
+        let mut bench = engine_after(Config::DEFAULT, None);
+        for ((damaged, frame), reply) in frames.iter().zip(replies) {
+            bench.run_to(bench.now() + EVERY / 2);
+            if *damaged {
+                bench.machine.line_error(LineError::Framing);
+            }
+            assert_eq!(answer(&mut bench, frame), reply, "{frame:02x?}");
         }
-        // An error set in between says nothing of it: the last word counts.
-        assert_eq!(ops_thr(&mut bench, &error(0x01)), (ops, 200));
-        bench.order(bench.now(), Order::EmergencyStop).unwrap();
-        assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0));
     }
-    // An ECU that has just been powered up obeys auto stop.
-    let mut bench = listening();
-    assert_eq!(ops_thr(&mut bench, &setup("9.35 140617 ")), (AUTO_OPS, 0));
+    // An ECU that has just been powered up has an engine at rest.
+    let mut bench = engine_after(Config::DEFAULT, None);
+    assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), standby);
 }
 
-/// A frame that came damaged says nothing of what the ECU obeys.
+/// There is no checksum: one odd set that says at rest is not answered, and neither ends a run nor keeps the next good set
+/// from its reply.
 #[test]
-fn a_damaged_frame_is_not_said_back() {
-    let mut bench = listening();
-    bench.machine.line_error(LineError::Framing);
-    bench.rx(EVERY, &normal(FULL_OPERATION, EMERGENCY, 100));
-    assert_eq!(bench.frames(), vec![]);
-    let good = normal(FULL_OPERATION, RUN, 100);
-    bench.rx(2 * EVERY, &good);
-    assert_eq!(bench.frames(), vec![], "one alone may be odd");
-    assert_eq!(ops_thr(&mut bench, &good), (RUN_OPS, 0));
-}
-
-/// There is no checksum: one odd set that says emergency stop, or run to a standing engine, is not said back.
-#[test]
-fn one_odd_set_is_not_said_back() {
-    let (good, odd) = (normal(FULL_OPERATION, RUN, 100), normal(NO_CLEARANCE, EMERGENCY, 0));
-    let mut bench = listening();
-    for frame in [&odd, &good] {
-        bench.rx(bench.now() + EVERY, frame);
-        assert_eq!(bench.frames(), vec![]);
+fn one_odd_set_withholds_one_reply() {
+    let odd = hot(normal(NO_CLEARANCE, EMERGENCY, 0));
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    let mut bench = flying();
+    for _ in 0..5 {
+        assert_eq!(flown(&mut bench, 800, &odd), None);
+        assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
+        assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
     }
-    for frame in [&good, &odd, &good, &odd, &good] {
-        assert_eq!(ops_thr(&mut bench, frame), (RUN_OPS, 0));
+    // Beside two in a row, which end it.
+    assert_eq!(flown(&mut bench, 800, &odd), None);
+    assert_eq!(flown(&mut bench, 800, &odd), Some((AUTO_OPS, 0)));
+    for _ in 0..20 {
+        assert_eq!(
+            flown(&mut bench, 800, &good),
+            Some((AUTO_OPS, 0)),
+            "and its source does not start it again"
+        );
     }
 }
 
@@ -393,10 +506,10 @@ fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
     let now = us(bench.now());
     let link = &mut bench.machine;
     // At once, without the drain that the bench does between two inputs.
-    link.receive(now, &normal(FULL_OPERATION, RUN, 100));
+    Link::receive(link, now, &normal(FULL_OPERATION, RUN, 100));
     link.order(now, Order::EmergencyStop).unwrap();
     let reply = loop {
-        match link.poll() {
+        match Link::poll(link) {
             Output::Transmit(reply) => break reply,
             Output::Event(_) => {}
             Output::Wait(_) => panic!("a reply is due"),
@@ -434,12 +547,8 @@ fn amt_13_ctf_only_by_its_name() {
 /// AMT-13: no order, no frame and no silence makes a CTF of itself.
 #[test]
 fn amt_13_no_order_sends_ctf() {
-    for order in [Order::Listen, Order::Standby, Order::EmergencyStop, throttle(700)] {
-        let mut bench = default();
-        // Something to say back where nothing is ordered.
-        for _ in 0..2 {
-            reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
-        }
+    for order in [Order::Standby, Order::EmergencyStop, throttle(700)] {
+        let mut bench = running();
         bench.order(bench.now(), order).unwrap();
         for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
             assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
@@ -447,78 +556,279 @@ fn amt_13_no_order_sends_ctf() {
     }
 }
 
-/// AMT-14: "run" with the start throttle until full operation, then the demand.
+/// AMT-14: the link sends "run" with the start throttle until the engine is released, then the demand.
+#[test]
+fn amt_14_the_demand_waits_for_its_release() {
+    for start_percent in [0, 100] {
+        let start_throttle = Throttle::from_percent(start_percent).unwrap();
+        let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
+        bench.order(bench.now(), throttle(250)).unwrap();
+        for state in [CLEARANCE, STARTING, FULL_OPERATION, FULL_OPERATION, 0b10101] {
+            assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, start_percent * 2));
+        }
+        bench.act(|link, _| link.release(true));
+        for state in [FULL_OPERATION, 0b10101, IDLE_CALIBRATION] {
+            assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, 50));
+        }
+        bench.act(|link, _| link.release(false));
+        assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 100)), (RUN_OPS, start_percent * 2));
+    }
+}
+
+/// AMT-14: "run" with the start throttle until two sets of full operation, then the demand, at its rate.
 #[test]
 fn amt_14_start_throttle_until_full_operation() {
     for start_percent in [0, 100] {
         let start_throttle = Throttle::from_percent(start_percent).unwrap();
-        let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
+        let mut bench = started(Config { start_throttle, ..Config::DEFAULT }, 250);
         let start = start_percent * 2;
-        assert_eq!(ops_thr(&mut bench, &normal(CLEARANCE, AUTO_STOP, 0)), (AUTO_OPS, 0), "not in auto stop");
-        bench.order(bench.now(), throttle(250)).unwrap();
-        // state, frames of it, half percents in the reply to the last of them
-        for (state, frames, half_percents) in [
-            (CLEARANCE, 3, start),
-            (STARTING, 5, start),
-            (STARTED_UP, 5, start),
-            (IDLE_CALIBRATION, 5, start),
-            (FULL_OPERATION, 1, start), // AMT frames have no checksum: one is not believed
-            (FULL_OPERATION, 1, 50),
-            (0b10000, 5, 50),    // maximum rpm
-            (0b11100, 5, 50),    // the same, as the field has it
-            (0b00000, 2, start), // the engine is out: a new start begins with the start throttle
+        // state, raw rpm, frames of it, half percents in the reply to the last of them
+        for (state, rpm, frames, half_percents) in [
+            (CLEARANCE, 0, 3, start),
+            (STARTING, 10, 5, start),
+            (STARTED_UP, 30, 5, start),
+            (IDLE_CALIBRATION, 60, 5, start),
+            (FULL_OPERATION, 70, 1, start), // AMT frames have no checksum: one is not believed
+            (FULL_OPERATION, 70, 6, 50),    // 25 % at 50 %/s takes 0.5 s, four frames
+            (0b10000, 200, 5, 50),          // maximum rpm
+            (0b11100, 200, 5, 50),          // the same, as the field has it
         ] {
             let mut last = None;
             for _ in 0..frames {
-                last = Some(ops_thr(&mut bench, &normal(state, RUN, 0)));
+                last = flown(&mut bench, 250, &hot(normal(state, RUN, rpm)));
             }
             assert_eq!(last, Some((RUN_OPS, half_percents)), "state {state:#07b}, start {start_percent} %");
         }
+        // The engine is out: that needs a new start.
+        assert_eq!(flown(&mut bench, 250, &hot(normal(NO_CLEARANCE, RUN, 0))), None);
+        assert_eq!(flown(&mut bench, 250, &hot(normal(NO_CLEARANCE, RUN, 0))), Some((AUTO_OPS, 0)));
     }
 }
 
-/// AMT-14: one odd frame does not change what is sent to a running engine; two in a row do.
+/// After a start the demand rises at 50 %/s, and never jumps to where the stick is.
+#[test]
+fn the_demand_rises_at_its_rate_after_a_start() {
+    let mut bench = started(Config::DEFAULT, 800);
+    for (state, rpm) in [(STARTING, 10), (FULL_OPERATION, 70)] {
+        for _ in 0..2 {
+            flown(&mut bench, 800, &hot(normal(state, RUN, rpm)));
+        }
+    }
+    let began = bench.now();
+    let mut before = 0;
+    for _ in 0..20 {
+        let (ops, half_percents) = flown(&mut bench, 800, &hot(normal(FULL_OPERATION, RUN, 70))).unwrap();
+        // 50 %/s is a half percent every 10 ms.
+        let most = ((bench.now() - began) / 10_000).min(160);
+        assert_eq!(ops, RUN_OPS);
+        assert!(u64::from(half_percents) <= most && half_percents >= before, "{half_percents} of {most}");
+        assert!(u64::from(half_percents) + 4 >= most, "no slower either: {half_percents} of {most}");
+        before = half_percents;
+    }
+    assert_eq!(before, 160);
+}
+
+/// AMT-14: one odd set does not drop the throttle of a running engine. Where it says at rest or starting again its reply is
+/// withheld, and two in a row end the run; idle calibration and "started up" in flight are neither.
 #[test]
 fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
-    for odd in [NO_CLEARANCE, CLEARANCE, STARTING, STARTED_UP, IDLE_CALIBRATION] {
-        let mut bench = running();
-        let good = normal(FULL_OPERATION, RUN, 100);
-        let odd = normal(odd, RUN, 0);
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    for odd in [NO_CLEARANCE, CLEARANCE, STARTING] {
+        let mut bench = flying();
+        let odd = hot(normal(odd, RUN, 0));
         for _ in 0..5 {
-            assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 160));
-            assert_eq!(ops_thr(&mut bench, &good), (RUN_OPS, 160));
+            assert_eq!(flown(&mut bench, 800, &odd), None, "{odd:02x?}");
+            assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
         }
-        assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 160));
-        assert_eq!(ops_thr(&mut bench, &odd), (RUN_OPS, 0), "two in a row");
+        assert_eq!(flown(&mut bench, 800, &odd), None);
+        assert_eq!(flown(&mut bench, 800, &odd), Some((AUTO_OPS, 0)), "two in a row");
+    }
+    for neither in [STARTED_UP, IDLE_CALIBRATION] {
+        let mut bench = flying();
+        for _ in 0..40 {
+            assert_eq!(
+                flown(&mut bench, 800, &hot(normal(neither, RUN, 60))),
+                Some((RUN_OPS, 160)),
+                "{neither}"
+            );
+        }
     }
 }
 
 /// AMT-3: a state without a name is kept, and does not drop the throttle of a running engine.
 #[test]
 fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
-    let mut bench = running();
+    let unknown = hot(normal(0b10101, RUN, 100));
+    let mut bench = flying();
     for _ in 0..10 {
-        assert_eq!(ops_thr(&mut bench, &normal(0b10101, RUN, 100)), (RUN_OPS, 160));
+        assert_eq!(flown(&mut bench, 800, &unknown), Some((RUN_OPS, 160)));
     }
-    let report = *bench.machine.report();
+    let report = bench.machine.telemetry(us(bench.now())).report;
     assert_eq!(report.phase.unwrap().value, Phase::Unknown);
     let state = report.state.unwrap().value;
     assert_eq!((state.code, state.name), (0b10101, "unknown"));
     // But an engine that was never in full operation is not released by one.
-    let mut bench = default();
-    bench.order(0, throttle(800)).unwrap();
+    let mut bench = started(Config::DEFAULT, 800);
     for _ in 0..10 {
-        assert_eq!(ops_thr(&mut bench, &normal(0b10101, RUN, 100)), (RUN_OPS, 0));
+        assert_eq!(flown(&mut bench, 800, &unknown), Some((RUN_OPS, 0)));
     }
 }
 
-/// AMT-2: error and alternate sets and unknown kinds say nothing about the state, and drop no throttle.
+/// AMT-2: error and alternate sets and unknown kinds say nothing about the state, and drop no throttle of an engine whose
+/// exhaust burns. Faults with a cold exhaust end the run.
 #[test]
 fn amt_2_other_sets_do_not_drop_the_throttle() {
-    let mut bench = running();
-    for frame in [error(0x08), error(0x08), alternate(0x20), alternate(0x20), [0xFF, 0x0F, 1, 2, 3, 4]] {
-        assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160), "{frame:02x?}");
+    let mut bench = flying();
+    for frame in [
+        hot(error(0x20)),
+        hot(error(0x20)),
+        hot(error(0x20)),
+        alternate(0x20),
+        alternate(0x20),
+        [0xFF, 0x0F, 1, 2, 3, 4],
+        hot(error(0x20)),
+        error(0x08), // EGT error: its value says nothing
+        error(0x08),
+        hot(normal(FULL_OPERATION, RUN, 100)),
+    ] {
+        assert_eq!(flown(&mut bench, 800, &frame), Some((RUN_OPS, 160)), "{frame:02x?}");
     }
+    // It falls by 9.2 °C a set, 74 °C/s.
+    let mut bench = flying();
+    let mut egt = 140;
+    let ended = (0..60).find(|_| {
+        egt -= 2;
+        let mut frame = error(0x20);
+        frame[3] = egt;
+        flown(&mut bench, 800, &frame) == Some((AUTO_OPS, 0))
+    });
+    assert!(ended.is_some_and(|sets| (16..=40).contains(&sets)), "{ended:?}: a fall of 3 s, 8 sets a second");
+}
+
+/// AMT-12: an engine whose ECU falls silent for three sets is in doubt. One that is heard again, running, is answered at
+/// once, with the throttle where it was; after more than its serial delay time it needs two sets.
+#[test]
+fn amt_12_a_gap_is_doubt() {
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    let starting = hot(normal(STARTING, RUN, 10));
+    let silence = |bench: &mut Bench<jetlink::engine::Engine>, micros: u64| {
+        let end = bench.now() + micros - EVERY;
+        bench.run_to(bench.now() + 50_000); // the reply before is out
+        bench.frames();
+        while bench.now() + 100_000 < end {
+            let _ = command(bench, run_at(800));
+            bench.run_to(bench.now() + 100_000);
+        }
+        bench.run_to(end);
+        assert_eq!(bench.frames(), [], "silence is answered with silence");
+    };
+    let doubts = |bench: &mut Bench<_>| bench.event_kinds().contains(&Event::LifeInDoubt);
+    let mut bench = flying();
+    silence(&mut bench, 374_000);
+    assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)));
+    assert!(!doubts(&mut bench));
+    for gap in [376_000, 3_900_000] {
+        let mut bench = flying();
+        silence(&mut bench, gap);
+        assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)), "{gap}");
+        assert!(doubts(&mut bench), "{gap}");
+        // After a gap an engine that starts again is not answered, and the second report ends the life.
+        let mut bench = flying();
+        silence(&mut bench, gap);
+        assert_eq!(answer(&mut bench, &starting), None, "{gap}");
+        assert_eq!(answer(&mut bench, &starting), Some((AUTO_OPS, 0)), "{gap}");
+    }
+    // Beyond the serial delay the order is gone: two sets, and their own throttle.
+    let mut bench = flying();
+    silence(&mut bench, 4_200_000);
+    let mut own = good;
+    own[4] = 90;
+    assert_eq!(answer(&mut bench, &own), None);
+    assert_eq!(answer(&mut bench, &own), Some((RUN_OPS, 90)));
+}
+
+/// AMT-3: what each kind of set says about the life of the engine.
+#[test]
+fn every_set_is_a_sign() {
+    let state = |stage, rpm: u8| Sign::State {
+        stage,
+        turning: Some(rpm >= 20),
+        throttle: Some(Throttle::from_tenths(405).unwrap()),
+    };
+    let throttle = Some(Throttle::from_tenths(405).unwrap());
+    let with_throttle = |mut frame: [u8; 6]| {
+        frame[4] = 81;
+        frame.to_vec()
+    };
+    let mut cases = Vec::new();
+    for (code, stage) in [
+        (NO_CLEARANCE, Stage::Rest),
+        (CLEARANCE, Stage::Clearance),
+        (STARTING, Stage::Starting),
+        (STARTED_UP, Stage::StartedUp),
+        (IDLE_CALIBRATION, Stage::Calibrating),
+        (FULL_OPERATION, Stage::Running),
+        (0b10000, Stage::Running),
+        (0b11100, Stage::Running),
+        (0b01111, Stage::Unknown),
+    ] {
+        for rpm in [0, 19, 20, 254] {
+            cases.push((with_throttle(normal(code, RUN, rpm)), state(stage, rpm)));
+        }
+    }
+    let egt = Some(Celsius::from_tenths(5940));
+    for bits in 1..=0xFEu8 {
+        // B3: EGT error.
+        let egt = egt.filter(|_| bits & 0b1000 == 0);
+        cases.push((with_throttle(hot(error(bits))), Sign::Faulted { throttle, egt }));
+    }
+    cases.push((alternate(0x18).to_vec(), Sign::Stateless));
+    cases.push((vec![0xFF, 0x0B, 1, 2, 3, 4], Sign::Stateless));
+    cases.push((setup("9.35 140617 "), Sign::PowerUp));
+    for (frame, sign) in cases {
+        let mut bench = default();
+        assert_eq!(bench.machine.take_sign(), None);
+        reply_to(&mut bench, &frame);
+        assert_eq!(bench.machine.take_sign(), Some(sign), "{frame:02x?}");
+        assert_eq!(bench.machine.take_sign(), None, "once");
+        bench.machine.line_error(LineError::Noise);
+        reply_to(&mut bench, &frame);
+        assert_eq!(bench.machine.take_sign(), Some(Sign::Damaged), "{frame:02x?}");
+    }
+}
+
+/// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets keep the beat, for 10 s; single bytes and a
+/// steady babble do not.
+#[test]
+fn three_sets_that_fail_are_a_gap() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let gap = |bench: &Bench<AmtLink>| bench.machine.gap_at().map(|at| at.as_micros());
+    let mut bench = default();
+    assert_eq!(gap(&bench), None, "nothing was heard yet");
+    bench.rx(1_000_000, &frame);
+    assert_eq!(gap(&bench), Some(1_375_000));
+    bench.machine.line_error(LineError::Framing);
+    bench.rx(1_125_000, &frame);
+    assert_eq!(gap(&bench), Some(1_500_000), "damaged, it keeps the beat");
+    bench.rx(1_250_000, &[0x12, 0x34, 0x56]);
+    assert_eq!(gap(&bench), Some(1_500_000), "three bytes are no set");
+    for step in 3..200u64 {
+        let t = 1_000_000 + step * EVERY;
+        bench.machine.line_error(LineError::Framing);
+        bench.rx(t, &frame);
+        let beats = if t < 11_000_000 { t } else { 1_000_000 + 79 * EVERY };
+        assert_eq!(gap(&bench), Some(beats + 375_000), "{t}");
+    }
+    bench.act(|link, _| link.gap());
+    assert_eq!(gap(&bench), None, "it is announced once");
+    let t = bench.now() + EVERY;
+    bench.rx(t, &frame);
+    assert_eq!(gap(&bench), Some(t + 375_000));
+    // A steady babble keeps no beat beyond its first burst.
+    for byte in 1..=1000u64 {
+        bench.rx(t + 40_000 + byte * 4_167, &[0x55]);
+    }
+    assert!(gap(&bench).unwrap() < t + 500_000);
 }
 
 /// What an AMT ECU cannot do is refused, and what was ordered before stays on the wire.
@@ -1029,20 +1339,22 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
     Ok(())
 }
 
-/// AMT-14, AMT-8: going on after a reset with an ECU that sends nothing but error sets does not dip its throttle. The
-/// control: where nothing speaks for a running engine, the start throttle goes out.
+/// AMT-14, AMT-8: going on after a reset with an ECU that sends nothing but error sets does not dip its throttle, as long
+/// as its exhaust burns. The control: with a cold one nothing goes out.
 #[test]
 fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
-    for (first, thr) in [(error(0x20), 128), (normal(0b11111, RUN, 100), 0)] {
-        let mut bench = listening();
-        for _ in 0..2 {
-            bench.rx(bench.now() + EVERY, &first);
-        }
-        bench.run_to(bench.now() + EVERY / 2);
-        bench.transmissions();
-        bench.order(bench.now(), throttle(640)).unwrap();
-        assert_eq!(ops_thr(&mut bench, &first), (RUN_OPS, thr));
+    let reset = || engine_after(Config::DEFAULT, Some(Record::new(throttle(640), Origin::Rc)));
+    let mut bench = reset();
+    assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not believed");
+    for _ in 0..2 {
+        assert_eq!(answer(&mut bench, &hot(error(0x20))), Some((RUN_OPS, 128)));
     }
+    let mut bench = reset();
+    let cold = [answer(&mut bench, &error(0x20)), answer(&mut bench, &error(0x20))];
+    assert!(cold.iter().flatten().all(|(ops, _)| *ops != RUN_OPS), "{cold:?}");
+    // A state without a name with the shaft turning goes on at once, and without it not.
+    assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 100))), Some((RUN_OPS, 128)));
+    assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 19))), None);
 }
 
 /// One odd set neither makes a fault of nothing nor another switch; two in a row do.

@@ -85,6 +85,62 @@ fn amt_11_guard_and_window() {
     }
 }
 
+/// AMT-12: the serial delay time, and the raw shaft speed below which an engine does not run.
+#[test]
+fn amt_12_serial_delay_and_half_idle() {
+    for (delay_ms, half_idle, fits) in [
+        (499, 20, false),
+        (500, 20, true),
+        (60_000, 20, true),
+        (60_001, 20, false),
+        (4_000, 0, false),
+        (4_000, 1, true),
+        (4_000, 254, true),
+        (4_000, 255, false),
+    ] {
+        let mut engine = amt(1, Line::new(2400));
+        let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
+        (config.serial_delay, config.half_idle) = (Duration::from_millis(delay_ms), half_idle);
+        let expected = if fits { Ok(()) } else { Err(ConfigError::AmtEngine(1)) };
+        assert_eq!(validate(&[amt(0, Line::new(2400)), engine]), expected, "{delay_ms} ms, {half_idle}");
+    }
+}
+
+/// A record belongs to one engine: its protocol, port, name and kind. Every other setting may change without losing it.
+#[test]
+fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
+    use jetlink::ecu::amt::codec::Engine;
+    let line = Line::new(9600);
+    let others = [
+        amt(0, line),
+        amt(1, line),
+        zk(0, line, Rate::Hz20),
+        EngineConfig::amt("other", 0, line, None),
+        EngineConfig::amt("amt", 0, line, Some(Engine::Olympus)),
+        EngineConfig::amt("amt", 0, line, Some(Engine::Titan)),
+    ];
+    for (i, one) in others.iter().enumerate() {
+        for (j, other) in others.iter().enumerate() {
+            assert_eq!(one.fingerprint() == other.fingerprint(), i == j, "{one:?} and {other:?}");
+        }
+    }
+    type Change = fn(&mut EngineConfig);
+    for change in [
+        (|e| e.line = Line::new(2400)) as Change,
+        |e| e.timing.lost_after = Duration::from_secs(2),
+        |e| e.supervision.loss.hold = Duration::from_secs(5),
+        |e| e.supervision.start.arming = false,
+        |e| e.supervision.rise = 100,
+    ] {
+        for engine in [amt(0, line), zk(0, line, Rate::Hz20)] {
+            let mut changed = engine;
+            change(&mut changed);
+            assert_ne!(changed, engine);
+            assert_eq!(changed.fingerprint(), engine.fingerprint());
+        }
+    }
+}
+
 #[test]
 fn two_engines_on_one_port() {
     let line = Line::new(9600);
@@ -274,6 +330,7 @@ fn errors_name_their_row() {
         (ConfigError::RateTooFast(1), "engine 1: an engine's status rate does not fit"),
         (ConfigError::AmtStopBits(0), "engine 0: an AMT line has one stop bit"),
         (ConfigError::NoReplyFits(1), "engine 1: an engine's reply guard"),
+        (ConfigError::AmtEngine(3), "engine 3: an AMT engine has a serial delay of"),
         (ConfigError::Timing(4), "engine 4: an engine's link needs"),
         (
             ConfigError::Supervision(5, jetlink::engine::config::Field::LossHold),

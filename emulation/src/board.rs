@@ -91,6 +91,8 @@ pub struct Board {
     pub behind_bootloader: u64,
     /// The RAM that the firmware uses.
     pub ram: Range<u64>,
+    /// The RAM above it, of which 1 KiB is kept over a reset.
+    pub above: Range<u64>,
     /// Registers of GPIO port A; 0x400 for each further one.
     pub gpio: u64,
     /// RCC_CR, which turns oscillators on.
@@ -149,7 +151,8 @@ pub static MATEK_H743: Board = Board {
     telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: 0x0802_0000,
-    ram: 0x2400_0000..0x2408_0000,
+    ram: 0x2400_0000..0x2407_E000,
+    above: 0x2407_E000..0x2408_0000,
     gpio: 0x5802_0000,
     clock_control: 0x5802_4400,
     watchdog: 0x5800_4800,
@@ -175,7 +178,8 @@ pub static PIXRACER: Board = Board {
     telemetry: port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: 0x0800_4000,
-    ram: 0x2000_0000..0x2003_0000,
+    ram: 0x2000_0000..0x2002_E000,
+    above: 0x2002_E000..0x2003_0000,
     gpio: 0x4002_0000,
     clock_control: 0x4002_3800,
     watchdog: 0x4000_3000,

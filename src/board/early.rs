@@ -1,4 +1,4 @@
-//! What happens before Embassy starts the clocks, and right after: the watchdog, the bootloader's word, the crystal.
+//! What happens before Embassy starts the clocks, and right after: the TX pins, the watchdog, the bootloader's word, the crystal.
 //!
 //! Embassy's `init` waits without an end for the crystal, the PLL, the regulator and the LSI. A crystal that died in
 //! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
@@ -6,7 +6,13 @@
 
 use super::{Oscillator, ResetCause, chip};
 use core::sync::atomic::{AtomicBool, Ordering};
-use embassy_stm32::pac::iwdg::vals::{Key, Pr};
+use embassy_stm32::pac::{
+    gpio::{
+        Gpio,
+        vals::{Moder, Pupdr},
+    },
+    iwdg::vals::{Key, Pr},
+};
 
 /// What is known before the clocks run.
 #[derive(Clone, Copy)]
@@ -20,8 +26,16 @@ pub struct Early {
 /// Set while the node runs without its crystal.
 static WITHOUT_CRYSTAL: AtomicBool = AtomicBool::new(false);
 
-/// To be called first, before `embassy_stm32::init`, with whether an external clock comes in place of a crystal.
-pub fn begin(bypass: bool) -> Early {
+/// To be called first, before `embassy_stm32::init`, with the TX pin of every ECU port, and whether an external clock comes
+/// in place of a crystal.
+pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
+    // A line that is not driven rests high. After a reset TX floats, and some bootloaders drive it low, which an ECU
+    // takes for a break.
+    chip::clock_gpio();
+    for &(port, pin) in tx {
+        port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
+        port.moder().modify(|w| w.set_moder(pin, Moder::INPUT));
+    }
     // A probe that halts the core must not be answered by a reset.
     chip::freeze_watchdog_while_halted();
     // Before the watchdog: what it ends from here on, the bootloader lets start again.
@@ -45,6 +59,7 @@ pub fn finish(early: Early) {
     if early.oscillator == Oscillator::Crystal {
         chip::watch_crystal();
     }
+    chip::speed_up();
 }
 
 /// Starts the watchdog, or gives the one that runs another time: so many counts down from `reload`, each of 4, 8, 16 …

@@ -9,6 +9,7 @@ use super::{
 };
 use embassy_stm32::{
     Config,
+    pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, gpio::Gpio},
     rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, LsConfig, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
         Sysclk, VoltageScale,
@@ -37,11 +38,15 @@ pub const PORTS: [&str; 6] = [
 /// Kept free for MAVLink: UART7, PE7 RX, PE8 TX, PE10 CTS, PE9 RTS.
 pub const TELEMETRY_PORT: &str = "SERIAL1, UART7, pads TX7 RX7 CTS7 RTS7";
 
+/// The TX pins of `PORTS`, as `init` gives them to the UARTs.
+const TX: [(Gpio, usize); PORTS.len()] =
+    [(GPIOA, 9), (GPIOD, 5), (GPIOD, 8), (GPIOE, 1), (GPIOB, 9), (GPIOC, 6)];
+
 ecu_uarts!(USART1, USART2, USART3, UART4, USART6, UART8);
 
 /// Starts the clocks and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
-    let early = early::begin(false);
+    let early = early::begin(&TX, false);
     let p = embassy_stm32::init(clocks(early.oscillator));
     early::finish(early);
     let [serial2, serial3, serial4, serial5, serial6, serial7] = lines;

@@ -107,11 +107,16 @@ pub struct Board {
     pub watchdog: Watchdog,
 }
 
-/// What has to survive a reset, for the engine on each port.
-// SAFETY: cortex-m-rt's section `.uninit` is RAM that start-up leaves as it is. Every bit pattern is a valid `Memory`
-// (it is atomics throughout), and what it holds is only believed with a right checksum.
-#[unsafe(link_section = ".uninit.kept")]
-pub static KEPT: [Memory; PORTS.len()] = [const { Memory::new() }; PORTS.len()];
+/// What has to survive a reset, for the engine on each port. Aligned to the 64-bit words of an H7's RAM, the unit of its
+/// checksum.
+#[repr(C, align(8))]
+pub struct Kept(pub [Memory; PORTS.len()]);
+
+/// In a region of its own (`memory/kept.x`).
+// SAFETY: the linker puts the section `.kept` into RAM that start-up leaves as it is. Every bit pattern is a valid
+// `Memory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+#[unsafe(link_section = ".kept")]
+pub static KEPT: Kept = Kept([const { Memory::new() }; PORTS.len()]);
 
 /// Polls the engines' tasks from an interrupt, above thread mode and below the UARTs and the timer.
 static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();

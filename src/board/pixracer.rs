@@ -9,6 +9,7 @@ use super::{
 use embassy_stm32::{
     Config, Peri,
     gpio::{Level, Output, Pin, Speed},
+    pac::{GPIOA, GPIOB, GPIOD, GPIOE, gpio::Gpio},
     rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
     },
@@ -35,11 +36,14 @@ pub const PORTS: [&str; 5] = [
 /// Kept free for MAVLink: USART2, PD5 TX, PD6 RX, PD3 CTS, PD4 RTS.
 pub const TELEMETRY_PORT: &str = "SERIAL1, USART2, TELEM1";
 
+/// The TX pins of `PORTS`, as `init` gives them to the UARTs.
+const TX: [(Gpio, usize); PORTS.len()] = [(GPIOD, 8), (GPIOA, 0), (GPIOE, 1), (GPIOB, 6), (GPIOE, 8)];
+
 ecu_uarts!(USART1, USART3, UART4, UART7, UART8);
 
 /// Starts the clocks and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
-    let early = early::begin(false);
+    let early = early::begin(&TX, false);
     let p = embassy_stm32::init(clocks(early.oscillator));
     early::finish(early);
 

@@ -151,6 +151,18 @@ core::arch::global_asm!(
      subs r3, #1
      bpl 3b
      5:
+     dsb",
+    // The instruction cache, if it is on (CCR bit 17): off, and what it holds goes (ICIALLU); the bootloader may just
+    // have written other instructions into the flash.
+    "ldr r1, =0xE000ED14
+     ldr r2, [r1]
+     tst r2, #0x20000
+     beq 6f
+     bic r2, r2, #0x20000
+     str r2, [r1]
+     ldr r1, =0xE000EF50
+     str r0, [r1]
+     6:
      dsb
      isb
      cpsie i

@@ -5,7 +5,7 @@ use super::{ENGINE_EXECUTOR, ResetCause};
 use embassy_stm32::{
     interrupt, // the module and the attribute
     interrupt::Interrupt,
-    pac::{self, DBGMCU, RCC, rcc::vals::Sw, usart::Usart},
+    pac::{self, DBGMCU, FLASH, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
 };
 use jetlink::line::LineError;
@@ -39,6 +39,19 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
         (status.ore(), LineError::Overrun),
         (status.pe(), LineError::Parity),
     ]
+}
+
+/// Lets the GPIO ports A to E answer, where the boards' TX pins are.
+pub fn clock_gpio() {
+    RCC.ahb1enr().modify(|w| {
+        w.set_gpioaen(true);
+        w.set_gpioben(true);
+        w.set_gpiocen(true);
+        w.set_gpioden(true);
+        w.set_gpioeen(true);
+    });
+    // The clock comes two cycles later (ES0206, 2.2.7); a read takes longer.
+    RCC.ahb1enr().read();
 }
 
 /// The watchdog stands still while a debug probe has halted the core.
@@ -83,6 +96,25 @@ pub fn start_crystal(bypass: bool) -> bool {
     }
     RCC.cr().modify(|w| w.set_hseon(false));
     false
+}
+
+/// Turns the flash accelerator on: prefetch and both of its caches. Embassy's `init` writes the flash's wait states with all
+/// of them off (`rcc/f247.rs` of embassy-stm32 0.6.0).
+pub fn speed_up() {
+    // What the caches hold is from before, and they may be emptied only while they are off (RM0090, 3.9.1).
+    FLASH.acr().modify(|w| {
+        w.set_icrst(true);
+        w.set_dcrst(true);
+    });
+    FLASH.acr().modify(|w| {
+        w.set_icrst(false);
+        w.set_dcrst(false);
+    });
+    FLASH.acr().modify(|w| {
+        w.set_prften(true);
+        w.set_icen(true);
+        w.set_dcen(true);
+    });
 }
 
 /// Turns the clock security system on: a crystal that stops raises the NMI.

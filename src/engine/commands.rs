@@ -164,7 +164,7 @@ impl Engine {
         }
     }
 
-    fn use_up(&mut self, origin: Origin) {
+    pub(super) fn use_up(&mut self, origin: Origin) {
         if let Some(permitted) = slot(&mut self.permitted, origin) {
             *permitted = false;
         }

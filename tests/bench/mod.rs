@@ -5,7 +5,7 @@
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use jetlink::channels::{Channel, Events, Handle};
-use jetlink::command::{Command, Demand, Origin};
+use jetlink::command::{Accepted, Command, Demand, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::line::{Line, StopBits};
 use jetlink::runner::LineErrors;
@@ -81,8 +81,18 @@ impl<E: Ecu> Bench<E> {
 
     /// From anywhere to a running engine at idle, the way every source has to go.
     pub async fn start(&self) {
-        self.handle().command(Command::Arm, Origin::Bench).expect("always accepted");
-        self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
+        // After an emergency stop arming has to be a change.
+        for command in [Command::Disarm, Command::Arm] {
+            self.handle().command(command, Origin::Bench).expect("accepted where no stop is latched");
+        }
+        loop {
+            self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
+            // A refusal uses up the permission, so standby comes again.
+            if self.handle().command(throttle(0), Origin::Bench) == Ok(Accepted::InForce) {
+                break;
+            }
+            Timer::after(PERIOD).await;
+        }
         self.command_until(throttle(0), |bench| bench.in_phase(Phase::Running)).await;
     }
 

@@ -208,6 +208,65 @@ fn record_of_another_amt_engine_does_not_arm_an_engine() {
     world.starts_again(Rc);
 }
 
+/// RAM survives a short loss of power; "armed" does not. After a watchdog reset it does.
+#[test]
+fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
+    for engine in [|| zk(5, |_, _| {}), || amt(|_, _| {})] {
+        for power_lost in [true, false] {
+            let mut world = World::one(engine());
+            world.ready(Rc);
+            world.halt();
+            world.pass(0.3);
+            if power_lost {
+                world.boot_after_power_loss();
+            } else {
+                world.boot();
+            }
+            world.says(Rc, Standby);
+            world.pass(5.0);
+            world.says(Rc, run(0));
+            world.pass(60.0);
+            world.assert_ignitions(usize::from(!power_lost));
+        }
+    }
+}
+
+/// What the ECU reports is all there is then: the demand of before comes back from its source alone.
+#[test]
+fn engine_in_flight_goes_on_after_a_loss_of_power_that_memory_survived() {
+    for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        world.silent(Rc);
+        let from = world.now();
+        world.halt();
+        world.pass(0.3);
+        world.boot_after_power_loss();
+        world.pass(8.0);
+        world.assert_not_shut_down(from);
+        assert_eq!(world.throttle_sent(0), Some(0), "nobody commands it: idle");
+        world.says(Rc, run(60));
+        world.pass(8.0);
+        assert_eq!(world.throttle_sent(0), Some(600));
+    }
+}
+
+/// A stop that was latched stays latched.
+#[test]
+fn latched_stop_survives_a_loss_of_power_that_memory_survived() {
+    for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 60);
+        world.command(Rc, EmergencyStop).expect("never refused");
+        world.halt();
+        world.pass(0.05);
+        world.boot_after_power_loss();
+        world.pass(5.0);
+        assert!(!world.phase().is_live());
+        assert!(world.handle(0).telemetry().stop_latched);
+    }
+}
+
 /// A changed limit is the same engine.
 #[test]
 fn engine_goes_on_after_a_reset_with_another_limit() {

@@ -1,9 +1,11 @@
 //! From power to the first reply.
 
 use crate::support::{engines, first_byte, no_window_missed, on_each_board};
-use emulation::{Image, Run};
+use emulation::board::{Part, Pin};
+use emulation::{Bench, Image, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
+use std::sync::mpsc;
 
 /// Standby, throttle at idle.
 const STANDBY: [u8; 5] = [0xFF, 0x12, 0x20, 0x12, 0x20];
@@ -65,5 +67,70 @@ fn the_clock_is_right() {
         }
         // 125 ms by the ECU's own clock, from frame to frame; and the firmware's ticker agrees.
         assert!(report.ecu::<AmtEcu>("SERIAL2").stats.frames.total() >= 27);
+    });
+}
+
+#[test]
+fn the_flash_has_its_wait_states_and_its_accelerator() {
+    on_each_board(|board| {
+        let (sender, receiver) = mpsc::channel();
+        let flash = match board.part {
+            Part::H743 => 0x5200_2000,
+            Part::F427 => 0x4002_3C00,
+        };
+        let look = move |bench: &mut Bench<'_>| sender.send(bench.register(flash)).expect("the test waits");
+        Run::new(board, Image::Release).engines().at(SECOND / 2, look).until(SECOND).go();
+        let flash = receiver.recv().expect("the run came by");
+        match board.part {
+            // Five wait states; PRFTEN, ICEN, DCEN.
+            Part::F427 => assert_eq!(flash, Some(0x705)),
+            // Two wait states at 200 MHz (WRHIGHFREQ 2). The instruction cache is in the core, where a test cannot look.
+            Part::H743 => assert_eq!(flash.map(|word| word & 0x3F), Some(0x22)),
+        }
+    });
+}
+
+/// Before the image does anything else, each TX rests high. And how long it then hangs low when its port is opened:
+/// from the alternate function on, until the UART drives it.
+#[test]
+fn tx_is_pulled_up_first_of_all() {
+    on_each_board(|board| {
+        let gpio = |pin: Pin| board.gpio + 0x400 * u64::from(pin.port as u8 - b'A');
+        let (control, enabled) = match board.part {
+            Part::H743 => (0x00, 1 << 3 | 1),
+            Part::F427 => (0x0C, 1 << 3 | 1 << 13),
+        };
+        let mut run = Run::new(board, Image::AllPorts).engines().record(board.watchdog).until(SECOND);
+        for letter in 0..5 {
+            run = run.record(board.gpio + 0x400 * letter).record(board.gpio + 0x400 * letter + 0x0C);
+        }
+        for port in board.ports {
+            run = run.record(port.registers() + control);
+        }
+        let report = run.go();
+        let first = |register: u64, is: &dyn Fn(u64) -> bool| {
+            report
+                .written
+                .iter()
+                .find(|write| write.register == register && is(write.value))
+                .map(|write| write.at)
+        };
+        let watchdog = first(board.watchdog, &|_| true).expect("a watchdog");
+        for port in board.ports {
+            let field = |word: u64| word >> (2 * port.tx.number) & 3;
+            let pulled = first(gpio(port.tx) + 0x0C, &|word| field(word) == 1);
+            let input = first(gpio(port.tx), &|word| field(word) == 0);
+            assert!(pulled.is_some_and(|at| at < watchdog), "{} {}: {pulled:?}", board.name, port.name);
+            assert!(input.is_some_and(|at| at < watchdog), "{} {}: {input:?}", board.name, port.name);
+            let driven = first(gpio(port.tx), &|word| field(word) == 2).expect("an alternate function");
+            let open = first(port.registers() + control, &|word| word & enabled == enabled).expect("a UART");
+            println!(
+                "{} {}: pulled up at {pulled:?} ns, low for {} ns",
+                board.name,
+                port.name,
+                open - driven
+            );
+            assert!(open > driven && open - driven < 20_000, "{} {}", board.name, port.name);
+        }
     });
 }

@@ -60,3 +60,17 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
         assert!(free > 64 * 1024, "{free} bytes free");
     });
 }
+
+#[test]
+fn what_is_kept_over_a_reset_has_a_place_of_its_own() {
+    on_each_board(|board| {
+        for image in Image::ALL {
+            let symbol = |name| symbol(board, image, name);
+            let kept = symbol("__skept")..symbol("__ekept");
+            // 1 KiB from here on, and the last 7 KiB of the RAM are nobody's.
+            assert_eq!(kept.start, board.above.start, "{image:?}");
+            assert!(kept.end > kept.start && kept.end <= kept.start + 1024, "{image:?} {kept:x?}");
+            assert_eq!((kept.start % 8, kept.end % 8), (0, 0), "{image:?} {kept:x?}");
+        }
+    });
+}

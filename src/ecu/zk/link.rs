@@ -735,7 +735,7 @@ impl Link for ZkLink {
             self.factor = None;
             // An ECU that runs already may have been given its switch by ID 6 before we came.
             let alive = self.report.phase.is_some_and(|phase| phase.value.is_alive());
-            self.wants_id6 |= before == Order::Listen && alive && matches!(order, Order::Run(_));
+            self.wants_id6 |= before == Order::Listen && alive;
             // It needed a stopped engine, and is not to come out later.
             if !matches!(order, Order::Standby) {
                 self.cancel_service();
