@@ -1,11 +1,11 @@
 //! Service commands, the hand-over to PWM, what is told, and any schedule of all of it. For both ECUs.
 
-use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action};
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Loss;
 use jetlink::telemetry::{Event, LinkState, LossStage, Phase};
-use jetlink::units::{Rpm, Throttle};
+use jetlink::units::{Celsius, Throttle};
 use proptest::prelude::*;
 
 #[path = "support/bench.rs"]
@@ -17,6 +17,16 @@ mod scenario;
 use bench::micros;
 use frames::zk as zk_frames;
 use scenario::{ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, Wire, ZK_IDLE, percent, rpm, run};
+
+/// What moves fuel or heats: everything but the rates and the end of what was opened.
+const MOVE_FUEL: [Action; 6] = [
+    Action::Drain,
+    Action::TestGlowPlug,
+    Action::TestMainValve,
+    Action::TestIgnitionValve,
+    Action::TestPump,
+    Action::OpenPump,
+];
 
 fn action(action: Action) -> Command {
     Command::Service(Service::Zk(zk::link::Service::Action(action)))
@@ -40,32 +50,71 @@ fn amt_13_loss_does_not_call_off_ctf() {
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
 }
 
-/// ZK-8: a hand-over to the PWM input lasts: no stage of loss takes the engine back from whoever flies it.
+/// ZK-8: a hand-over to the PWM input counts as a start, and lasts for the engine's life: no stage of loss takes the engine
+/// back from whoever flies it.
 #[test]
 fn zk_8_a_hand_over_lasts() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(80));
-    scenario.command(Command::HandOverToPwm).unwrap();
+    assert_eq!(
+        scenario.command(Command::HandOverToPwm),
+        Err(Rejected::StandbyFirst),
+        "it is none of an engine that runs"
+    );
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    assert_eq!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce));
     assert_eq!(scenario.wire(), Wire::Pwm);
-    scenario.pass(60 * SECOND);
+    assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::StandbyFirst), "once");
+    scenario.says(Says::Starting).says(Says::Running).pass(60 * SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Pwm, Wire::Pwm));
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     // A stream of run does not take it back; standby does.
     scenario.fly(run(50), Origin::Rc, 3 * SECOND);
     assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
     assert_eq!(scenario.wire(), Wire::Pwm);
-    scenario.command(Command::Standby).unwrap();
+    scenario.shut_down().unwrap();
     assert_eq!(scenario.wire(), Wire::Standby);
+    // With the life of the engine it is over.
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(Command::HandOverToPwm).unwrap();
+    scenario.says(Says::Starting).says(Says::Running).says(Says::Cooling);
+    assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
     // An AMT ECU has no such thing, and a refusal changes nothing.
-    let mut amt = Scenario::started(Ecu::Amt, percent(50));
-    assert_eq!(amt.command(Command::HandOverToPwm), Err(Rejected::NotSupported));
-    assert_eq!(amt.wire(), Wire::Run(500));
+    for (mut amt, why) in [
+        (Scenario::started(Ecu::Amt, percent(50)), Rejected::StandbyFirst),
+        (Scenario::ready(Ecu::Amt, Ecu::Amt.config()), Rejected::NotSupported),
+    ] {
+        let before = amt.order();
+        assert_eq!(amt.command(Command::HandOverToPwm), Err(why));
+        assert_eq!(amt.order(), before);
+    }
+}
+
+/// Each interlock of a start holds for a hand-over, and a refusal uses the permission up.
+#[test]
+fn zk_8_a_hand_over_counts_as_a_start() {
+    for (change, why) in [
+        (Command::Disarm, Interlock::NotArmed),
+        (Command::Standby, Interlock::TooHot(Celsius::from_tenths(1200))),
+    ] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        if change == Command::Standby {
+            scenario.values.egt = 120;
+            scenario.pass(2 * EVERY);
+        }
+        scenario.command(change).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::Start(why)));
+        assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::StandbyFirst), "{why:?}");
+        assert_eq!(scenario.wire(), Wire::Standby);
+    }
 }
 
 // ---------------------------------------------------------------------------------------------
 // Service commands and refusals
 // ---------------------------------------------------------------------------------------------
 
-/// A service command needs an engine that is heard and stopped; a rate does not.
+/// A service command needs an engine that is heard and stopped; a rate does not. One that moves fuel or heats needs one that
+/// is cold, armed, and no longer cooling as well.
 #[test]
 fn service_commands_need_a_stopped_engine() {
     for says in ALL {
@@ -79,8 +128,28 @@ fn service_commands_need_a_stopped_engine() {
         let answer = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
         for each in Action::ALL {
             let is_rate = (7..=9).contains(&each.parameter());
-            let expected = if is_rate { Ok(Accepted::InForce) } else { answer };
+            let moves_fuel = MOVE_FUEL.contains(&each);
+            let expected = match says {
+                _ if is_rate => Ok(Accepted::InForce),
+                Says::Cooling if moves_fuel => Err(Rejected::Start(Interlock::NotStandby)),
+                _ => answer,
+            };
             assert_eq!(ready().command(action(each)), expected, "{says:?} {each:?}");
+            // Hot, or not armed.
+            for (hot, why) in
+                [(true, Interlock::TooHot(Celsius::from_tenths(1010))), (false, Interlock::NotArmed)]
+            {
+                let mut scenario = ready();
+                if hot {
+                    scenario.values.egt = 101;
+                    scenario.pass(2 * EVERY);
+                } else {
+                    scenario.command(Command::Disarm).unwrap();
+                }
+                let why = if says == Says::Cooling && hot { Interlock::NotStandby } else { why };
+                let expected = if moves_fuel && stopped { Err(Rejected::Start(why)) } else { expected };
+                assert_eq!(scenario.command(action(each)), expected, "{says:?} {each:?} {hot}");
+            }
         }
         let curve = zk::link::Service::Curve(AccelerationCurve::new(40).unwrap());
         assert_eq!(ready().command(Command::Service(Service::Zk(curve))), answer, "{says:?}");
@@ -121,13 +190,15 @@ fn a_service_command_of_the_other_ecu() {
 fn refusals_change_nothing() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.introduce_version(3);
+        scenario.bench.events();
         let before = scenario.telemetry().ordered;
-        let too_fast = match ecu {
+        let no_speed = match ecu {
             Ecu::Amt => Rejected::NoSpeedControl,
-            Ecu::Zk => Rejected::AboveMaxRpm { max: Rpm::new(160_000) },
+            Ecu::Zk => Rejected::NeedsVersion { needed: 4, known: Some(3) },
         };
         for _ in 0..10 {
-            assert_eq!(scenario.command(Command::Run(rpm(200_000))), Err(too_fast));
+            assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(no_speed));
         }
         assert_eq!(scenario.command(action(Action::Drain)), Err(Rejected::NotStopped));
         let telemetry = scenario.telemetry();
@@ -136,7 +207,7 @@ fn refusals_change_nothing() {
         assert_eq!(
             scenario.bench.event_kinds(),
             [
-                Event::CommandRejected(too_fast, Origin::Rc),
+                Event::CommandRejected(no_speed, Origin::Rc),
                 Event::CommandRejected(Rejected::NotStopped, Origin::Rc)
             ],
             "{ecu:?}"
@@ -155,7 +226,7 @@ fn orders_are_told_when_they_change_in_kind() {
         }
         assert_eq!(scenario.bench.event_kinds(), []);
         scenario.command_from(run(9), Origin::Emergency).unwrap();
-        scenario.command_from(Command::Standby, Origin::Emergency).unwrap();
+        scenario.shut_down_from(Origin::Emergency).unwrap();
         let told: Vec<_> = scenario
             .bench
             .event_kinds()
@@ -191,9 +262,12 @@ fn step() -> impl Strategy<Value = Step> {
             4 => (0..=100u8).prop_map(run),
             1 => (0..=200_000u32).prop_map(|value| Command::Run(rpm(value))),
             4 => Just(Command::Standby),
+            1 => Just(Command::ShutDown),
+            1 => Just(Command::Present),
             1 => Just(Command::EmergencyStop),
             2 => Just(Command::ReleaseStop),
             2 => Just(Command::Arm),
+            1 => Just(Command::Disarm),
             1 => Just(action(Action::Drain)),
         ]
     };
@@ -210,10 +284,11 @@ fn step() -> impl Strategy<Value = Step> {
 proptest! {
     /// Whatever is commanded and reported: a latched stop stays ordered, a run begins only as the answer to a command
     /// for it, armed and from standby, what is refused changes nothing but for a demand that moves by itself, no
-    /// demand outlives its hold, and the bench finds no deadline that is over.
+    /// demand outlives its hold, and the bench finds no deadline that is over. From an engine in standby, or one that runs.
     #[test]
     fn any_schedule(
         is_zk in any::<bool>(),
+        runs in any::<bool>(),
         steps in prop::collection::vec((0..1_500_000u64, step()), 1..60),
     ) {
         let ecu = if is_zk { Ecu::Zk } else { Ecu::Amt };
@@ -221,7 +296,8 @@ proptest! {
         let config = ecu.with(|s| {
             s.loss = Loss { hold: micros(400_000), throttle: safe, ramp: 5000, standby_after: Some(micros(600_000)), ..Loss::DEFAULT };
         });
-        let mut scenario = Scenario::with(ecu, config);
+        let mut scenario =
+            if runs { Scenario::started_with(ecu, config, percent(60)) } else { Scenario::with(ecu, config) };
         let mut latched = false;
         for (wait, step) in steps {
             scenario.pass(wait);
@@ -233,11 +309,13 @@ proptest! {
             };
             for (command, origin) in commands {
                 scenario.pass(scenario::PERIOD);
+                // A demand on its way moves with the time, not with the command.
+                scenario.bench.act(|engine, now| engine.timeout(now));
                 let before = scenario.telemetry();
-                let ran = matches!(before.ordered.order, Order::Run(_));
+                let ran = matches!(before.ordered.order, Order::Run(_) | Order::Doubt(_));
                 let answer = scenario.command_from(command, origin);
                 let after = scenario.telemetry();
-                let runs_now = matches!(after.ordered.order, Order::Run(_));
+                let runs_now = matches!(after.ordered.order, Order::Run(_) | Order::Doubt(_));
                 match (command, answer) {
                     (Command::EmergencyStop, answer) => {
                         prop_assert_eq!(answer, Ok(Accepted::InForce));
@@ -256,13 +334,16 @@ proptest! {
                     _ => {}
                 }
                 prop_assert!(ran || !runs_now || answer == Ok(Accepted::InForce), "{:?} {:?}", command, answer);
-                let free = matches!(command, Command::EmergencyStop | Command::ReleaseStop | Command::Arm);
+                let free = matches!(
+                    command,
+                    Command::EmergencyStop | Command::ReleaseStop | Command::Disarm | Command::Present
+                );
                 prop_assert!(!before.stop_latched || free || answer == Err(Rejected::StopLatched));
             }
             let now = scenario.telemetry();
             prop_assert_eq!(now.stop_latched, latched);
             prop_assert_eq!(now.ordered.order == Order::EmergencyStop, latched);
-            if let (Order::Run(demand), Some(heard)) = (now.ordered.order, now.source_heard) {
+            if let (Order::Run(demand) | Order::Doubt(demand), Some(heard)) = (now.ordered.order, now.source_heard) {
                 let age = now.at.duration_since(heard).as_micros();
                 let low = match demand {
                     Demand::Throttle(throttle) => throttle <= safe,

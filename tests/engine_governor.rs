@@ -15,8 +15,7 @@ mod bench;
 mod frames;
 #[path = "support/scenario.rs"]
 mod scenario;
-use frames::amt as amt_frames;
-use scenario::{EVERY, Ecu, SECOND, Says, Scenario, Wire, percent, rpm, run};
+use scenario::{EVERY, Ecu, SECOND, Says, Scenario, Values, Wire, percent, rpm, run};
 
 fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     let mut governor = Governor::DEFAULT;
@@ -24,14 +23,43 @@ fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     Ecu::Amt.with(|s| s.governor = Some(governor))
 }
 
-/// An engine at a throttle, whose shaft says `rpm`, and that the ECU reports as obeyed.
+/// An engine at a throttle, whose shaft says `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
 fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
     let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
     scenario.values.rpm = Some(rpm);
     scenario.values.half_percents = throttle * 2;
+    scenario.values.egt = 500;
     scenario.fly(run(throttle), Origin::Rc, SECOND);
     scenario.bench.events();
     scenario
+}
+
+/// The throttle that goes out where anything does, in tenths of a percent: also while the life of the engine is in doubt.
+fn throttle(scenario: &Scenario) -> u16 {
+    match scenario.order() {
+        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+            throttle.tenths()
+        }
+        other => panic!("a throttle, not {other:?}"),
+    }
+}
+
+/// What an AMT ECU with a fault says of the exhaust.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Exhaust {
+    Burns,
+    /// The sensor is broken.
+    Broken,
+}
+
+impl Exhaust {
+    /// AMT-8: the error bits.
+    fn fault(self) -> u8 {
+        match self {
+            Self::Burns => 0x01,
+            Self::Broken => 1 << 3,
+        }
+    }
 }
 
 fn target(target: u32) -> Command {
@@ -95,42 +123,59 @@ fn it_is_limited_in_slew_and_authority() {
     assert!(scenario.tenths() < 690, "{}", scenario.tenths());
 }
 
-/// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself.
+/// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself. While faults
+/// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
 #[test]
 fn it_never_holds_throttle_up_on_old_telemetry() {
+    for exhaust in [Exhaust::Burns, Exhaust::Broken] {
+        let mut scenario = at(governed(|_| {}), 60, 80_000);
+        scenario.fly(target(85_000), Origin::Rc, 2 * SECOND);
+        assert!(throttle(&scenario) > 500);
+        // Error sets: heard, and without an rpm.
+        let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
+        let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
+        scenario.silent();
+        let mut now = last;
+        while now + EVERY < last + 600_000 {
+            now += EVERY;
+            scenario.bench.rx(now, &error);
+            let _ = scenario.command(target(85_000));
+            assert!(throttle(&scenario) > 500, "{exhaust:?} {} µs", now - last);
+        }
+        scenario.to(last + 599_999);
+        assert!(throttle(&scenario) > 500);
+        scenario.to(last + 600_000);
+        assert_eq!(throttle(&scenario), 0, "{exhaust:?}");
+        scenario.sent();
+        for _ in 0..40 {
+            now = scenario.now() + EVERY;
+            scenario.bench.rx(now, &error);
+            let _ = scenario.command(target(85_000));
+            assert_eq!(throttle(&scenario), 0);
+        }
+        assert_eq!(scenario.sent(), [Wire::Run(0); 40], "{exhaust:?}");
+        // It says its speed again: up from idle, by the slew.
+        scenario.values.rpm = Some(40_000);
+        scenario.values.half_percents = 0;
+        scenario.says = Some(Says::Running);
+        scenario.fly(target(85_000), Origin::Rc, 500_000);
+        assert!(scenario.tenths() <= 160, "30 % a second: {}", scenario.tenths());
+    }
+}
+
+/// On a line that is cut nothing goes out. When it is mended the governor goes on from the throttle that the ECU reports.
+#[test]
+fn it_goes_on_where_it_was_when_a_cut_line_is_mended() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
-    scenario.fly(target(85_000), Origin::Rc, 2 * SECOND);
-    assert!(scenario.tenths() > 500);
-    // Error sets: heard, and without an rpm.
-    let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
-    scenario.silent();
-    let mut now = last;
-    while now + EVERY < last + 600_000 {
-        now += EVERY;
-        scenario.bench.rx(now, &amt_frames::error(1));
-        let _ = scenario.command(target(85_000));
-        assert!(scenario.tenths() > 500, "{} µs", now - last);
-    }
-    scenario.to(last + 599_999);
-    assert!(scenario.tenths() > 500);
-    scenario.to(last + 600_000);
-    assert_eq!(scenario.tenths(), 0);
-    for _ in 0..40 {
-        now = scenario.now() + EVERY;
-        scenario.bench.rx(now, &amt_frames::error(1));
-        let _ = scenario.command(target(85_000));
-        assert_eq!(scenario.tenths(), 0);
-    }
-    // It says its speed again: up from idle, by the slew.
-    scenario.values.rpm = Some(40_000);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.silent().fly(target(80_000), Origin::Rc, EVERY);
+    scenario.sent();
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    assert_eq!(scenario.sent(), []);
     scenario.says = Some(Says::Running);
-    scenario.fly(target(85_000), Origin::Rc, 500_000);
-    assert!(scenario.tenths() <= 160, "30 % a second: {}", scenario.tenths());
-    // And on a line that is cut altogether.
-    let mut scenario = at(governed(|_| {}), 60, 80_000);
-    scenario.fly(target(85_000), Origin::Rc, 2 * SECOND);
-    scenario.silent().pass(600_000);
-    assert_eq!(scenario.tenths(), 0);
+    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    let sent = scenario.sent();
+    assert!(sent.len() >= 19 && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
 
 /// A source that is lost: held, and then down from the throttle that the governor had set, never up.
@@ -173,7 +218,7 @@ fn it_goes_on_after_a_reset() {
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
 
-/// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: the governor goes to idle,
+/// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: nothing goes out or idle,
 /// and nothing shuts the engine down.
 #[test]
 fn a_lost_line_is_no_lost_source() {
@@ -187,10 +232,15 @@ fn a_lost_line_is_no_lost_source() {
         } else {
             scenario.silent();
         }
-        scenario.fly(target(80_000), Origin::Rc, 6 * SECOND);
+        // Below the serial delay time of the ECU, 4 s.
+        scenario.fly(target(80_000), Origin::Rc, 3_500_000);
+        scenario.sent();
+        scenario.fly(target(80_000), Origin::Rc, 400_000);
         let telemetry = scenario.telemetry();
         assert_eq!(telemetry.loss, LossStage::None, "{fault}");
-        assert_eq!(telemetry.ordered.order, Order::Run(percent(0)), "{fault}: old speeds hold nothing up");
+        assert!(matches!(telemetry.ordered.order, Order::Doubt(_)), "{fault}");
+        let sent = if fault { vec![Wire::Run(0); 8] } else { vec![] };
+        assert_eq!(scenario.sent(), sent, "{fault}: old speeds hold nothing up");
         assert_eq!(telemetry.counters.commands_rejected, 0);
         // The control: the source is lost.
         scenario.pass(10 * SECOND);

@@ -7,7 +7,7 @@ use jetlink::engine::Loss;
 use jetlink::engine::config::Action;
 use jetlink::engine::config::Limit;
 use jetlink::telemetry::{Event, LinkState, LossStage};
-use jetlink::units::{Celsius, Rpm, Throttle};
+use jetlink::units::{Celsius, Throttle};
 
 #[path = "support/bench.rs"]
 mod bench;
@@ -18,7 +18,8 @@ mod scenario;
 use bench::{micros, us};
 use frames::zk as zk_frames;
 use scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run, tenths,
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run,
+    tenths,
 };
 
 /// RC's age limit.
@@ -52,9 +53,12 @@ fn the_highest_fresh_source_rules() {
     for ecu in BOTH {
         for lower in [Origin::Mavlink, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            for command in [run(20), Command::Standby] {
-                let answer = scenario.command_from(command, lower);
-                assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)), "{command:?}");
+            for (command, answer) in [
+                (run(20), Accepted::Behind(Origin::Rc)),
+                (Command::Standby, Accepted::OneMore),
+                (Command::Standby, Accepted::Behind(Origin::Rc)),
+            ] {
+                assert_eq!(scenario.command_from(command, lower), Ok(answer), "{command:?}");
             }
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             assert_eq!(scenario.telemetry().ruler, Origin::Rc);
@@ -73,6 +77,9 @@ fn the_highest_fresh_source_rules() {
         // A higher one takes over.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.command_from(run(52), Origin::Emergency).unwrap();
+        assert_eq!(scenario.telemetry().ruler, Origin::Emergency);
+        // 2 % at 50 % a second.
+        scenario.pass(40_000);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.ruler, telemetry.ordered.order), (Origin::Emergency, Order::Run(percent(52))));
         assert_eq!(scenario.command(run(50)), Ok(Accepted::Behind(Origin::Emergency)));
@@ -125,8 +132,11 @@ fn taking_over_is_bumpless() {
             let mut scenario = Scenario::started(ecu, percent(50));
             let answer = scenario.command_from(run(close), Origin::Emergency);
             assert_eq!(answer, Ok(Accepted::InForce), "{close}");
-            assert_eq!(scenario.order(), Order::Run(percent(close)), "{ecu:?}");
             assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
+            // Down at once, up at 50 % a second.
+            assert_eq!(scenario.tenths(), 500.min(u16::from(close) * 10), "{ecu:?}");
+            scenario.pass(PERIOD);
+            assert_eq!(scenario.order(), Order::Run(percent(close)), "{ecu:?}");
         }
         // Far: held, and the throttle in force with it, until it has come close.
         for (far, close) in [(90, 55), (10, 45)] {
@@ -141,9 +151,10 @@ fn taking_over_is_bumpless() {
                 "{ecu:?}"
             );
             scenario.command_from(run(close), Origin::Emergency).unwrap();
-            assert_eq!(scenario.order(), Order::Run(percent(close)));
             assert_eq!(scenario.telemetry().waiting, None);
             assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
+            scenario.pass(PERIOD);
+            assert_eq!(scenario.order(), Order::Run(percent(close)));
             scenario.command_from(run(far), Origin::Emergency).unwrap();
             assert_eq!(scenario.order(), Order::Run(percent(far)), "it rules now");
         }
@@ -153,9 +164,13 @@ fn taking_over_is_bumpless() {
         scenario.fly(run(90), Origin::Emergency, 2 * SECOND - 1);
         assert_eq!(scenario.tenths(), 500);
         scenario.to(from + 2 * SECOND);
-        assert_eq!((scenario.tenths(), scenario.telemetry().ruler), (900, Origin::Emergency));
+        assert_eq!((scenario.tenths(), scenario.telemetry().ruler), (500, Origin::Emergency));
         assert_eq!(rulers(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
-        assert_eq!(scenario.wire(), Wire::Run(900));
+        // 40 % at 50 % a second.
+        scenario.fly(run(90), Origin::Emergency, 800_000 - 1);
+        assert!((880..900).contains(&scenario.tenths()), "{}", scenario.tenths());
+        scenario.to(from + 2_800_000);
+        assert_eq!((scenario.tenths(), scenario.wire()), (900, Wire::Run(900)));
         // The band to its edge, in tenths.
         for (demand, takes) in [(550, true), (551, false), (450, true), (449, false)] {
             let mut scenario = Scenario::started(ecu, percent(50));
@@ -166,7 +181,10 @@ fn taking_over_is_bumpless() {
     // A throttle and an rpm are never close.
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
     assert_eq!(scenario.command_from(Command::Run(rpm(80_000)), Origin::Emergency), Ok(Accepted::Held));
-    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, 2 * SECOND + EVERY);
+    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, 2 * SECOND - EVERY);
+    assert_eq!(scenario.order(), Order::Run(percent(50)));
+    // From the 12 000 rpm that the ECU reports, at 50 % of 160 000 rpm a second.
+    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, EVERY + 850_000);
     assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
 }
 
@@ -208,13 +226,14 @@ fn a_source_that_waits_while_another_is_lost() {
 #[test]
 fn a_refused_demand_changes_nothing() {
     for ecu in BOTH {
-        let impossible = Command::Run(rpm(200_000));
+        let impossible = Command::Run(rpm(100_000));
         let why = match ecu {
             Ecu::Amt => Rejected::NoSpeedControl,
-            Ecu::Zk => Rejected::AboveMaxRpm { max: Rpm::new(160_000) },
+            Ecu::Zk => Rejected::NeedsVersion { needed: 4, known: Some(3) },
         };
         for origin in [Origin::Rc, Origin::Emergency, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.introduce_version(3);
             let last = scenario.now();
             for _ in 0..4 {
                 assert_eq!(scenario.command_from(impossible, origin), Err(why), "{ecu:?} {origin:?}");
@@ -227,16 +246,58 @@ fn a_refused_demand_changes_nothing() {
     }
 }
 
-/// Standby of the source that rules, and of one above it, is obeyed at once.
+/// Standby of the source that rules is obeyed at its second word within the age limit, to the tick. A single word changes
+/// nothing, and does not become standby later.
 #[test]
-fn standby_is_obeyed_at_once() {
+fn standby_is_obeyed_at_the_second_word() {
     for ecu in BOTH {
-        for origin in [Origin::Rc, Origin::Emergency] {
+        for (between, obeyed) in [(0, true), (PERIOD, true), (AGE, true), (AGE + 1, false)] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            assert_eq!(scenario.command_from(Command::Standby, origin), Ok(Accepted::InForce));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.order(), Order::Run(percent(50)));
+            scenario.pass(between);
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {between}");
+            let expected = if obeyed { Accepted::InForce } else { Accepted::OneMore };
+            assert_eq!(scenario.command(Command::Standby), Ok(expected), "{between}");
             let ordered = scenario.telemetry().ordered;
-            assert_eq!((ordered.order, ordered.origin), (Order::Standby, origin));
-            assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+            if obeyed {
+                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Rc));
+                assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+            } else {
+                assert_eq!((ordered.order, scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+            }
+        }
+        // Another word between the two takes the first back.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        for _ in 0..20 {
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            scenario.command(run(50)).unwrap();
+            scenario.pass(PERIOD);
+        }
+        assert_eq!(scenario.wire(), Wire::Run(500), "{ecu:?}");
+    }
+}
+
+/// So is the standby of a source above the one that rules, whether it spoke before or not.
+#[test]
+fn two_words_of_standby_of_a_source_above_shut_down() {
+    for ecu in BOTH {
+        for before in [None, Some(run(50))] {
+            for between in [0, PERIOD, AGE] {
+                let mut scenario = Scenario::started(ecu, percent(50));
+                if let Some(command) = before {
+                    scenario.command_from(command, Origin::Emergency).unwrap();
+                }
+                let ruler = scenario.telemetry().ruler;
+                assert_eq!(scenario.command_from(Command::Standby, Origin::Emergency), Ok(Accepted::OneMore));
+                assert_eq!((scenario.order(), scenario.telemetry().ruler), (Order::Run(percent(50)), ruler));
+                scenario.pass(between);
+                let answer = scenario.command_from(Command::Standby, Origin::Emergency);
+                assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?} {before:?} {between}");
+                let ordered = scenario.telemetry().ordered;
+                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Emergency));
+                assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+            }
         }
     }
 }
@@ -348,7 +409,10 @@ fn a_source_that_comes_back_rules_after_a_second() {
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
         scenario.to(back + SECOND);
         assert_eq!(scenario.command(run(3)), Ok(Accepted::InForce));
-        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (30, LossStage::None), "{ecu:?}: close");
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None), "{ecu:?}: close");
+        // 3 % at 50 % a second.
+        scenario.pass(60_000);
+        assert_eq!(scenario.tenths(), 30);
         assert_eq!(stages(&mut scenario), [(back + SECOND, LossStage::None)]);
 
         let mut scenario = Scenario::started(ecu, percent(50));
@@ -356,21 +420,31 @@ fn a_source_that_comes_back_rules_after_a_second() {
         let back = scenario.now();
         scenario.fly(run(50), Origin::Rc, 3 * SECOND - 1);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}: far, so held off for 2 s more");
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
         scenario.to(back + 3 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None));
+        scenario.fly(run(50), Origin::Rc, SECOND);
         assert_eq!(scenario.tenths(), 500);
     }
 }
 
 /// A source that is gone and back every few 100 ms: the stages go on as if it had stayed away, and the throttle
-/// never rises.
+/// never rises. Also where its first gap is too long for a short one, or where none is.
 #[test]
 fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
     for ecu in BOTH {
-        for (on, off) in [(300_000, 600_000), (100_000, 550_000), (900_000, 501_000), (300_000, 800_000)] {
-            let config = ecu.with(|s| s.loss.standby_after = Some(micros(20 * SECOND)));
+        for ((on, off), return_within) in
+            [(300_000, 600_000), (100_000, 550_000), (900_000, 501_000), (300_000, 800_000)]
+                .into_iter()
+                .flat_map(|times| [(times, 0), (times, SECOND)])
+        {
+            let config = ecu.with(|s| {
+                s.loss.standby_after = Some(micros(20 * SECOND));
+                s.return_within = micros(return_within);
+            });
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
             let lost = scenario.now() + AGE;
-            scenario.pass(off);
+            scenario.pass(off.max(AGE + return_within));
             let mut before = 500;
             while scenario.now() < lost + 15 * SECOND {
                 scenario.fly(run(50), Origin::Rc, on);
@@ -421,10 +495,13 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
         }
         assert_eq!(rulers(&mut scenario), []);
         // The control: steady for a second, and then close or 2 s more.
-        for _ in 0..31 {
+        for i in 0..41 {
             scenario.command_from(run(30), Origin::Mavlink).unwrap();
             scenario.command(run(80)).unwrap();
             scenario.pass(PERIOD);
+            // Then 50 % a second.
+            assert_eq!(scenario.telemetry().ruler == Origin::Rc, i >= 29, "{ecu:?} {i}");
+            assert!(scenario.tenths() <= 300 + 50 * (i + 1_u16).saturating_sub(30) + 50, "{ecu:?} {i}");
         }
         assert_eq!((scenario.telemetry().ruler, scenario.tenths()), (Origin::Rc, 800), "{ecu:?}");
     }
@@ -449,12 +526,20 @@ fn the_stages_are_each_engines_own() {
 fn link_lost_and_source_lost_are_two_things() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.silent().fly(run(60), Origin::Rc, 5 * SECOND);
+        scenario.sent();
+        scenario.silent().fly(run(60), Origin::Rc, 3 * SECOND);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Lost, LossStage::None));
-        assert_eq!(scenario.order(), Order::Run(percent(60)), "{ecu:?}: the demand goes on being sent");
+        assert_eq!(telemetry.asked, Some(percent(60)));
+        let Order::Doubt(demand) = scenario.order() else { panic!("{ecu:?}: {:?}", scenario.order()) };
+        scenario.sent();
+        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        assert_eq!(scenario.sent(), [], "{ecu:?}: nothing that could start an engine");
+        assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}: it does not rise");
         scenario.says(Says::Running);
         assert_eq!(scenario.telemetry().link, LinkState::Up);
+        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        assert_eq!(scenario.order(), Order::Run(percent(60)), "{ecu:?}");
 
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.pass(5 * SECOND);
@@ -463,8 +548,9 @@ fn link_lost_and_source_lost_are_two_things() {
 
         // Both: the stages run all the same.
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.silent().pass(5 * SECOND);
-        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe), "{ecu:?}");
+        scenario.silent().pass(3 * SECOND);
+        assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
     }
 }
 
@@ -518,19 +604,24 @@ fn loss_of_an_rpm_demand() {
 
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::nothing_heard(Ecu::Zk, config);
-    scenario.bench.receive(&zk_frames::identity(160, 5, 0));
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::identity(160, 5, 0));
+    }
     scenario.says(Says::Standby).pass(2 * SECOND);
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
     scenario.command(run(0)).unwrap();
+    // Where no idle speed is known a tenth of the maximum has to do.
+    scenario.values.rpm = Some(ZK_MAX / 10);
     scenario.says(Says::Starting).says(Says::Running);
-    scenario.command(Command::Run(rpm(100_000))).unwrap();
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
     scenario.pass(5 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)), "no idle rpm is known");
 
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     for _ in 0..2 {
-        scenario.bench.receive(&zk_frames::identity(4, 5, 0));
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [4, 0, 5 << 2]));
     }
     scenario.pass(5 * SECOND);
     let low = match scenario.order() {
@@ -601,7 +692,10 @@ fn slew_delays_no_stop_and_no_fail_safe() {
         for (command, wire) in [(Command::EmergencyStop, Wire::Stop), (Command::Standby, Wire::Standby)] {
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
             scenario.fly(run(80), Origin::Rc, 2 * SECOND);
-            scenario.command(command).unwrap();
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
             scenario.pass(2 * EVERY);
             assert_eq!(scenario.sent().last(), Some(&wire), "{ecu:?}");
         }
@@ -628,6 +722,9 @@ fn the_loss_of_another_engine() {
             assert_eq!(scenario.telemetry().asked, Some(percent(80)));
             scenario.bench.act(|engine, now| engine.other_failed(now, false));
             assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(0)]);
+            // Back at 50 % a second.
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            assert_eq!(scenario.tenths(), 800.min(expected + 500), "{option:?}");
             scenario.fly(run(80), Origin::Rc, SECOND);
             assert_eq!(scenario.tenths(), 800);
         }
@@ -653,7 +750,10 @@ fn what_counts_as_failed() {
 
         for command in [Command::Standby, Command::EmergencyStop] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            scenario.command(command).unwrap();
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
             scenario.says(Says::Cooling).pass(5 * SECOND);
             assert!(!scenario.bench.machine.failed(), "{ecu:?}: it was commanded");
         }
@@ -689,7 +789,7 @@ fn a_limit_can_lower_the_throttle() {
         assert!(scenario.telemetry().limited);
 
         // Standby does.
-        scenario.command(Command::Standby).unwrap();
+        scenario.shut_down().unwrap();
         assert_eq!(scenario.wire(), Wire::Standby);
         assert!(!scenario.telemetry().limited);
         assert!(!scenario.bench.machine.record().limited);
@@ -782,8 +882,11 @@ fn an_ecu_that_does_not_obey_is_told() {
     };
     for ecu in BOTH {
         for command in [Command::EmergencyStop, Command::Standby] {
-            let mut scenario = Scenario::started(ecu, percent(50));
-            scenario.command(command).unwrap();
+            let mut scenario = Scenario::started(ecu, percent(0));
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
             scenario.pass(3 * SECOND - 2 * EVERY);
             assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
             scenario.pass(3 * EVERY);
@@ -793,7 +896,7 @@ fn an_ecu_that_does_not_obey_is_told() {
         }
         // The control: it takes its time, but not that long.
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.command(Command::Standby).unwrap();
+        scenario.shut_down().unwrap();
         scenario.pass(2 * SECOND);
         scenario.says(Says::Standby).pass(20 * SECOND);
         assert_eq!(told(&mut scenario), [], "{ecu:?}");

@@ -1,6 +1,6 @@
 //! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
 
-use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::{Action, Limit, Limits};
 use jetlink::engine::watch::Watched;
 use jetlink::telemetry::Event;
@@ -25,6 +25,12 @@ fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
     scenario
 }
 
+/// From now on its exhaust burns: an AMT ECU with a fault gives no other sign of life (AMT-8).
+fn burns(scenario: &mut Scenario) {
+    scenario.values.egt = 500;
+    scenario.fly(run(50), Origin::Rc, SECOND);
+}
+
 /// What is told when some frames in a row say this, and the engine's own values after it.
 fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Watched, i32, i32)> {
     let before = scenario.values;
@@ -44,20 +50,20 @@ fn two_values_in_a_row_pass_a_limit() {
         let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
         [
             (
-                |l| l.over_speed = Limit::tell(Rpm::new(8_000)),
+                |l| l.over_speed = Limit::tell(Rpm::new(13_000)),
                 OverSpeed,
-                values(8_000, 26),
-                values(8_500, 26),
-                8_500,
-                8_000,
+                values(13_000, 26),
+                values(13_500, 26),
+                13_500,
+                13_000,
             ),
             (
-                |l| l.low_rpm = Limit::tell(Rpm::new(6_000)),
+                |l| l.low_rpm = Limit::tell(Rpm::new(11_000)),
                 LowRpm,
-                values(6_000, 26),
-                values(5_500, 26),
-                5_500,
-                6_000,
+                values(11_000, 26),
+                values(10_500, 26),
+                10_500,
+                11_000,
             ),
             // AMT: 126 steps of 4.6 °C less 50 are 529.6, one more is 534.2.
             (
@@ -99,8 +105,8 @@ fn two_values_in_a_row_pass_a_limit() {
 #[test]
 fn a_limit_is_told_with_its_time() {
     for ecu in BOTH {
-        let mut scenario = running(ecu, |l| l.over_speed = Limit::tell(Rpm::new(8_000)));
-        let values = Values { rpm: Some(9_000), ..scenario.values };
+        let mut scenario = running(ecu, |l| l.over_speed = Limit::tell(Rpm::new(13_000)));
+        let values = Values { rpm: Some(14_000), ..scenario.values };
         let from = scenario.now();
         scenario.silent();
         for i in 1..=3 {
@@ -303,6 +309,7 @@ fn a_fault_of_the_ecu() {
     for ecu in BOTH {
         for action in [Action::None, Action::FailSafe, Action::Standby] {
             let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
+            burns(&mut scenario);
             let values = Values { fault: 2, ..scenario.values };
             assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {action:?}");
@@ -322,9 +329,9 @@ fn a_fault_of_the_ecu() {
 #[test]
 fn actions() {
     for ecu in BOTH {
-        let limit = |action| Limit { at: Some(Rpm::new(8_000)), action };
+        let limit = |action| Limit { at: Some(Rpm::new(13_000)), action };
         let mut scenario = running(ecu, |l| l.over_speed = limit(Action::Standby));
-        scenario.values.rpm = Some(9_000);
+        scenario.values.rpm = Some(14_000);
         scenario.fly(run(50), Origin::Rc, 2 * EVERY);
         let ordered = scenario.telemetry().ordered;
         assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?}");
@@ -333,7 +340,7 @@ fn actions() {
 
         let mut scenario = running(ecu, |l| l.over_speed = limit(Action::FailSafe));
         let from = scenario.now();
-        scenario.values.rpm = Some(9_000);
+        scenario.values.rpm = Some(14_000);
         scenario.fly(run(50), Origin::Rc, 2 * EVERY);
         assert_eq!(scenario.limits(), [Watched::OverSpeed]);
         scenario.fly(run(50), Origin::Rc, 500_000);
@@ -349,7 +356,7 @@ fn actions() {
         let told: Vec<_> =
             scenario.bench.event_kinds().into_iter().filter(|e| matches!(e, Event::Limit(_))).collect();
         assert_eq!(told, [], "it is told once");
-        scenario.command_from(Command::Standby, Origin::Emergency).unwrap();
+        scenario.shut_down_from(Origin::Emergency).unwrap();
         assert_eq!(scenario.order(), Order::Standby);
     }
 }
@@ -397,10 +404,14 @@ fn a_limit_acts_after_a_reset() {
             scenario.fly(run(60), Origin::Rc, 5 * SECOND);
             let expected = match action {
                 Action::Standby => Order::Standby,
+                // With faults in place of a state nothing says that it runs: its exhaust burns, and it is answered.
+                _ if faults_only && ecu == Ecu::Amt => Order::Doubt(percent(0)),
                 _ => Order::Run(percent(0)),
             };
             assert_eq!(scenario.order(), expected, "{ecu:?} {faults_only} {action:?}");
             assert_eq!(scenario.limits().len(), 1, "told once");
+            let wire = if action == Action::Standby { Wire::Standby } else { Wire::Run(0) };
+            assert_eq!(scenario.wire(), wire, "{ecu:?} {faults_only} {action:?}");
         }
     }
 }
@@ -415,6 +426,7 @@ fn an_engine_that_its_limit_shut_down_has_failed() {
             scenario.command(run(0)).unwrap();
             scenario.says(Says::Starting);
             scenario.says(says);
+            burns(&mut scenario);
             scenario.values.fault = 2;
             scenario.fly(run(50), Origin::Rc, SECOND);
             assert_eq!(scenario.order(), Order::Standby);

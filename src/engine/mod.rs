@@ -192,6 +192,10 @@ pub struct Engine {
     at: Instant,
     /// When it asked to be woken last.
     wake: Option<Instant>,
+    /// Something has happened since that was found, and since the record was last looked at: most bytes are the middle of a
+    /// frame, and change neither.
+    wake_stale: bool,
+    record_stale: bool,
     /// A frame came then that nobody has looked at yet.
     unseen: Option<Instant>,
     events: Deque<Event, 12>,
@@ -233,6 +237,8 @@ impl Engine {
             last_rejection: [None; Origin::ALL.len()],
             at: Instant::MIN,
             wake: None,
+            wake_stale: true,
+            record_stale: true,
             unseen: None,
             events: Deque::new(),
             events_lost: 0,
@@ -252,6 +258,7 @@ impl Engine {
         }
         let taken = self.link.receive(now, bytes);
         if let Some(sign) = self.link.take_sign() {
+            self.touch();
             self.unseen = Some(now);
             self.judge(now, sign);
         }
@@ -266,6 +273,7 @@ impl Engine {
     /// See [`Link::sent`].
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);
+        self.touch();
         self.transmitter = None;
         if core::mem::take(&mut self.transmitter_failed) {
             self.event(Event::TransmitterWorks);
@@ -275,6 +283,7 @@ impl Engine {
     /// See [`Link::not_sent`].
     pub fn not_sent(&mut self, now: Instant, why: NotSent) {
         self.link.not_sent(now, why);
+        self.touch();
         if why == NotSent::TooLate {
             return;
         }
@@ -306,7 +315,9 @@ impl Engine {
             Output::Wait(deadline) => match self.events.pop_front() {
                 Some(event) => Output::Event(event),
                 None => {
-                    self.wake = earlier(deadline, self.deadline());
+                    if core::mem::take(&mut self.wake_stale) {
+                        self.wake = earlier(deadline, self.deadline());
+                    }
                     Output::Wait(self.wake)
                 }
             },
@@ -331,6 +342,7 @@ impl Engine {
         origin: Origin,
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
+        self.touch();
         let answer = self.obey(now, command, origin, others_allow_start);
         match answer {
             Ok(_) => {
@@ -588,8 +600,14 @@ impl Engine {
         }
     }
 
+    const fn touch(&mut self) {
+        self.wake_stale = true;
+        self.record_stale = true;
+    }
+
     /// Brings what is ordered up to date: with the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
+        self.touch();
         if !self.begun {
             return;
         }

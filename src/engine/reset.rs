@@ -48,6 +48,7 @@ impl Engine {
     /// Begins, after a reset of whatever kind, with what survived it.
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
+        self.touch();
         self.begun = true;
         self.at = self.at.max(now);
         if self.kept.is_none() {
@@ -96,6 +97,9 @@ impl Engine {
 
     /// What shall survive a reset, if it is not what the last call gave.
     pub fn to_keep(&mut self) -> Option<Record> {
+        if !core::mem::take(&mut self.record_stale) {
+            return None;
+        }
         let record = self.record();
         (self.given_to_keep.replace(record) != Some(record)).then_some(record)
     }

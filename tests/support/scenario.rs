@@ -28,6 +28,13 @@ pub enum Says {
     Unknown,
 }
 
+impl Says {
+    /// The shaft turns.
+    const fn turns(self) -> bool {
+        !matches!(self, Self::Stopped | Self::Standby)
+    }
+}
+
 pub const ALL: [Says; 6] =
     [Says::Stopped, Says::Standby, Says::Starting, Says::Running, Says::Cooling, Says::Unknown];
 
@@ -39,11 +46,13 @@ pub enum Ecu {
 
 pub const BOTH: [Ecu; 2] = [Ecu::Amt, Ecu::Zk];
 
-/// Shaft speed of an engine that turns.
+/// Shaft speed of an engine that turns, above half of idle: 10 000 rpm for the AMT engine.
 pub const TURNING: u32 = 12_000;
 /// What the ZK engine gives as its idle speed, below that, and its maximum.
-pub const ZK_IDLE: u32 = 5_000;
-pub const ZK_MAX: u32 = 160_000;
+pub const ZK_IDLE: u32 = ZK_IDLE_THOUSANDS as u32 * 1000;
+pub const ZK_MAX: u32 = ZK_MAX_THOUSANDS as u32 * 1000;
+const ZK_IDLE_THOUSANDS: u8 = 5;
+const ZK_MAX_THOUSANDS: u8 = 160;
 
 /// The values of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -74,8 +83,7 @@ impl Ecu {
 
     pub fn frame(self, says: Says, values: Values) -> Vec<u8> {
         use amt_frames::{AUTO_STOP, EMERGENCY, RUN};
-        let turns = !matches!(says, Says::Stopped | Says::Standby);
-        let rpm = values.rpm.unwrap_or(if turns { TURNING } else { 0 });
+        let rpm = values.rpm.unwrap_or(if says.turns() { TURNING } else { 0 });
         match self {
             Self::Amt => {
                 let egt = u8::try_from((values.egt + 50) * 10 / 46).expect("EGT fits");
@@ -126,13 +134,15 @@ pub const EVERY: u64 = 50_000;
 /// Between two commands of a source.
 pub const PERIOD: u64 = 100_000;
 pub const SECOND: u64 = 1_000_000;
+/// From idle to full at the slowest slew that can be set, 1 % a second.
+const RISES_WITHIN: u64 = 101 * SECOND;
 
 impl Scenario {
     pub fn new(ecu: Ecu) -> Self {
         Self::with(ecu, ecu.config())
     }
 
-    /// A ZK ECU has told its version 5, its rate, its maximum and its idle speed.
+    /// A ZK ECU has introduced itself.
     pub fn with(ecu: Ecu, config: EngineConfig) -> Self {
         let mut scenario = Self::nothing_heard(ecu, config);
         scenario.introduce();
@@ -150,11 +160,27 @@ impl Scenario {
         }
     }
 
+    /// A ZK ECU gives its version 5, its rate, its maximum and its idle speed, each twice, with the shaft speed that goes
+    /// with what it reports otherwise.
     pub fn introduce(&mut self) {
+        self.introduce_version(5);
+    }
+
+    pub fn introduce_version(&mut self, version: u8) {
         if self.ecu == Ecu::Zk {
-            self.bench.receive(&zk_frames::identity(160, 5, 0));
-            self.bench.receive(&zk_frames::idle(5, false));
+            for _ in 0..2 {
+                let rpm = self.rpm();
+                // The idle speed first: what half of it is would be a guess otherwise.
+                self.bench.receive(&zk_frames::status(8, rpm, [ZK_IDLE_THOUSANDS, 0, 0]));
+                self.bench.receive(&zk_frames::status(6, rpm, [ZK_MAX_THOUSANDS, 0, version << 2]));
+            }
         }
+    }
+
+    /// The shaft speed that the ECU reports.
+    fn rpm(&self) -> u32 {
+        let turns = self.says.is_some_and(Says::turns);
+        self.values.rpm.unwrap_or(if turns { TURNING } else { 0 })
     }
 
     /// The same engine after a reset, with what was kept; its ECU knows nothing of it.
@@ -172,8 +198,8 @@ impl Scenario {
     /// The same node after a reset now, with what it kept; its ECU goes on.
     pub fn reset(&self, config: EngineConfig) -> Self {
         let mut scenario = Self::after_reset(self.ecu, config, Some(self.bench.machine.record()));
-        scenario.introduce();
         (scenario.says, scenario.values) = (self.says, self.values);
+        scenario.introduce();
         scenario
     }
 
@@ -261,7 +287,18 @@ impl Scenario {
         scenario
     }
 
-    /// Runs under RC, with this demand.
+    /// The two words of standby that shut down an engine that runs.
+    pub fn shut_down(&mut self) -> Result<Accepted, Rejected> {
+        self.shut_down_from(Origin::Rc)
+    }
+
+    pub fn shut_down_from(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
+        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::OneMore));
+        self.pass(PERIOD);
+        self.command_from(Command::Standby, origin)
+    }
+
+    /// Runs under RC, with this demand in force as of now.
     pub fn started(ecu: Ecu, demand: Demand) -> Self {
         Self::started_with(ecu, ecu.config(), demand)
     }
@@ -271,6 +308,13 @@ impl Scenario {
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
         for says in [Says::Starting, Says::Running] {
             scenario.says(says);
+            scenario.command(Command::Run(demand)).unwrap();
+        }
+        // It rises at a rate.
+        let latest = scenario.now() + RISES_WITHIN;
+        while scenario.order() != Order::Run(demand) {
+            assert!(scenario.now() < latest, "{:?}", scenario.order());
+            scenario.pass(PERIOD);
             scenario.command(Command::Run(demand)).unwrap();
         }
         scenario.bench.frames();
