@@ -239,6 +239,7 @@ pub struct Rules {
     pub max_rpm: f64,
     /// A limit acts on a running engine: exhaust above °C, or a fault of the ECU; with standby, or with the fail-safe.
     pub limit_egt: Option<(f64, bool)>,
+    pub limit_rpm: Option<(f64, bool)>,
     pub limit_fault: Option<bool>,
     /// Share in thousandths to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
@@ -346,6 +347,8 @@ pub struct History {
     pub pwm: Spans,
     /// Another engine of the node does not run although it was to.
     pub other_failed: Spans,
+    /// It has failed for sure: it went out, and nobody told it to.
+    pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
 }
@@ -367,6 +370,7 @@ impl History {
             versions: Vec::new(),
             pwm: Spans::default(),
             other_failed: Spans::default(),
+            other_down: Spans::default(),
             sensor: Spans::default(),
         }
     }

@@ -6,6 +6,7 @@ mod control;
 mod demand;
 mod fuel;
 mod healthy;
+mod limits;
 mod silence;
 mod starts;
 mod stops;
@@ -14,6 +15,7 @@ use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
 use std::collections::BTreeMap;
 
 pub use control::Voices;
+pub use limits::failed_for_sure;
 
 /// What must hold.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -42,6 +44,12 @@ pub enum Rule {
     GivenUp,
     /// A demand is not held below what is asked for.
     HeldDown,
+    /// A limit that is passed has its action.
+    Limit,
+    /// A demand is reduced while another engine has failed, where that is configured.
+    Reduction,
+    /// A source that takes over is held off until it is close, or has waited.
+    TakeOver,
     /// The PWM input is given the engine only when a pilot says so, and for one life of it.
     Pwm,
     /// Nothing is sent that the ECU's version does not know; stops are.
@@ -51,7 +59,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 18] = [
         Self::Ignition,
         Self::RunAtRest,
         Self::SilentWire,
@@ -64,6 +72,9 @@ impl Rule {
         Self::ShutDown,
         Self::GivenUp,
         Self::HeldDown,
+        Self::Limit,
+        Self::Reduction,
+        Self::TakeOver,
         Self::Pwm,
         Self::Version,
         Self::Frame,
@@ -196,6 +207,9 @@ pub fn judge(history: &History) -> Verdict {
     case.shut_down();
     case.given_up();
     case.held_down();
+    case.limits();
+    case.reduction();
+    case.take_over();
     case.hand_over();
     case.versions();
     case.shares();

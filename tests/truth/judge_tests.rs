@@ -49,6 +49,7 @@ fn rules(kind: Kind) -> Rules {
         idle_rpm: 50_000.0,
         max_rpm: 160_000.0,
         limit_egt: None,
+        limit_rpm: None,
         limit_fault: None,
         when_other_fails: None,
     }
@@ -638,4 +639,59 @@ fn nothing_is_sent_that_the_ecus_version_does_not_know() {
 #[test]
 fn every_frame_is_one_of_the_document() {
     ready(AMT).wire(4.0, 4.1, Told::Bad([0xFF, 0x14, 0x20, 0x14, 0x21])).breaks(&[Rule::Frame]);
+}
+
+#[test]
+fn a_limit_that_is_passed_has_its_action() {
+    let story = |tenths, egt, standby| {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 41.0, HALF)
+            .ramp(41.0, 500, tenths)
+            .wire(if tenths == 500 { 41.05 } else { 42.1 }, 60.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 100_000.0, egt)
+            .with(move |h| h.rules.limit_egt = Some((600.0, standby)))
+    };
+    story(0, 640.0, false).is_kept();
+    story(500, 560.0, false).is_kept();
+    story(500, 640.0, false).breaks(&[Rule::Limit]);
+    story(500, 640.0, true).breaks(&[Rule::Limit]);
+    let rpm = |h: &mut History| {
+        h.rules.limit_egt = None;
+        h.rules.limit_rpm = Some((80_000.0, false));
+    };
+    story(500, 500.0, false).with(rpm).breaks(&[Rule::Limit]);
+    story(0, 500.0, false).with(rpm).is_kept();
+}
+
+#[test]
+fn a_demand_is_reduced_while_another_engine_has_failed() {
+    let story = |tenths| {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .ramp(40.0, 500, tenths)
+            .wire(41.0, 60.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(40 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+    };
+    story(250).is_kept();
+    story(500).breaks(&[Rule::Reduction]);
+}
+
+#[test]
+fn a_source_that_takes_over_is_held_off() {
+    let story = |wait: f64| {
+        flight(ZK5, 60.0)
+            .says(PILOT, 60.0, 70.0, Word::Run(Ask::Throttle(500)))
+            .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+            .wire(60.0, 60.0 + wait, HALF)
+            .wire(60.0 + wait, 70.0, Told::Full(Switch::Run, 200))
+            .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0)
+    };
+    story(2.0).is_kept();
+    story(0.1).breaks(&[Rule::TakeOver]);
 }

@@ -283,7 +283,7 @@ impl Seat {
         self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
     }
 
-    pub fn finish(&mut self, others: &Spans) -> Judged {
+    pub fn finish(&mut self, failed: Spans, down: Spans) -> Judged {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
@@ -291,7 +291,7 @@ impl Seat {
             self.history.pwm.push(since, at);
         }
         self.history.end = at;
-        self.history.other_failed = others.clone();
+        (self.history.other_failed, self.history.other_down) = (failed, down);
         let verdict = judge(&self.history);
         Judged {
             name: self.setup.name(),

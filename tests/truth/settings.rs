@@ -164,7 +164,11 @@ fn supervision(rng: &mut Rng) -> Supervision {
         let at = Some(Celsius::from_tenths(rng.pick(&[6200, 6800])));
         all.limits.over_temperature = Limit { at, action: rng.pick(&[Action::FailSafe, Action::Standby]) };
     }
-    if rng.percent(10) {
+    if rng.percent(5) {
+        let action = rng.pick(&[Action::FailSafe, Action::Standby]);
+        all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action };
+    }
+    if rng.percent(20) {
         all.when_other_fails = Some(500);
     }
     all
@@ -323,6 +327,12 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
             .at
             .zip(limit(over.action))
             .map(|(at, standby)| (f64::from(at.tenths()) / 10.0, standby)),
+        limit_rpm: all
+            .limits
+            .over_speed
+            .at
+            .zip(limit(all.limits.over_speed.action))
+            .map(|(at, standby)| (f64::from(at.get()), standby)),
         limit_fault: limit(all.limits.ecu_fault),
         when_other_fails: all.when_other_fails.map(u32::from),
     }

@@ -4,7 +4,7 @@
 use crate::fate::{Blow, Fate};
 use crate::faults::Weather;
 use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
-use crate::judge::Verdict;
+use crate::judge::{Verdict, failed_for_sure};
 use crate::log;
 use crate::pilots::Rng;
 use crate::seat::{Act, Seat};
@@ -119,10 +119,13 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
         }
     }
     let ends: Vec<Spans> = seats.iter().map(|seat| at_rest_after_running(&seat.history)).collect();
+    let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
     let engines = (0..N).map(|port| {
-        let others = (0..N).filter(|other| *other != port).map(|other| &ends[other]);
-        let failed = others.fold(Spans::default(), |all, spans| all.union(spans));
-        seats[port].finish(&failed)
+        let others = |of: &[Spans]| {
+            let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
+            others.fold(Spans::default(), |all, spans| all.union(spans))
+        };
+        seats[port].finish(others(&ends), others(&sure))
     });
     World { seed, engines: engines.collect() }
 }

@@ -91,7 +91,8 @@ impl Case<'_> {
                 }
                 heard = said.at;
             }
-            ends = ends.min(heard + self.voices.age(word.source) + h.rules.hold + SECOND); // A test in between has its own bound, in the ECU.
+            ends = ends.min(heard + self.voices.age(word.source) + h.rules.hold + SECOND);
+            // A test in between has its own bound, in the ECU.
             let tests =
                 h.frames.iter().filter(|frame| matches!(frame.told, Told::Action(1..=5)) && frame.arrived);
             let tests = tests.map(|frame| frame.at).filter(|at| (open..to).contains(at)).max();

@@ -38,8 +38,13 @@ impl Case<'_> {
             all.push(("ZK up to 4 that gives up on ID 0, in doubt", doubt.longer(2 * self.two_states())));
         }
         if let Some((egt, true)) = h.rules.limit_egt {
-            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0); // A broken thermocouple reads far above it.
+            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0);
+            // A broken thermocouple reads far above it.
             let over = over.union(&h.sensor);
+            all.push(("a limit whose action is standby", over.longer(SETTLES)));
+        }
+        if let Some((rpm, true)) = h.rules.limit_rpm {
+            let over = h.times(|sample| sample.runs() && sample.rpm > rpm - 1500.0);
             all.push(("a limit whose action is standby", over.longer(SETTLES)));
         }
         if h.rules.limit_fault == Some(true) {
@@ -71,7 +76,7 @@ impl Case<'_> {
     }
 
     /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
-    fn known_to_run(&self, at: u64) -> bool {
+    pub(super) fn known_to_run(&self, at: u64) -> bool {
         let Some((from, to)) = self.runs.last_before(at) else { return false };
         let hidden = self.blind.union(&self.h.noise).union(&self.down);
         at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
@@ -152,7 +157,8 @@ impl Case<'_> {
     fn silent_for_good(&self, at: u64) -> bool {
         let h = self.h;
         let rules = &h.rules;
-        let slack = 400 * MS + 2 * rules.period; // One that was lost has to speak for a while before it is in control again.
+        let slack = 400 * MS + 2 * rules.period;
+        // One that was lost has to speak for a while before it is in control again.
         let spoken = |source| {
             self.voices
                 .speaks_since(source, at)
@@ -226,11 +232,12 @@ impl Case<'_> {
         let ran = h.samples(since.saturating_sub(60 * SECOND), at);
         let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
         let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
+        let limit_rpm = matches!(h.rules.limit_rpm, Some((rpm, false)) if ran.iter().any(|sample| sample.rpm > rpm - 1500.0));
         let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
-        limit_egt || limit_fault || other || ctf
+        limit_egt || limit_rpm || limit_fault || other || ctf
     }
 
     pub(super) fn held_down(&mut self) {
