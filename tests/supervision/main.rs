@@ -47,7 +47,10 @@ fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
                             done.fetch_add(seconds, Ordering::Relaxed);
                             total.lock().unwrap().add(&tally);
                         }
-                        Err(found) => failures.lock().unwrap().push(found),
+                        Err(found) => {
+                            eprintln!("{}", found.text.lines().next().unwrap_or_default());
+                            failures.lock().unwrap().push(found);
+                        }
                     }
                 }
             });
@@ -77,6 +80,10 @@ fn the_invariants_hold_in_random_worlds() {
         ("frames with an exact demand", tally.exact_frames),
         ("rpm frames", tally.rpm_frames),
         ("takeovers", tally.takeovers),
+        ("frames of a rising demand", tally.rising_frames),
+        ("runs of a healthy engine that ended", tally.healthy_ends),
+        ("runs whose ECU lost its power", tally.dark_runs),
+        ("runs that went on after a reset", tally.went_on),
     ] {
         assert!(count >= 5, "only {count} {what}: {tally:?}");
     }

@@ -1,12 +1,12 @@
 //! What random worlds have found, each as the shortest schedule that shows it.
 
-use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, percent, run, tenths};
+use crate::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, Wire, percent, run, tenths};
 use embassy_time::Duration;
 use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
-use jetlink::engine::keep::{Memory, Record};
+use jetlink::engine::keep::{Memory, Record, Reset};
 use jetlink::line::Line;
 use jetlink::telemetry::LossStage;
 use jetlink::units::{Celsius, Throttle};
@@ -20,7 +20,8 @@ fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
             ecu.with(|s| s.ages.mavlink = Duration::from_millis(500)),
             percent(80),
         );
-        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 800);
         // RC is silent from here on; its age limit of 0.5 s, then 2 s. First MAVLink waits, then the bench.
         scenario.fly(run(10), Origin::Mavlink, 1_500_000);
         assert_eq!(scenario.tenths(), 800);
@@ -37,8 +38,9 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
         let mut scenario =
             Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
         scenario.fly(run(30), Origin::Rc, SECOND);
-        // RC is lost; the bench waits to take over.
-        scenario.fly(run(10), Origin::Bench, SECOND);
+        // RC is lost for longer than a gap that is none; the bench waits to take over.
+        scenario.fly(run(10), Origin::Bench, 1_600_000);
+        assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         // RC speaks again, with another demand, and both fall silent.
         assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
         for _ in 0..30 {
@@ -57,9 +59,10 @@ fn a_source_that_is_not_there_yet_starts_nothing() {
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
         scenario.fly(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.order(), Order::Standby);
-        // The control: it has spoken for a second, and starts it.
+        // Beside it: it has said standby for a second, and starts it.
         scenario.says(Says::Standby);
-        scenario.fly(run(0), Origin::Rc, 1_200_000);
+        scenario.fly(Command::Standby, Origin::Rc, 1_200_000);
+        assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     }
 }
@@ -74,6 +77,8 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
             s.loss.throttle = Throttle::from_percent(20).unwrap();
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(80));
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 800);
         scenario.values.egt = 720;
         scenario.fly(run(80), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.tenths(), 200);
@@ -89,13 +94,16 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 #[test]
 fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
     let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
-    memory.store(&Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) });
-    let channel = Channel::with_memory(&EngineConfig::amt("a", 0, Line::new(2400), None), memory);
+    let config = EngineConfig::amt("a", 0, Line::new(2400), None);
+    let stored = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+    memory.store(&stored, config.fingerprint());
+    let channel = Channel::with_memory(&config, memory, Reset::Warm);
     let handle = channel.handle();
     assert_eq!(handle.command(Command::Disarm, Origin::Bench), Ok(Accepted::InForce));
-    assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::Listening));
-    let kept = Record::new(Order::EmergencyStop, Origin::Rc);
-    assert_eq!(memory.load(), Some(kept));
+    assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::NoLink));
+    // It counts as one more reset without a source.
+    let kept = Record { resets: 1, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+    assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
 }
 
 /// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
@@ -111,15 +119,27 @@ fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
     }
 }
 
-/// A start that a reset interrupts goes on at idle: what its source asked for meanwhile was never on the wire.
+/// A start that a reset cuts short is over, and its source's stick never was on the wire.
 #[test]
-fn a_start_goes_on_at_idle() {
+fn start_cut_short_by_a_reset_does_not_go_on() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
+        // Below half of idle.
+        scenario.values.rpm = Some(2000);
         scenario.says(Says::Starting);
         scenario.fly(run(72), Origin::Rc, SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+        let mut after = scenario.reset(ecu.config());
+        assert_eq!(after.order(), Order::Listen, "{ecu:?}");
+        after.fly(run(72), Origin::Rc, SECOND);
+        assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
+        // Beside it: an engine that has reached running goes on.
+        scenario.values.rpm = None;
+        scenario.says(Says::Running);
+        let mut after = scenario.reset(ecu.config());
+        after.pass(SECOND);
+        assert!(after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
     }
 }
 
@@ -148,18 +168,31 @@ fn a_lost_demand_never_rises() {
     }
 }
 
-/// What a source says while the node listens after a reset is newer than what was kept of it.
+/// What a source says after a reset, before its engine is confirmed, is newer than what was retained.
 #[test]
-fn a_word_said_while_the_node_listens_is_newer_than_what_was_kept() {
+fn word_said_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
-        for (said, then) in [(run(8), Order::Run(percent(8))), (Command::Standby, Order::Standby)] {
+        let retained = || {
             let kept = Record { armed: true, ..Record::new(Order::Run(percent(33)), Origin::Mavlink) };
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
             scenario.introduce();
-            assert!(scenario.command_from(said, Origin::Mavlink).is_err(), "it listens");
+            assert_eq!(scenario.order(), Order::Doubt(percent(33)), "{ecu:?}: nothing is confirmed yet");
+            scenario
+        };
+        for (said, words, then) in
+            [(run(8), 1, Order::Run(percent(8))), (Command::Standby, 2, Order::Standby)]
+        {
+            let mut scenario = retained();
+            for _ in 0..words {
+                scenario.command_from(said, Origin::Mavlink).unwrap();
+            }
             scenario.says(Says::Running);
             assert_eq!(scenario.order(), then, "{ecu:?}");
         }
+        // Beside it: with nothing said the retained one goes on.
+        let mut scenario = retained();
+        scenario.says(Says::Running);
+        assert_eq!(scenario.order(), Order::Run(percent(33)), "{ecu:?}");
     }
 }
 

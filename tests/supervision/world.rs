@@ -1,17 +1,17 @@
 //! Random worlds: one or two engines with simulated ECUs on a node that is reset now and then, and sources that
 //! command them well and badly. Everything comes from one seed.
 
-use crate::oracle::{Input, Kept, Oracle, Tally, Truth};
+use crate::oracle::{DARK, Input, Kept, Oracle, Tally, Truth};
 use crate::wire::Reader;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channels::Handle;
-use jetlink::command::{Command, Demand, Order, Ordered, Origin};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::ecu::{EcuConfig, amt::codec::Engine};
 use jetlink::engine::config::{Action, Governor, Slew, Supervision};
-use jetlink::engine::keep::Memory;
+use jetlink::engine::keep::{Memory, Reset};
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -87,6 +87,7 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
         AnyEcu::Amt(ecu) => {
             let last = ecu.commands.last().map(|(_, command)| *command);
             Truth {
+                says_running: truth.running,
                 // Its document has no state for cooling: a shaft that stands is all there is.
                 standby: !live && turbine.rpm() < 1000.0,
                 faulty: ecu.errors() != 0,
@@ -108,6 +109,8 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 _ => None,
             });
             Truth {
+                // From 6 to 11 it learns or runs.
+                says_running: (6..=state::RUNNING).contains(&ecu.state()),
                 standby: ecu.state() == state::STANDBY,
                 faulty: ecu.error() != 0,
                 // It tells whole percents.
@@ -128,6 +131,8 @@ enum Program {
     Run(Demand),
     /// Speaks and falls silent, over and over: so long each.
     Flap(Demand, u64, u64),
+    /// Present, and wants nothing.
+    Present,
     /// From anywhere to a running engine, the way it is documented.
     Fly(Demand),
     /// Anything.
@@ -174,6 +179,8 @@ struct Rig {
     trace: VecDeque<(u64, Trace)>,
     /// When a byte of the ECU came last.
     byte_at: u64,
+    /// That it is silent was noted.
+    unheard: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -218,6 +225,9 @@ fn supervision(rng: &mut Rng) -> Supervision {
         all.ages.mavlink = ms(rng.pick(&[500, 1000, 3000]));
         all.ages.bench = ms(rng.pick(&[300, 500, 1500]));
         all.recover_after = ms(rng.pick(&[100, 500, 1000, 2000]));
+        all.return_within = ms(rng.pick(&[0, 300, 1000, 3000]));
+        all.rise = rng.pick(&[100, 500, 1000]);
+        all.loss.lower_standby_after = ms(rng.pick(&[0, 1000, 5000]));
         all.takeover.within = ms(rng.pick(&[0, 500, 2000, 5000]));
         all.loss.hold = ms(rng.pick(&[0, 300, 1000, 4000]));
         all.loss.throttle = Throttle::from_tenths(rng.pick(&[0, 0, 100, 250])).expect("in range");
@@ -305,6 +315,7 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         truth: Truth::default(),
         trace: VecDeque::new(),
         byte_at: 0,
+        unheard: false,
     }
 }
 
@@ -323,7 +334,18 @@ impl Rig {
         self.inputs.push_back((now(), input));
     }
 
-    fn command(&mut self, handle: &Handle<'_>, origin: Origin, command: Command) {
+    /// In the order of time.
+    fn insert(&mut self, at: u64, input: Input) {
+        let place = self.inputs.partition_point(|(before, _)| *before <= at);
+        self.inputs.insert(place, (at, input));
+    }
+
+    fn command(
+        &mut self,
+        handle: &Handle<'_>,
+        origin: Origin,
+        command: Command,
+    ) -> Result<Accepted, Rejected> {
         let mut command = command;
         if let Command::Run(Demand::Rpm(_)) = command {
             // Whether the ECU can do it is not told then, and decides whether the source counts as heard.
@@ -337,8 +359,9 @@ impl Rig {
             // What the ECU is like at this instant decides.
             self.look_at_ecu();
         }
-        let refused = handle.command(command, origin).err();
-        self.input(Input::Said(origin, command, refused));
+        let answer = handle.command(command, origin);
+        self.input(Input::Said(origin, command, answer));
+        answer
     }
 
     /// What the wire and the engine have told since the last look goes to the judge, in the order of time.
@@ -353,10 +376,20 @@ impl Rig {
             log.iter().filter(|byte| byte.direction == Direction::ToNode && byte.fate == Fate::Delivered)
         {
             let at = byte.end / 1000;
-            if at > core::mem::replace(&mut self.byte_at, at) + lost_after {
-                let place = self.inputs.partition_point(|(before, _)| *before <= at);
-                self.inputs.insert(place, (at, Input::LinkBack));
+            let before = core::mem::replace(&mut self.byte_at, at);
+            if at > before + lost_after {
+                self.insert(at, Input::LinkBack);
             }
+            if at > before + DARK {
+                if !core::mem::take(&mut self.unheard) {
+                    self.insert(before + DARK, Input::Unheard);
+                }
+                self.insert(at, Input::Heard);
+            }
+        }
+        if !self.unheard && now() > self.byte_at + DARK + LONGEST_FRAME {
+            self.unheard = true;
+            self.insert(self.byte_at + DARK, Input::Unheard);
         }
         for index in seen..self.frames.len() {
             let (at, frame) = self.frames[index];
@@ -371,14 +404,6 @@ impl Rig {
                 self.trace.pop_front();
             }
             self.trace.push_back((at, Trace::Told(event)));
-            let input = match event {
-                Event::WentOn(_) => Input::WentOn,
-                Event::Ordered(Ordered { order: Order::Run(_) | Order::Listen, .. }) => continue,
-                Event::Ordered(_) => Input::ListenOver,
-                _ => continue,
-            };
-            let place = self.inputs.partition_point(|(before, _)| *before <= at);
-            self.inputs.insert(place, (at, input));
         }
         let until = if all { u64::MAX } else { now().saturating_sub(LONGEST_FRAME) };
         let mut started = false;
@@ -425,7 +450,7 @@ impl Rig {
             }
             self.note(Trace::Line("healed"));
         } else if self.line_until.is_some() {
-            self.input(Input::Fault);
+            self.input(Input::LineFault);
         } else if now >= self.next_line {
             self.next_line = now + rng.wait(60 * SECOND);
             let what = match rng.below(6) {
@@ -461,7 +486,7 @@ impl Rig {
             };
             self.note(Trace::Line(what));
             self.line_until = Some(now + rng.wait(SECOND));
-            self.input(Input::Fault);
+            self.input(Input::LineFault);
         }
 
         if self.ecu_until.is_some_and(|until| now >= until) {
@@ -484,6 +509,7 @@ impl Rig {
                 0 => {
                     self.plug.power(false);
                     self.odd_until = odd_for;
+                    self.input(Input::Dark);
                     "no power"
                 }
                 1 => {
@@ -544,19 +570,23 @@ impl Rig {
         if now >= self.next_stop {
             self.next_stop = now + rng.wait(400 * SECOND);
             let origin = rng.pick(&Origin::SOURCES);
-            self.command(handle, origin, Command::EmergencyStop);
+            let _ = self.command(handle, origin, Command::EmergencyStop);
             if rng.percent(30) {
-                self.command(handle, origin, Command::ReleaseStop);
+                let _ = self.command(handle, origin, Command::ReleaseStop);
             }
         }
         if now >= self.next_arm {
             self.next_arm = now + rng.wait(5 * SECOND);
             let origin = rng.pick(&Origin::SOURCES);
             let command = if rng.percent(90) { Command::Arm } else { Command::Disarm };
-            self.command(handle, origin, command);
+            let answer = self.command(handle, origin, command);
+            if answer == Err(Rejected::DisarmFirst) && rng.percent(70) {
+                let _ = self.command(handle, origin, Command::Disarm);
+                let _ = self.command(handle, origin, Command::Arm);
+            }
             if rng.percent(50) {
                 let origin = rng.pick(&Origin::SOURCES);
-                self.command(handle, origin, Command::ReleaseStop);
+                let _ = self.command(handle, origin, Command::ReleaseStop);
             }
         }
         if now >= self.next_silence {
@@ -597,7 +627,8 @@ impl Rig {
             8..55 => Program::Fly(demand),
             55..75 => Program::Run(demand),
             75..87 => Program::Flap(demand, rng.between(100, 3000) * MS, rng.between(200, 3000) * MS),
-            87..97 => Program::Nonsense,
+            87..95 => Program::Nonsense,
+            95..97 => Program::Present,
             _ => Program::Standby,
         }
     }
@@ -608,6 +639,7 @@ impl Rig {
         let command = match source.program {
             Program::Silent => return,
             Program::Standby => Command::Standby,
+            Program::Present => Command::Present,
             Program::Run(demand) => Command::Run(demand),
             Program::Flap(demand, on, off) => {
                 if (now - source.on_since) % (on + off) >= on {
@@ -639,9 +671,11 @@ impl Rig {
                     Command::Standby
                 }
             }
-            Program::Nonsense => match rng.below(12) {
+            Program::Nonsense => match rng.below(13) {
                 0 => Command::ReleaseStop,
                 1 => Command::Arm,
+                4 => Command::Present,
+                5 if rng.percent(5) => Command::ShutDown,
                 2 if rng.percent(5) => Command::EmergencyStop,
                 3 if rng.percent(20) => Command::Standby,
                 _ => {
@@ -651,14 +685,17 @@ impl Rig {
             },
         };
         let origin = self.sources[index].origin;
-        self.command(handle, origin, command);
+        let _ = self.command(handle, origin, command);
     }
 }
 
+/// Words of one copy of a record.
+const WORDS: usize = 8;
+
 /// The words behind a record, to write them as a reset in the middle of a write would leave them.
-fn words(memory: &Memory) -> &[AtomicU32; 10] {
-    const { assert!(size_of::<Memory>() == size_of::<[AtomicU32; 10]>()) };
-    // SAFETY: a `Memory` is two copies of five atomic words and nothing else, as the assertion on its size says, and
+fn words(memory: &Memory) -> &[AtomicU32; 2 * WORDS] {
+    const { assert!(size_of::<Memory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
+    // SAFETY: a `Memory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
 }
@@ -693,19 +730,24 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
         }
         Failure { seed, text }
     };
+    let mut how = Reset::PowerLost;
     loop {
-        match boot(rng, &mut rigs, &configs, memory, end) {
+        match boot(rng, &mut rigs, &configs, (memory, how), end) {
             Ok(End::Time) => break,
             Ok(End::Reset(kept)) => {
                 let down = if rng.percent(70) { rng.below(300 * MS) } else { rng.below(1_500 * MS) };
                 down_for(&mut rigs, down);
                 for (rig, memory) in rigs.iter_mut().zip(memory) {
                     rig.look_at_ecu();
-                    let demand = memory.load().and_then(|record| match record.order {
-                        Order::Run(demand) => Some((record.origin, demand, record.loss != LossStage::None)),
+                    let record = memory.load(rig.config.fingerprint(), Reset::Warm);
+                    let demand = record.and_then(|record| match record.order {
+                        Order::Run(demand) if record.ran => {
+                            Some((record.origin, demand, record.loss != LossStage::None))
+                        }
                         _ => None,
                     });
-                    let kept = if let Kept::Valid(_) = kept { Kept::Valid(demand) } else { kept };
+                    let kept = if let Kept::Whole(_) = kept { Kept::Whole(demand) } else { kept };
+                    how = if kept == Kept::PowerLost { Reset::PowerLost } else { Reset::Warm };
                     rig.input(Input::Boot { kept, down });
                 }
             }
@@ -757,18 +799,18 @@ fn boot<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
     configs: &[EngineConfig; N],
-    memory: &'static [Memory; N],
+    (memory, how): (&'static [Memory; N], Reset),
     end: u64,
 ) -> Result<End, (usize, String)> {
     static ERRORS: LineErrors = LineErrors::new();
-    let node = Node::with_memory(configs, memory).expect("valid");
+    let node = Node::with_memory(configs, memory, how).expect("valid");
     let handles = node.handles();
     // Commands may come before the engines' tasks have begun.
     if rng.percent(30) {
         let port = rng.below(N as u64) as usize;
         let command = rng.pick(&[Command::Arm, Command::Disarm, Command::Run(throttle(0)), Command::Standby]);
         let origin = rng.pick(&Origin::SOURCES);
-        rigs[port].command(&handles[port], origin, command);
+        let _ = rigs[port].command(&handles[port], origin, command);
     }
     let mut tasks: Vec<Pin<Box<dyn Future<Output = ()> + '_>>> = Vec::new();
     for (port, runner) in node.runners().into_iter().enumerate() {
@@ -848,13 +890,15 @@ fn reset<const N: usize>(
             // Brown-out: a bit or two of each copy.
             for words in memory.iter().map(words) {
                 for copy in 0..2 {
-                    let word = &words[copy * 5 + rng.below(5) as usize];
+                    let word = &words[copy * WORDS + rng.below(WORDS as u64) as usize];
                     word.fetch_xor(1 << rng.below(32), Ordering::Relaxed);
                 }
             }
             Kept::Lost
         }
-        2..5 => {
+        // The power of the node was lost for a moment, and its memory survived that.
+        2 => Kept::PowerLost,
+        3..6 => {
             let port = rng.below(N as u64) as usize;
             let demand = rigs[port].demand(rng);
             let command = rng.pick(&[
@@ -867,23 +911,23 @@ fn reset<const N: usize>(
             let origin = rng.pick(&Origin::SOURCES);
             let read = || words(&memory[port]).each_ref().map(|word| word.load(Ordering::Relaxed));
             let before = read();
-            let refused = handles[port].command(command, origin).err();
+            let answer = handles[port].command(command, origin);
             let after = read();
-            let written = rng.below(6) as usize;
-            let copy = (0..2).find(|copy| before[copy * 5..][..5] != after[copy * 5..][..5]);
+            let written = rng.below(WORDS as u64 + 1) as usize;
+            let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
             match copy {
-                Some(copy) if written < 5 => {
+                Some(copy) if written < WORDS => {
                     // The reset came before the command was answered: it was never given.
                     let kept = words(&memory[port]).iter().zip(before);
-                    for (word, old) in kept.skip(copy * 5 + written).take(5 - written) {
+                    for (word, old) in kept.skip(copy * WORDS + written).take(WORDS - written) {
                         word.store(old, Ordering::Relaxed);
                     }
                 }
-                _ => rigs[port].input(Input::Said(origin, command, refused)),
+                _ => rigs[port].input(Input::Said(origin, command, answer)),
             }
-            Kept::Valid(None)
+            Kept::Whole(None)
         }
-        _ => Kept::Valid(None),
+        _ => Kept::Whole(None),
     }
 }
 
@@ -900,5 +944,8 @@ impl Tally {
         self.exact_frames += other.exact_frames;
         self.rpm_frames += other.rpm_frames;
         self.takeovers += other.takeovers;
+        self.rising_frames += other.rising_frames;
+        self.healthy_ends += other.healthy_ends;
+        self.dark_runs += other.dark_runs;
     }
 }

@@ -194,6 +194,7 @@ impl<'a> Desk<'a> {
     /// Tells the audit what was commanded, and what became of it.
     pub fn judge(&self, at: sim::ecu::Nanos, order: Order, answer: Result<Accepted, Rejected>) {
         let mut audit = self.audit.borrow_mut();
+        audit.word(at);
         match (answer, order) {
             (Ok(Accepted::InForce), _) => audit.ordered(at, order),
             (Ok(Accepted::Held), Order::Run(Demand::Throttle(throttle))) => {

@@ -10,7 +10,7 @@ use super::desk::Stage;
 use super::node::Reset;
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
-use jetlink::engine::state::EngineState;
+use jetlink::engine::life::End;
 use jetlink::engine::watch::Watched;
 use jetlink::telemetry::{Event, LossStage};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -28,11 +28,16 @@ const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
 /// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
 /// the answer takes 20.8 ms.
 const ON_WIRE: Nanos = 175 * MILLIS;
-/// What a node takes to see that an engine stopped: three reports in a row. A ZK ECU at 20 Hz says its state every
+/// What a node takes to see that an engine stopped: two reports that agree. A ZK ECU at 20 Hz says its state every
 /// 0.4 s.
 const SEES_STOP: Nanos = 1500 * MILLIS;
+/// What it takes to see by the exhaust that an engine burns no more: two agreeing sets below 300 °C, or 3 s of a fast
+/// fall, none of it in the first 5 s after the demand was lowered.
+const SEES_COLD: Nanos = 6 * SECOND;
 /// Between two words of the pilot.
 const WORDS: Nanos = 100 * MILLIS;
+/// A demand rises from idle to 60 % at 50 % a second.
+const RISE_TO_60: Nanos = 1200 * MILLIS;
 /// Steps of the wire in the throttle, in tenths of a percent.
 const GRAIN: u16 = 10;
 
@@ -199,9 +204,12 @@ async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
         let again = again.iter().find(|frame| frame.said == Said::Run(600)).map(|frame| frame.from - back);
         // Its first word comes up to 0.1 s late, and so does the one that ends the second without a gap.
         c.must(
-            again.is_some_and(|after| (SECOND..=3 * SECOND + 2 * WORDS + ON_WIRE).contains(&after)),
+            again.is_some_and(|after| {
+                (SECOND + RISE_TO_60..=3 * SECOND + RISE_TO_60 + 2 * WORDS + ON_WIRE).contains(&after)
+            }),
             format!(
-                "{name}: the source rules again after 1 s without a gap and at most 2 s of taking over ({:.2} s)",
+                "{name}: 60 % is on the wire again after 1 s without a gap, at most 2 s of taking over, and 1.2 s of rising \
+                 ({:.2} s)",
                 c.or_never(again)
             ),
         );
@@ -237,24 +245,31 @@ async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(1.0).await;
     let standby = c.now();
     c.seat(0).throttle(0);
+    c.until(120.0, "the engine is ready for a start", || c.turbine(0).is_ready_to_start()).await?;
+    c.sleep(8.0).await;
+    c.mark("cool for 8 s; standby, and run once more");
+    let refused = c.seat(0).answers_since(standby);
+    c.seat(0).standby();
     c.sleep(1.0).await;
-    let refused = c.seat(0).answer();
-    c.must(
-        matches!(refused, Some(Err(Rejected::Start(Interlock::TooHot(_) | Interlock::NotStandby)))),
-        format!("left: the hot engine may not start ({})", c.answer_text(0)),
-    );
-    c.until(120.0, "the engine is cool enough for a start", || {
-        matches!(c.seat(0).answer(), Some(Ok(Accepted::InForce)))
-    })
-    .await?;
-    c.mark("below 100 °C: the start is allowed");
     c.stage(0, Stage::Start);
     let allowed = c.now();
     let egt = c.turbine(0).egt();
+    c.seat(0).throttle(0);
     c.running(0).await?;
     c.stage(0, Stage::Idle);
     c.sleep(5.0).await;
     c.look();
+    c.must(
+        matches!(
+            refused.first(),
+            Some(Some(Err(Rejected::Start(Interlock::TooHot(_) | Interlock::NotStandby))))
+        ),
+        "left: the hot engine may not start",
+    );
+    c.must(
+        refused.get(1..) == Some(&[Some(Err(Rejected::StandbyFirst))]),
+        "left: the refusal has used the permission up: from then on run is refused until standby was commanded",
+    );
     let first = c.spoken(0, asked, tripped);
     c.must(
         first.iter().any(|frame| frame.said == Said::Run(0))
@@ -273,13 +288,13 @@ async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         all(&c.spoken(0, tripped + SEES_STOP, allowed), Said::Standby),
-        "left: nothing but standby is on the wire until the engine is cool",
+        "left: nothing but standby is on the wire until standby and run are commanded to the cool engine",
     );
     c.must(
-        c.phases(0, tripped, standby).iter().all(|phase| !phase.is_live()),
-        "left: it does not start again, however long run is commanded",
+        c.phases(0, tripped, allowed).iter().all(|phase| !phase.is_live()),
+        "left: it does not start by itself, however long run is commanded, and not when it is cool either",
     );
-    c.must(egt <= 105.0, format!("left: it starts when the exhaust is below 100 °C ({egt:.0} °C)"));
+    c.must(egt <= 105.0, format!("left: it starts with the exhaust below 100 °C ({egt:.0} °C)"));
     c.must(c.runs(0), "left: the second start reaches idle");
     c.shut_down().await
 }
@@ -323,8 +338,7 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
     c.must(c.told(1, |event| event == Event::OtherFailed(1)), "right: told that the other engine has failed");
 
-    // With a fault an AMT ECU tells no state any more (AMT-8): that the engine stopped cannot be known then, and a
-    // low supply is a fault too. So the order stays, and it is for the source to give it up.
+    // With a fault an AMT ECU tells no state any more (AMT-8), but its exhaust temperature in every set.
     c.mark("flame-out of right; run is still commanded");
     c.ecu(1, |ecu| ecu.turbine_mut().flame_out());
     let out = c.now();
@@ -347,21 +361,38 @@ async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
             c.or_never(fault.map(|at| at.saturating_sub(stopped)))
         ),
     );
+    let frames = c.spoken(1, out, end);
+    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
     c.must(
-        c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
-        "right: its ECU does not relight, although run stays on the wire",
-    );
-    let other = c.when_told(0, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(stopped));
-    c.must(
-        other.is_some_and(|after| after <= 4 * SECOND),
+        standby.is_some_and(|at| at >= out && at <= out + SEES_COLD),
         format!(
-            "left: told that the other engine has failed, when its state is 3 s old ({:.2} s)",
-            c.or_never(other)
+            "right: standby is on the wire within 6 s of the flame-out, by its exhaust ({:.2} s)",
+            c.or_never(standby.map(|at| at.saturating_sub(out)))
         ),
     );
     c.must(
-        c.node().telemetry(1).state == EngineState::Fault,
-        format!("right: the node says `{}`", c.node().telemetry(1).state.name()),
+        standby.is_some_and(|at| all(&c.spoken(1, at, end), Said::Standby)),
+        "right: and stays, although run goes on being commanded",
+    );
+    c.must(
+        c.told(1, |event| matches!(event, Event::RunWithdrawn(End::NotBurning | End::AtRest))),
+        "right: told why",
+    );
+    c.must(
+        c.seat(1).answer() == Some(Err(Rejected::StandbyFirst)),
+        format!("right: the source is told why ({})", c.answer_text(1)),
+    );
+    c.must(
+        c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
+        "right: no relight and no restart",
+    );
+    let other = c.when_told(0, |event| event == Event::OtherFailed(1));
+    c.must(
+        other.zip(standby).is_some_and(|(at, standby)| at <= standby + SECOND),
+        format!(
+            "left: told that the other engine has failed ({:.2} s)",
+            c.or_never(other.map(|at| at.saturating_sub(out)))
+        ),
     );
     c.shut_down().await
 }
@@ -463,6 +494,14 @@ async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
             seconds(stopped - cut)
         ),
     );
+    let given_up = c.when_told(0, |event| event == Event::RunWithdrawn(End::Unconfirmed)).map(|at| at - cut);
+    c.must(
+        given_up.is_some_and(|after| (3800 * MILLIS..=4100 * MILLIS).contains(&after)),
+        format!(
+            "left: the run is given up 4 s after the last set, the serial delay time that the node is set to ({:.2} s)",
+            c.or_never(given_up)
+        ),
+    );
     let other = c.when_told(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
     c.must(
         other.is_some_and(|after| after <= 1400 * MILLIS),
@@ -480,9 +519,11 @@ async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     let frames = c.spoken(0, joined, end);
     let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
     c.must(
-        standby.is_some_and(|at| at - joined <= 1500 * MILLIS && all(&c.spoken(0, at, end), Said::Standby)),
+        standby.is_some_and(|at| at - joined <= 500 * MILLIS)
+            && all(&frames, Said::Standby)
+            && standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
         format!(
-            "left: standby is on the wire once its ECU is heard again ({:.2} s), and stays",
+            "left: the first word is standby, once two sets say that the engine is at rest ({:.2} s), and it stays",
             c.or_never(standby.map(|at| at - joined))
         ),
     );

@@ -43,8 +43,13 @@ struct Moment {
 #[derive(Debug)]
 pub struct Seat<'a> {
     desk: &'a Desk<'a>,
-    answer: Cell<Option<Result<Accepted, Rejected>>>,
+    answer: Cell<Answer>,
+    /// Each answer that differs from the one before.
+    answers: RefCell<Vec<(Nanos, Answer)>>,
 }
+
+/// What the node said to a command; `None`: it was away.
+type Answer = Option<Result<Accepted, Rejected>>;
 
 impl Seat<'_> {
     /// Run at so many percent.
@@ -65,8 +70,20 @@ impl Seat<'_> {
     }
 
     /// What the node said to its last command.
-    pub fn answer(&self) -> Option<Result<Accepted, Rejected>> {
+    pub fn answer(&self) -> Answer {
         self.answer.get()
+    }
+
+    /// What the node has said since then, each that differs from the one before.
+    pub fn answers_since(&self, since: Nanos) -> Vec<Answer> {
+        let answers = self.answers.borrow();
+        answers.iter().filter(|(at, _)| *at >= since).map(|(_, answer)| *answer).collect()
+    }
+
+    fn answered(&self, at: Nanos, answer: Answer) {
+        if self.answer.replace(answer) != answer {
+            self.answers.borrow_mut().push((at, answer));
+        }
     }
 }
 
@@ -96,7 +113,10 @@ impl<'a> Cockpit<'a> {
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
-        let seats = desks.iter().map(|desk| Seat { desk, answer: Cell::new(None) }).collect();
+        let seats = desks
+            .iter()
+            .map(|desk| Seat { desk, answer: Cell::new(None), answers: RefCell::default() })
+            .collect();
         let courses = desks.iter().map(|_| RefCell::default()).collect();
         Self {
             node,
@@ -141,7 +161,7 @@ impl<'a> Cockpit<'a> {
                     if let Some(answer) = answer {
                         desk.judge(at, lever.order(), answer);
                     }
-                    seat.answer.set(answer);
+                    seat.answered(at, answer);
                 }
             }
             if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
