@@ -107,7 +107,7 @@ impl Sources {
             let before = *slot;
             // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
-                Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
+                Some(source) if now <= source.lost_at(age) => (source.since, source.was_lost),
                 // A steady stream with one short gap goes on.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
