@@ -1430,6 +1430,9 @@ fn zk_8_a_hand_over_after_a_reset() {
 // AMT with error sets only: the exhaust is the evidence
 // ---------------------------------------------------------------------------------------------
 
+/// The exhaust at a time in µs, in °C.
+type Egt = fn(u64) -> i32;
+
 /// What becomes of the run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Run {
@@ -1462,7 +1465,6 @@ fn with_faults(micros: u64, fault: u8, demand: Command, egt: impl Fn(u64) -> i32
 #[test]
 fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
     use Run::{GoesOn, Over};
-    type Egt = fn(u64) -> i32;
     let table: [(&str, u64, u8, Egt, Run); 12] = [
         ("burns", 30 * SECOND, 1, |_| 500, GoesOn),
         ("just above the limit", 30 * SECOND, 1, |_| 310, GoesOn),
@@ -1512,8 +1514,7 @@ fn amt_8_a_fall_after_a_lower_demand_was_asked_for() {
 #[test]
 fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
     // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
-    let table: [(u8, fn(u64) -> i32, bool); 3] =
-        [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
+    let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
     for (fault, egt, burns) in table {
         let mut scenario = with_faults(2 * SECOND, fault, run(50), egt);
         scenario.command(run(50)).unwrap();
