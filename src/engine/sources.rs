@@ -107,7 +107,7 @@ impl Sources {
             let before = *slot;
             // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
-                Some(source) if now <= source.lost_at(age) => (source.since, source.was_lost),
+                Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
                 // A steady stream with one short gap goes on.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
@@ -249,7 +249,8 @@ impl Source {
     /// When its last word is too old for the next one to follow without a gap.
     fn lost_at(&self, age: Duration) -> Instant {
         match self.intent {
-            Intent::Nothing => self.heard.checked_add(age).unwrap_or(Instant::MAX),
+            // The second of two words of standby may come just within the age limit.
+            Intent::Nothing => self.heard.checked_add(age + Duration::from_ticks(1)).unwrap_or(Instant::MAX),
             _ => self.silent_from,
         }
     }
