@@ -306,13 +306,13 @@ impl Shaper {
         if !shape.living {
             // Whether the engine lives is in doubt: it neither controls nor winds up, and holds nothing on old telemetry.
             self.governor = None;
-            let fresh = shape.rpm.is_some_and(|rpm| rpm.age(now) <= settings.max_age);
-            let held = match self.governed {
-                None => shape.throttle.unwrap_or(Throttle::IDLE),
-                Some(governed) if fresh => governed,
-                Some(_) => *self.governed.insert(Throttle::IDLE),
-            };
-            return (Demand::Throttle(held), next);
+            let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
+            if old_at.is_none() {
+                self.governed = None;
+                return (Demand::Throttle(Throttle::IDLE), next);
+            }
+            let held = self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE);
+            return (Demand::Throttle(held), earlier(next, old_at));
         }
         let governor = self
             .governor

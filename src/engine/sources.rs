@@ -249,7 +249,8 @@ impl Source {
     /// When its last word is too old for the next one to follow without a gap.
     fn lost_at(&self, age: Duration) -> Instant {
         match self.intent {
-            Intent::Nothing => self.heard.checked_add(age).unwrap_or(Instant::MAX),
+            // The second of two words of standby may come just within the age limit.
+            Intent::Nothing => self.heard.checked_add(age + Duration::from_ticks(1)).unwrap_or(Instant::MAX),
             _ => self.silent_from,
         }
     }
