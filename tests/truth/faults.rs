@@ -18,8 +18,8 @@ pub enum Fault {
     CutBoth,
     /// Every byte of a direction is damaged: both, to the node, to the ECU.
     Damage(bool, bool),
-    /// Some bytes are.
-    Noise,
+    /// Some bytes are, on the way to the node; and to the ECU, too.
+    Noise(bool),
     /// So many bytes of a million, from the ECU, have a framing error.
     Framing(u32),
     FlameOut,
@@ -119,7 +119,7 @@ impl Disturber {
                 let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { 10 * SECOND };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
             }
-            66..76 => (Fault::Noise, rng.spread(500 * MS, 10 * SECOND)),
+            66..76 => (Fault::Noise(rng.percent(30)), rng.spread(500 * MS, 10 * SECOND)),
             76..82 => (Fault::FlameOut, MS),
             82..84 => (Fault::HotStarts(rng.percent(50)), MS),
             84..86 => (Fault::NoLight(rng.percent(30)), MS),
@@ -223,10 +223,10 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
             let damaged = |damaged| if damaged { all } else { Faults::default() };
             plug.set_faults(damaged(to_node), damaged(to_ecu));
         }
-        Fault::Noise => {
+        Fault::Noise(to_ecu) => {
             plug.framing(rng.pick(&[FramingAs::Error, FramingAs::Error, FramingAs::Data]));
             let flips = Faults { flip_per_million: rng.pick(&[0, 1000, 20_000]), ..some };
-            plug.set_faults(some, flips);
+            plug.set_faults(some, if to_ecu { flips } else { Faults::default() });
         }
         Fault::Framing(per_million) => {
             plug.framing(FramingAs::Data);
@@ -261,7 +261,7 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     match fault {
         Fault::PowerOff => plug.power(true),
         Fault::CutToNode | Fault::CutToEcu | Fault::CutBoth => plug.cut(false),
-        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) => {
+        Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) => {
             plug.set_faults(Faults::default(), Faults::default())
         }
         Fault::Error(_) => plug.ecu(|ecu| match ecu {
@@ -288,7 +288,11 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             add(&mut history.mute);
             add(&mut history.deaf);
         }
-        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) | Fault::OneWrongFrame => {
+        Fault::Damage(_, true) | Fault::Noise(true) => {
+            add(&mut history.noise);
+            add(&mut history.noise_to_ecu);
+        }
+        Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) | Fault::OneWrongFrame => {
             add(&mut history.noise)
         }
         Fault::Sensor(_) => add(&mut history.sensor),

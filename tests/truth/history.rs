@@ -341,6 +341,8 @@ pub struct History {
     pub deaf: Spans,
     /// Bytes are damaged, in either direction.
     pub noise: Spans,
+    /// Those on the way to the ECU are.
+    pub noise_to_ecu: Spans,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
@@ -367,6 +369,7 @@ impl History {
             mute: Spans::default(),
             deaf: Spans::default(),
             noise: Spans::default(),
+            noise_to_ecu: Spans::default(),
             versions: Vec::new(),
             pwm: Spans::default(),
             other_failed: Spans::default(),

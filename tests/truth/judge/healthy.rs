@@ -6,7 +6,7 @@ use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, W
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
 /// After a disturbance that is over, until everything goes its way again.
-const SETTLES: u64 = 3 * SECOND;
+const SETTLES: u64 = 2 * SECOND;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
@@ -18,7 +18,9 @@ impl Case<'_> {
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // What is damaged for longer than the ECU waits is as good as cut.
-        let damage = h.noise.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        // Damage on the way to the node costs an AMT ECU its replies, a ZK ECU nothing.
+        let damage = if self.is_amt() { &h.noise } else { &h.noise_to_ecu };
+        let damage = damage.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         let zk = !self.is_amt();
         // Which ECU it is at that time.
         let of = |spans: Spans, version: core::ops::Range<u8>| {
