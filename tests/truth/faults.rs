@@ -100,7 +100,9 @@ impl Disturber {
             true => rng.spread(50 * MS, 900 * SECOND),
             false => rng.spread(50 * MS, 20 * SECOND),
         };
-        let cut = rng.spread(100 * MS, 40 * SECOND);
+        // Longer ones cost an AMT engine: half of them are such as it puts up with.
+        let short = amt && rng.percent(50);
+        let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),
             14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),

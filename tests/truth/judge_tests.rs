@@ -659,6 +659,9 @@ fn a_limit_that_is_passed_has_its_action() {
     let rpm = |h: &mut History| {
         h.rules.limit_egt = None;
         h.rules.limit_rpm = Some((80_000.0, false));
+        for sample in h.samples.iter_mut().filter(|sample| sample.at < 40 * SECOND) {
+            sample.rpm = 70_000.0;
+        }
     };
     story(500, 500.0, false).with(rpm).breaks(&[Rule::Limit]);
     story(0, 500.0, false).with(rpm).is_kept();

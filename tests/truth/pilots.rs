@@ -114,6 +114,8 @@ pub struct Pilot {
     armed: bool,
     /// Keeps the stick where it is when the engine goes out.
     stubborn: bool,
+    /// Moves the stick seldom.
+    calm: bool,
     /// Can this source say that it wants nothing.
     next_arm: u64,
 }
@@ -134,6 +136,7 @@ impl Pilot {
             next_stick: 0,
             armed: false,
             stubborn: rng.percent(30),
+            calm: rng.percent(40),
             next_arm: 0,
         }
     }
@@ -316,7 +319,8 @@ impl Pilot {
             }
             Stage::Flight(until) => {
                 if now >= self.next_stick {
-                    self.next_stick = now + rng.spread(300 * MS, 30 * SECOND);
+                    let least = if self.calm { 10 * SECOND } else { 300 * MS };
+                    self.next_stick = now + rng.spread(least, 60 * SECOND);
                     self.stick = demand(rng, view);
                 }
                 words.push(Word::Run(self.stick));

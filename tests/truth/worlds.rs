@@ -118,7 +118,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
             seat.history.resets.push(Reset { down: down_at, up: now(), cause });
         }
     }
-    let ends: Vec<Spans> = seats.iter().map(|seat| at_rest_after_running(&seat.history)).collect();
+    let ends: Vec<Spans> = seats.iter().map(|seat| may_have_failed(&seat.history)).collect();
     let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
     let engines = (0..N).map(|port| {
         let others = |of: &[Spans]| {
@@ -130,16 +130,18 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
     World { seed, engines: engines.collect() }
 }
 
-fn at_rest_after_running(history: &History) -> Spans {
+/// When another engine may count as failed: at rest after it ran, with a fault, or not heard.
+fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;
     let mut spans = Spans::default();
     for pair in history.samples.windows(2) {
         ran |= pair[0].phase == Phase::Running;
-        if ran && !pair[0].runs() {
+        if ran && !pair[0].runs() || pair[0].fault {
             spans.push(pair[0].at, pair[1].at);
         }
     }
-    spans
+    let unheard = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
+    spans.union(&unheard).longer(5 * SECOND)
 }
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;

@@ -19,23 +19,29 @@ impl Case<'_> {
         let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // What is damaged for longer than the ECU waits is as good as cut.
         let damage = h.noise.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
-        let mut all = match h.rules.kind {
-            Kind::Amt => vec![
+        let zk = !self.is_amt();
+        // Which ECU it is at that time.
+        let of = |spans: Spans, version: core::ops::Range<u8>| {
+            let chosen = spans.iter().filter(|(from, _)| version.contains(&h.version(*from)));
+            Spans::from(&chosen.collect::<Vec<_>>())
+        };
+        let mut all = match zk {
+            false => vec![
                 ("AMT, a wire cut", cut),
                 ("AMT, a gap beyond the serial delay", gap),
                 ("AMT, damage beyond the serial delay", damage),
             ],
-            Kind::Zk(..5) => vec![
-                ("ZK up to 4, a wire cut", cut),
-                ("ZK up to 4, a gap beyond the loss time", gap),
-                ("ZK up to 4, damage beyond the loss time", damage),
+            true => vec![
+                ("ZK up to 4, a wire cut", of(cut, 1..5)),
+                ("ZK up to 4, a gap beyond the loss time", of(gap, 1..5)),
+                ("ZK up to 4, damage beyond the loss time", of(damage, 1..5)),
             ],
-            Kind::Zk(_) => Vec::new(),
         };
-        if matches!(h.rules.kind, Kind::Zk(..5)) && h.rules.gives_up_on_empty {
+        if zk && h.rules.gives_up_on_empty {
             // What is prescribed in doubt is what this ECU does not put up with.
-            let doubt = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
-            all.push(("ZK up to 4 that gives up on ID 0, in doubt", doubt.longer(2 * self.two_states())));
+            let doubt =
+                self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(2 * self.two_states());
+            all.push(("ZK up to 4 that gives up on ID 0, in doubt", of(doubt, 1..5)));
         }
         if let Some((egt, true)) = h.rules.limit_egt {
             let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0);

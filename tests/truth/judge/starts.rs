@@ -240,7 +240,13 @@ impl Case<'_> {
                     let time = if self.is_amt() && fault { 45 * SECOND } else { self.two_states() };
                     (out, out + time + noise.min(10 * SECOND) + down)
                 });
-                if seen.is_some_and(|(out, until)| at <= until && unseen(out)) {
+                // With error sets only the exhaust tells.
+                let by_exhaust = |out| {
+                    self.is_amt()
+                        && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
+                };
+                if seen.is_some_and(|(out, until)| at <= until && (unseen(out) || by_exhaust(out + 100 * MS)))
+                {
                     continue;
                 }
                 // An order that a start gave is taken back: what was under way is out with the next frames.
