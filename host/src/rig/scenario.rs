@@ -2,7 +2,11 @@
 //! what the simulated engines did whether it did. The node's own telemetry is only asked what it told.
 
 mod cockpit;
+mod faults;
 mod known;
+mod power;
+mod sources;
+mod wires;
 
 pub use self::cockpit::{Check, Cockpit};
 use super::audit::{Said, Spoken};
@@ -16,6 +20,14 @@ const PAIR: &[&str] =
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
+/// One ECU of each kind that behaves in a way of its own.
+const THREE: &[&str] = &[
+    "name=amt,ecu=amt,engine=olympus,baud=2400",
+    "name=zk3,ecu=zk,version=3,baud=9600",
+    "name=zk5,ecu=zk,version=5,baud=9600",
+];
+/// One AMT engine.
+const ONE_AMT: &[&str] = &["name=left,ecu=amt,engine=olympus,baud=2400"];
 /// One ZK engine.
 const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
 
@@ -118,12 +130,127 @@ pub static ALL: &[Scenario] = &[
         bad_commands: 1,
         script: |c| Box::pin(known::emergency_stop(c)),
     },
+    Scenario {
+        name: "ecu-power-dip",
+        line: "an ECU loses its power in flight for 0.2, 3 and 180 s: standby, and no restart, although run is commanded",
+        engines: THREE,
+        length: 620,
+        bad_commands: 2,
+        script: |c| Box::pin(power::ecu_power_dip(c)),
+    },
+    Scenario {
+        name: "watchdog-loop",
+        line: "the watchdog resets the node in flight, then every 1.05 s: the engines run on, a dead source's demand does not",
+        engines: PAIR,
+        length: 130,
+        bad_commands: 40,
+        script: |c| Box::pin(power::watchdog_loop(c)),
+    },
+    Scenario {
+        name: "brown-out",
+        line: "the node's supply dips in flight, its memory survives: the engines run on, also one that reports faults only",
+        engines: &[
+            "name=normal,ecu=amt,engine=olympus,baud=2400",
+            "name=faulted,ecu=amt,engine=olympus,baud=2400",
+            "name=zk,ecu=zk,version=5,baud=9600",
+        ],
+        length: 100,
+        bad_commands: 2,
+        script: |c| Box::pin(power::brown_out(c)),
+    },
+    Scenario {
+        name: "one-wire-cut",
+        line: "each wire is cut for 30 s while the pilot moves the stick and then shuts the engine down",
+        engines: THREE,
+        length: 330,
+        bad_commands: 4,
+        script: |c| Box::pin(wires::one_wire_cut(c)),
+    },
+    Scenario {
+        name: "framing-noise",
+        line: "one in six bytes of an ECU breaks its frame for 2 s in flight: no engine is shut down",
+        engines: THREE,
+        length: 100,
+        bad_commands: 1,
+        script: |c| Box::pin(wires::framing_noise(c)),
+    },
+    Scenario {
+        name: "waiting-start",
+        line: "a start waits for another engine while its source is lost: it does not come later by itself",
+        engines: PAIR,
+        length: 130,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::waiting_start(c)),
+    },
+    Scenario {
+        name: "rc-over-mavlink",
+        line: "RC is lost for 2 s above a MAVLink that streams standby, later run at 40 %: the engines run on",
+        engines: PAIR,
+        length: 100,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::rc_over_mavlink(c)),
+    },
+    Scenario {
+        name: "fault-clears",
+        line: "a flame-out of an AMT engine that reports faults only, then the fault clears: no restart",
+        engines: ONE_AMT,
+        length: 130,
+        bad_commands: 1,
+        script: |c| Box::pin(faults::fault_clears(c)),
+    },
+    Scenario {
+        name: "stop-release-arm-start",
+        line: "emergency stop, release, arm, start: who said arm all along has to say disarm first",
+        engines: PAIR,
+        length: 260,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::stop_release_arm_start(c)),
+    },
+    Scenario {
+        name: "ecu-swapped",
+        line: "another ECU is plugged in while the link is down: it gets neither run nor what only the old one knew",
+        engines: &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=zk,version=5,baud=9600,mode=rpm"],
+        length: 110,
+        // ID 6 and ID 7 until the version of the new ECU is known.
+        bad_commands: 30,
+        script: |c| Box::pin(power::ecu_swapped(c)),
+    },
+    Scenario {
+        name: "two-engines-one-fails",
+        line: "one of two engines fails in flight: the other still obeys, and nothing is withheld from it",
+        engines: PAIR,
+        length: 110,
+        bad_commands: 1,
+        script: |c| Box::pin(faults::two_engines_one_fails(c)),
+    },
+    Scenario {
+        name: "one-word-start",
+        line: "a ground station starts an engine by one word and is lost, beside a source that streams a throttle",
+        engines: PAIR,
+        length: 90,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::one_word_start(c)),
+    },
 ];
 
 /// All frames say this, but for those that say nothing of switch and demand, and there are some.
 fn all(frames: &[Spoken], said: Said) -> bool {
     frames.iter().any(|frame| frame.said == said)
         && frames.iter().all(|frame| frame.said == said || frame.said == Said::Nothing)
+}
+
+/// At least so many frames, and all of them say this.
+fn only(frames: &[Spoken], least: usize, allowed: impl Fn(Said) -> bool) -> bool {
+    frames.len() >= least && frames.iter().all(|frame| allowed(frame.said))
+}
+
+const fn is_run(said: Said) -> bool {
+    matches!(said, Said::Run(_) | Said::RunRpm(_))
+}
+
+/// Standby, or what says nothing of switch and demand.
+const fn is_standby(said: Said) -> bool {
+    matches!(said, Said::Standby | Said::Nothing)
 }
 
 fn seconds(nanos: Nanos) -> f64 {

@@ -325,6 +325,9 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, co
         cockpit.heard(desk.index, event);
         let by_itself =
             matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
+        if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {
+            desk.standby_of(clock::now_ns(), origin);
+        }
         let given_up = event == Event::RunWithdrawn(LifeEnd::Unconfirmed);
         if by_itself || given_up {
             let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));

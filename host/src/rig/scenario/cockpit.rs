@@ -184,17 +184,17 @@ impl<'a> Cockpit<'a> {
                 if desk.silent.get() {
                     desk.audit.borrow_mut().may_be_up_to(at, 0);
                 } else {
-                    let lever = desk.lever.get();
-                    let answer = self.node.command(engine, lever.command(), seat.origin.get());
+                    let (lever, origin) = (desk.lever.get(), seat.origin.get());
+                    let answer = self.node.command(engine, lever.command(), origin);
                     if let Some(answer) = answer {
-                        desk.judge(at, lever.order(), answer);
+                        desk.judge(at, lever.order(), origin, answer);
                     }
                     seat.answered(at, answer);
                 }
                 if let Some((origin, lever)) = seat.beside.get()
                     && let Some(answer) = self.node.command(engine, lever.command(), origin)
                 {
-                    desk.judge(at, lever.order(), answer);
+                    desk.judge(at, lever.order(), origin, answer);
                 }
             }
             if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
@@ -262,14 +262,14 @@ impl<'a> Cockpit<'a> {
             _ => return answer,
         };
         if let Some(answer) = answer {
-            self.desks[engine].judge(at, order, answer);
+            self.desks[engine].judge(at, order, origin, answer);
         }
         answer
     }
 
-    /// Does something to a simulated ECU.
-    pub fn ecu(&self, engine: usize, act: impl FnOnce(&mut AnyEcu)) {
-        self.plugs[engine].ecu(act);
+    /// Looks at a simulated ECU, or does something to it.
+    pub fn ecu<T>(&self, engine: usize, act: impl FnOnce(&mut AnyEcu) -> T) -> T {
+        self.plugs[engine].ecu(act)
     }
 
     /// Cuts a line or joins it.

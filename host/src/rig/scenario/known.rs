@@ -2,7 +2,7 @@
 
 use super::super::audit::Said;
 use super::super::desk::Stage;
-use super::super::node::Reset;
+use super::super::node::{Cause, Reset};
 use super::cockpit::{Cockpit, Seat};
 use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, seconds};
 use embassy_time::Duration;
@@ -262,20 +262,20 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(6.0).await;
     let throttles = [600, 750];
     // The watchdog bites 1 s after a task has hung; then the chip starts.
-    let watchdog = Reset { away: Duration::from_millis(1050), forgets: false };
-    let supply = Reset { away: Duration::from_millis(300), forgets: true };
+    let watchdog = Reset { away: Duration::from_millis(1050), cause: Cause::Watchdog };
+    let supply = Reset { away: Duration::from_millis(300), cause: Cause::PowerLost };
     for (reset, label) in
         [(watchdog, "the node hangs, its watchdog resets it"), (supply, "the node's supply fails for 0.3 s")]
     {
         c.event();
         c.mark(label);
-        let what = if reset.forgets { "supply" } else { "watchdog" };
+        let what = if reset.cause == Cause::PowerLost { "supply" } else { "watchdog" };
         let at = c.now();
         c.node().reset(reset);
         c.sleep(0.02).await;
         c.until(5.0, "the node is back", || c.node().is_up()).await?;
         let back = c.now();
-        if reset.forgets {
+        if reset.cause == Cause::PowerLost {
             c.must(
                 (0..c.count()).all(|i| !c.node().telemetry(i).armed),
                 format!("{what}: the node has forgotten that it was armed"),
@@ -300,7 +300,9 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
                     seconds(first.saturating_sub(back))
                 ),
             );
-            let near = |tenths: u16| tenths.abs_diff(throttle) <= if reset.forgets { GRAIN } else { 0 };
+            let near = |tenths: u16| {
+                tenths.abs_diff(throttle) <= if reset.cause == Cause::PowerLost { GRAIN } else { 0 }
+            };
             let same = after.iter().all(|frame| match frame.said {
                 Said::Run(tenths) => {
                     near(tenths) || frame.from < back + 300 * MILLIS && tenths.abs_diff(throttle) <= GRAIN
