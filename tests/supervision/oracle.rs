@@ -454,12 +454,12 @@ impl Oracle {
                 self.may_have_risen(at, demand);
                 if at >= since + takeover.within.as_micros() {
                     self.tally.takeovers += 1;
-                    self.in_force = Some(origin);
+                    let certain = self.in_force.replace(origin).is_some() && !self.maybe_close;
                     self.lost = false;
                     self.waiting = None;
                     self.settled = at;
                     self.rise(at);
-                    if self.maybe_close {
+                    if !certain {
                         // It may have been there before, and have risen.
                         self.rising = None;
                     }
@@ -993,6 +993,7 @@ impl Oracle {
         self.over = None;
         self.standby_reason = None;
         self.rising = None;
+        self.rpm_last = false;
         self.dark_at = None;
         self.uncertain_throttle = 0;
         self.uncertain_rpm = 0;
