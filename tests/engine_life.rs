@@ -1387,6 +1387,8 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {period}");
             // The control: the source speaks after each reset, as soon as the engine is confirmed.
             let mut scenario = flying(ecu);
+            // What is retained is what has gone out.
+            scenario.fly(run(50), Origin::Rc, 4 * EVERY);
             for _ in 0..20 {
                 scenario = scenario.reset(ecu.config());
                 scenario.fly(run(50), Origin::Rc, period.max(110_000));

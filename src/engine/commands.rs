@@ -182,8 +182,11 @@ impl Engine {
     ) -> Result<Accepted, Rejected> {
         let demand = self.clamp(demand);
         let can = self.can(now, demand);
-        if can.is_ok() {
-            self.sources.heard(now, origin, Intent::Run(demand));
+        match can {
+            Ok(()) => self.sources.heard(now, origin, Intent::Run(demand)),
+            // The ECU has not given its version again: no reason to lose the source.
+            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.stays(now, origin),
+            Err(_) => {}
         }
         let result = match &self.mode {
             Mode::Stop(_) => Err(Rejected::StopLatched),

@@ -40,15 +40,17 @@ const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
 const RISE_WITHIN: Nanos = 13 * SECOND;
 /// A rise after a start: the time that a start may take, and the rise.
 const RISE_AFTER_START: Nanos = 125 * SECOND;
+/// ECUs report whole or half percents, here in tenths.
+const REPORTED_GRAIN: u16 = 10;
 /// No good start of a simulated engine takes longer.
 const START_TAKES: Nanos = 30 * SECOND;
 /// An engine that stopped shows in two reports of its ECU, of which noise may damage some.
 const REPORTED_WITHIN: Nanos = 3 * SECOND;
 /// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
 const UNCONFIRMED: Nanos = 11 * SECOND;
-/// When no source has spoken for so long, an engine of which nothing is known is shut down: the age limit, hold, and
-/// 10 s.
-const ALL_SILENT: Nanos = 11 * SECOND;
+/// When no source has spoken for so long, an engine is shut down of which it is not known that it runs: 10 s, of which the
+/// node reckons 0.2 s for each reset, however short it was.
+const ALL_SILENT: Nanos = 8 * SECOND;
 
 /// A frame that nothing allows.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -286,15 +288,23 @@ impl Audit {
     /// The source of a running engine is lost, or one at this throttle waits to take over: from now on the
     /// throttle may be anything up to this, or up to what it is. With no run on the wire nothing changes.
     pub fn may_be_up_to(&mut self, at: Nanos, tenths: u16) {
-        if let Some(Said::Run(now)) = self.on_wire {
-            self.allow(at, Allowed::UpTo(tenths.max(now)));
-        }
+        let now = match (self.on_wire, self.orders.back()) {
+            (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
+            (Some(Said::Run(now)), _) => now,
+            // After a reset: what the ECU tells of it.
+            (None, Some(&(_, Allowed::Again(Said::Run(before))))) => before + REPORTED_GRAIN,
+            (None, Some(&(_, Allowed::UpTo(most)))) => most,
+            _ => return,
+        };
+        self.allow(at, Allowed::UpTo(tenths.max(now)));
     }
 
     /// The node was reset: it may say again what it said before, and nothing else, until something is ordered.
     pub fn reset(&mut self, at: Nanos) {
         self.frame.clear();
         self.reset_at = at;
+        // The node hears nothing meanwhile.
+        (self.heard.gap, self.heard.whole) = (Some(at), None);
         self.last_turn = None;
         self.switched_at = None;
         let before = self.on_wire.take();
@@ -318,7 +328,7 @@ impl Audit {
 
     /// The node goes to standby by itself. It may, and may have said so a little late, where the engine had stopped,
     /// where its ECU fell silent in the start, where a start has had its time, and where nobody has spoken for long and
-    /// its ECU fell silent.
+    /// it still starts or its ECU fell silent.
     pub fn withdrawn(&mut self, at: Nanos, phase: Phase) {
         self.see_engine(at, phase);
         self.heard.find_gap(at);
@@ -326,14 +336,20 @@ impl Audit {
             !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
         let starting = phase.is_starting()
             && (at >= self.started_at + START_TAKES || self.heard.gap >= Some(self.started_at));
-        let forsaken = at >= self.word_at + ALL_SILENT && self.heard.gap >= Some(self.word_at);
+        let in_doubt = phase.is_starting() || self.heard.gap >= Some(self.word_at);
+        let forsaken = at >= self.word_at + ALL_SILENT && in_doubt;
         if stopped || starting || forsaken {
-            let last = self.orders.back().map_or(0, |&(from, _)| from);
-            self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
+            self.standby_took_effect(at);
         } else {
             // On the wire that is a standby that nobody gave, but the pilot may be there with one of its own first.
             self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
         }
+    }
+
+    /// The standby that a source has said before is in force, and may have been a little before.
+    pub fn standby_took_effect(&mut self, at: Nanos) {
+        let last = self.orders.back().map_or(0, |&(from, _)| from);
+        self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
     }
 
     /// The node has given up an order that nothing has confirmed for too long. It may, where its ECU fell silent. Then
@@ -357,7 +373,7 @@ impl Audit {
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
                 // The byte that the reset has cut.
-                (Direction::ToEcu, _) if entry.start < self.reset_at => {}
+                (Direction::ToEcu, _) if entry.start <= self.reset_at && self.reset_at > 0 => {}
                 (Direction::ToNode, _) => self.ecu_spoke = true,
                 (Direction::ToEcu, _) => self.byte(entry),
             }
@@ -464,8 +480,7 @@ impl Audit {
             .any(|(&(_, allowed), _)| match (allowed, said) {
                 (Allowed::Order(order), _) => allows(order),
                 (Allowed::UpTo(most), Said::Run(tenths)) => tenths <= most,
-                // ECUs report whole or half percents.
-                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= 10,
+                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= REPORTED_GRAIN,
                 (Allowed::Again(before), _) => said == before || said == Said::Nothing,
                 (Allowed::UpTo(_), _) => said == Said::Nothing,
             })

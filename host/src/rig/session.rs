@@ -40,7 +40,7 @@ pub struct Setup {
     /// What goes wrong.
     pub faults: Faults,
     /// What is played, in place of the pilots.
-    pub scenario: Option<Scenario>,
+    pub scenario: Option<&'static Scenario>,
     /// All that is random comes from this number.
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
@@ -98,6 +98,8 @@ pub struct Outcomes {
     pub end: End,
     /// What had to happen in a scenario, and whether it did.
     pub checks: Vec<Check>,
+    /// Frames that each ECU of a scenario may have heard damaged.
+    pub bad_commands: u64,
 }
 
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
@@ -220,7 +222,8 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
         });
     }
-    Outcomes { engines, length, end: end.into_inner(), checks }
+    let bad_commands = setup.scenario.map_or(0, |scenario| scenario.bad_commands);
+    Outcomes { engines, length, end: end.into_inner(), checks, bad_commands }
 }
 
 /// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
@@ -322,6 +325,9 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, co
         cockpit.heard(desk.index, event);
         let by_itself =
             matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
+        if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {
+            desk.standby_of(clock::now_ns(), origin);
+        }
         let given_up = event == Event::RunWithdrawn(LifeEnd::Unconfirmed);
         if by_itself || given_up {
             let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
