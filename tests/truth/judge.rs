@@ -128,6 +128,8 @@ struct Case<'a> {
     live: Spans,
     /// The turbine runs, and burns.
     runs: Spans,
+    /// The ECU reports a fault.
+    faults: Spans,
     down: Spans,
     /// The ECU says nothing that could be heard: no power, booting, or no wire.
     blind: Spans,
@@ -147,6 +149,7 @@ impl<'a> Case<'a> {
             voices: Voices::new(h),
             live: live(h),
             runs: h.times(|sample| sample.runs()),
+            faults: h.times(|sample| sample.fault),
             down: h.down(),
             blind,
             stopped: Spans::default(),

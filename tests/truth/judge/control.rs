@@ -39,6 +39,16 @@ impl Voices {
         &words[..words.partition_point(|(when, _)| *when <= at)]
     }
 
+    /// The last words of a source that say run or standby.
+    pub fn orders(&self, source: usize, at: u64) -> Vec<(u64, Word)> {
+        let order = |word: &&(u64, Word)| {
+            matches!(word.1, Word::Standby | Word::ShutDown | Word::Run(_) | Word::Stop)
+        };
+        let mut last: Vec<_> = self.until(source, at).iter().rev().filter(order).take(3).copied().collect();
+        last.reverse();
+        last
+    }
+
     pub const fn age(&self, source: usize) -> u64 {
         self.ages[source]
     }
@@ -74,10 +84,17 @@ impl Voices {
         }
     }
 
-    /// When anybody last said run, before or at an instant.
+    /// When a source last said run with nobody above it, before or at an instant.
     pub fn last_run(&self, at: u64) -> Option<u64> {
-        let run = |word: &&(u64, Word)| matches!(word.1, Word::Run(_));
-        (0..4).filter_map(|source| self.until(source, at).iter().rev().find(run).map(|(when, _)| *when)).max()
+        let below = |source: usize, when: u64| {
+            (0..source).any(|higher| self.fresh(higher, when).is_some_and(|word| word != Word::Nothing))
+        };
+        (0..4)
+            .filter_map(|source| {
+                let run = |word: &&(u64, Word)| matches!(word.1, Word::Run(_)) && !below(source, word.0);
+                self.until(source, at).iter().rev().find(run).map(|(when, _)| *when)
+            })
+            .max()
     }
 
     /// The last run of a source that had spoken without a gap for so long.

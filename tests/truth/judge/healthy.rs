@@ -86,7 +86,9 @@ impl Case<'_> {
     /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
     pub(super) fn known_to_run(&self, at: u64) -> bool {
         let Some((from, to)) = self.runs.last_before(at) else { return false };
-        let hidden = self.blind.union(&self.h.noise).union(&self.down);
+        // With error sets an AMT ECU gives no state.
+        let dumb = if self.is_amt() { self.faults.clone() } else { Spans::default() };
+        let hidden = self.blind.union(&self.h.noise).union(&self.down).union(&dumb);
         at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
     }
 
@@ -151,8 +153,8 @@ impl Case<'_> {
         let slack = 400 * MS + 2 * rules.period;
         // Two words of one source within its age limit or two of its periods, with nobody above it who says otherwise.
         let asked = (0..4).any(|source| {
-            let words = self.voices.until(source, at);
-            let [.., (first, Word::Standby), (second, Word::Standby)] = words else { return false };
+            let words = self.voices.orders(source, at);
+            let [.., (first, Word::Standby), (second, Word::Standby)] = words[..] else { return false };
             let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
             let near = second - first <= self.voices.age(source).max(2 * period) + MS;
             let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
