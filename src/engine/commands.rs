@@ -19,8 +19,6 @@ use embassy_time::{Duration, Instant};
 
 /// A start waits no longer than this for other engines of the group.
 const START_WAIT_MAX: Duration = Duration::from_secs(180);
-/// Where nothing is in force after a reset, a stream of standby counts only after all sources had this time to speak.
-const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
 
 impl Engine {
     pub(super) fn obey(
@@ -129,8 +127,8 @@ impl Engine {
         let above = self.sources.above(now, origin);
         let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
         match &self.mode {
-            Mode::Listen(finding) if above.is_none() => {
-                if now < finding.since + LISTEN_TO_SOURCES {
+            Mode::Listen(_) if above.is_none() => {
+                if !self.settled(now) {
                     return Ok(Accepted::Held);
                 }
                 self.standby(now, origin);

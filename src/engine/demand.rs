@@ -56,6 +56,8 @@ pub(super) struct Arbitration<'a> {
     pub config: &'a Supervision,
     /// The ECU reports a running engine, and nothing puts that in doubt.
     pub living: bool,
+    /// All sources had time to speak since the node started.
+    pub settled: bool,
 }
 
 impl Run {
@@ -68,7 +70,13 @@ impl Run {
         }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
-            Some((origin, Intent::Standby)) if origin.priority() >= self.ruler.priority() => Some(origin),
+            // Of an engine that was found running nobody knows whose it is until all sources had time to speak.
+            Some((origin, Intent::Standby))
+                if origin.priority() >= self.ruler.priority()
+                    && (by.settled || self.ruler != Origin::Node) =>
+            {
+                Some(origin)
+            }
             Some((origin, Intent::Run(demand))) => {
                 // It was never lost, or for a moment only.
                 if origin == self.ruler && (self.fail_safe_at.is_none() || !sources.was_lost(origin)) {
@@ -101,7 +109,9 @@ impl Run {
             lower => {
                 self.taking_over = None;
                 let fail_safe_at = self.lose(now, sources, config);
-                if self.standby_at(fail_safe_at, &by).is_some_and(|at| now >= at) {
+                // Where it is not configured, it takes the silence of all sources.
+                let silent = config.loss.standby_after.is_some() || sources.all_silent_from(now).is_some();
+                if silent && self.standby_at(fail_safe_at, &by).is_some_and(|at| now >= at) {
                     self.stage(LossStage::Standby, told);
                     return Some(Origin::Node);
                 }

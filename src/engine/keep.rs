@@ -53,7 +53,7 @@ pub struct Record {
     pub by_id6: bool,
     /// A service command may have opened the fuel pump, and it was not closed.
     pub pump_open: bool,
-    /// How long the source in control has been silent, resets included. In steps of 0.2 s, 3.6 h at most.
+    /// How long every source has been silent, resets included. In steps of 0.2 s, 3.6 h at most.
     pub silent: Duration,
     /// Resets in a row in which no source has spoken.
     pub resets: u8,

@@ -52,6 +52,8 @@ const RESETS_MAX: u8 = 3;
 const OBEYS_WITHIN: Duration = Duration::from_secs(3);
 /// So far the throttle that it reports may be from the one ordered, in tenths of a percent.
 const OBEYED_BAND: u16 = 100;
+/// Where nothing is known of whose an engine is, a stream of standby counts only after all sources had this time to speak.
+const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
 /// A transmitter that fails for this long is reported.
 const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
@@ -176,6 +178,8 @@ pub struct Engine {
     transmitter_failed: bool,
     /// [`Engine::start`] was called: until then what survived a reset stays as it is.
     begun: bool,
+    /// When that was.
+    started: Instant,
     /// What survived the reset, until the engine begins.
     kept: Option<Record>,
     given_to_keep: Option<Record>,
@@ -229,6 +233,7 @@ impl Engine {
             transmitter: None,
             transmitter_failed: false,
             begun: false,
+            started: Instant::MIN,
             kept: None,
             given_to_keep: None,
             ruler_told: None,
@@ -757,10 +762,10 @@ impl Engine {
 
     /// Finds whose demand is in force, and how far a loss has gone.
     fn rule(&mut self, now: Instant) {
-        let living = self.lives();
+        let (living, settled) = (self.lives(), self.settled(now));
         let Mode::Run(run) = &mut self.mode else { return };
         let mut told: Deque<Event, 4> = Deque::new();
-        let by = Arbitration { sources: &self.sources, config: &self.config, living };
+        let by = Arbitration { sources: &self.sources, config: &self.config, living, settled };
         let standby_by = run.rule(now, by, &mut told);
         for event in &told {
             self.event(*event);
@@ -777,6 +782,11 @@ impl Engine {
         let Mode::Run(Run { life, .. }) = &self.mode else { return false };
         let burns = life.only_faults() && !life.after_gap() && self.exhaust.burning() == Burning::Yes;
         life.reached() && (life.in_doubt().is_none() || burns)
+    }
+
+    /// All sources had time to speak since the node started.
+    fn settled(&self, now: Instant) -> bool {
+        now >= self.started + LISTEN_TO_SOURCES
     }
 
     /// The source's own standby is in force: its own next run may start the engine.
@@ -942,7 +952,8 @@ impl Engine {
         let of_mode = match &self.mode {
             Mode::Listen(finding) => self.listened_out(now, *finding),
             Mode::Run(run) => {
-                let by = Arbitration { sources: &self.sources, config: &self.config, living: self.lives() };
+                let (living, settled) = (self.lives(), self.settled(now));
+                let by = Arbitration { sources: &self.sources, config: &self.config, living, settled };
                 let take_over = run.taking_over.map(|(_, at)| at);
                 [run.loss_deadline(&by), take_over, run.next, self.life_deadline(&run.life, run.start_by)]
                     .into_iter()

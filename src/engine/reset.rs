@@ -61,7 +61,7 @@ impl Engine {
     pub fn start(&mut self, now: Instant, kept: Option<Record>) {
         self.link.start(now);
         self.touch();
-        self.begun = true;
+        (self.begun, self.started) = (true, now);
         self.at = self.at.max(now);
         if self.kept.is_none() {
             self.keep(kept);
@@ -148,10 +148,12 @@ impl Engine {
         }
     }
 
-    /// How long the source in control has been silent, resets included.
+    /// How long every source has been silent, resets included.
     fn silent(&self, run: &Run) -> Duration {
-        let heard = self.sources.last_heard(run.ruler).unwrap_or(run.began);
-        run.carried + self.at.saturating_duration_since(heard)
+        match self.sources.last_word() {
+            Some(word) => self.at.saturating_duration_since(word),
+            None => run.carried + self.at.saturating_duration_since(run.began),
+        }
     }
 
     fn run_to_keep(&self, run: &Run) -> Order {

@@ -207,6 +207,12 @@ impl Sources {
         }
     }
 
+    /// When any source last wanted something, since the node started.
+    pub fn last_word(&self) -> Option<Instant> {
+        let wants = |source: &Source| source.spoken && source.intent != Intent::Nothing;
+        self.each().filter(|(_, source)| wants(source)).map(|(_, source)| source.heard).max()
+    }
+
     /// Its last gap was a loss: it comes back by a take-over.
     pub fn was_lost(&self, origin: Origin) -> bool {
         self.source(origin).is_some_and(|source| source.was_lost)
