@@ -3,7 +3,7 @@
 use super::super::audit::Said;
 use super::super::desk::Stage;
 use super::cockpit::{Cockpit, Seat};
-use super::{ON_WIRE, all, is_run, is_standby, only};
+use super::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use jetlink::telemetry::Event;
 use sim::ecu::{MILLIS, SECOND};
 use sim::wire::{Direction, Faults};
@@ -60,7 +60,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                     );
                     c.must(
                         c.events_since(i, moved, |event| event == Event::NotObeyed) >= 1,
-                        format!("{name}, {what}: told that the ECU does not obey"),
+                        format!("{name}, {what}: reported that the ECU does not obey"),
                     );
                     c.must(
                         c.phases(i, cut, mended).iter().all(|phase| phase.is_live()),
@@ -134,6 +134,10 @@ pub async fn framing_noise(c: &Cockpit<'_>) -> Result<(), String> {
         c.must(
             all(&c.spoken(i, over + 2 * SECOND, end), Said::Run(600)),
             format!("{name}: 60 % is on the wire 2 s after the noise"),
+        );
+        c.must(
+            rises_slowly(&c.spoken(i, begin, end)),
+            format!("{name}: the demand rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, begin), format!("{name}: the engine runs all the time"));
         let errors = c.node().telemetry(i).counters;
