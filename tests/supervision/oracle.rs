@@ -81,6 +81,8 @@ pub struct Truth {
     pub running: bool,
     /// It says that the engine runs, as the document has it: a ZK ECU also where it learns.
     pub says_running: bool,
+    /// With a fault it says an exhaust temperature that nothing but a fire makes.
+    pub says_burning: bool,
     /// It says standby, as the document has it.
     pub standby: bool,
     pub faulty: bool,
@@ -898,8 +900,8 @@ impl Oracle {
             );
         }
         // With a fault an AMT ECU says neither what its engine does nor what it obeys: without memory there is nothing to
-        // go on from.
-        let untold = self.amt && truth.faulty && !self.wire_run && self.memory_lost;
+        // go on from, and with it a burning exhaust that can be read.
+        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || !truth.says_burning);
         if !truth.live || truth.odd || untold {
             self.guard = false;
         }
@@ -1274,7 +1276,9 @@ impl Oracle {
         self.opened = at;
         self.last_run = at;
         self.last_asked = self.last_asked.max(self.before_reset.0);
-        self.rising = Some((at, self.before_reset.0.max(self.truth.obeyed)));
+        // What was asked a moment before may have been reached when the engine was confirmed.
+        let steady = self.ruler(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
+        self.rising = steady.then_some((at, self.before_reset.0.max(self.truth.obeyed)));
         Ok(())
     }
 
