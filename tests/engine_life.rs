@@ -167,6 +167,37 @@ fn reports_mean(ecu: Ecu, state: u8, without: (Means, Means), after: (Means, Mea
     }
 }
 
+/// AMT: sets without a state are answered as the set before, and after a gap not at all.
+#[test]
+fn amt_sets_without_a_state_are_answered_as_the_set_before() {
+    const GAP: u8 = u8::MAX;
+    let table: [(&[u8], bool); 5] = [
+        (&[], true),
+        (&[0b00000], false),
+        (&[0b00000, 0b01000], true),
+        (&[GAP], false),
+        (&[0b00000, 0b01100, 0b01100], true),
+    ];
+    for set in [amt_frames::alternate(0x06), [0xFF, 0b0110_1101, 24, 20, 0, 0]] {
+        for (before, answered) in table {
+            let mut scenario = flying(Ecu::Amt);
+            for state in before {
+                scenario.command(run(50)).unwrap();
+                if *state == GAP {
+                    scenario.silent().pass(gap(Ecu::Amt));
+                } else {
+                    hear(&mut scenario, &report(Ecu::Amt, *state, TURNING));
+                }
+            }
+            scenario.silent().pass(EVERY);
+            scenario.sent();
+            scenario.bench.receive(&set);
+            let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
+            assert_eq!(scenario.sent(), expected, "{set:02x?} {before:?}");
+        }
+    }
+}
+
 /// A gap of three expected frames is doubt, to the tick. What comes in time is none.
 #[test]
 fn three_missing_frames_are_doubt() {
@@ -258,6 +289,7 @@ fn an_earlier_stage_ends_a_start() {
     use End::{AtRest, StartsAgain};
     const GAP: u8 = u8::MAX;
     let table: [(Ecu, &[u8], Option<End>); 15] = [
+        // With a shaft below half of idle.
         (Ecu::Amt, &[0b00010, 0b00010, 0b00100, 0b00100, 0b01000, 0b01000], None),
         (Ecu::Amt, &[0b00010, 0b00010, 0b00000, 0b00000], Some(AtRest)),
         (Ecu::Amt, &[0b00010, 0b00010, 0b00001, 0b00001], Some(AtRest)),
@@ -290,6 +322,22 @@ fn an_earlier_stage_ends_a_start() {
         }
         assert_eq!(scenario.order() == Order::Standby, end.is_some(), "{name}");
         assert_eq!(ends(&mut scenario), end.into_iter().collect::<Vec<_>>(), "{name}");
+    }
+}
+
+/// With a shaft that turns at half of idle an earlier stage is none of a new start, unless there was a gap.
+#[test]
+fn an_earlier_stage_with_a_shaft_that_turns_ends_nothing() {
+    for (ecu, far, earlier) in [(Ecu::Amt, 0b01000, 0b00010), (Ecu::Amt, 0b00100, 0b00010), (Ecu::Zk, 5, 3)] {
+        for (rpm, ends) in [(TURNING, false), (SLOW, true)] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            for state in [far, far, earlier, earlier, earlier] {
+                let _ = scenario.command(run(0));
+                hear(&mut scenario, &report(ecu, state, rpm));
+            }
+            assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {far} {earlier} {rpm}");
+        }
     }
 }
 
@@ -1164,6 +1212,49 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
     }
 }
 
+/// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
+#[test]
+fn what_is_found_where_nothing_is_in_force() {
+    let runs = Order::Run(percent(65));
+    let table = [
+        (Ecu::Amt, 0b01100, TURNING, runs),
+        (Ecu::Amt, 0b01100, SLOW, Order::Listen),
+        // Any other state with a shaft that turns is answered.
+        (Ecu::Amt, 0b00001, TURNING, runs),
+        (Ecu::Amt, 0b00010, TURNING, runs),
+        (Ecu::Amt, 0b00100, TURNING, runs),
+        (Ecu::Amt, 0b01000, TURNING, runs),
+        (Ecu::Amt, 0b11111, TURNING, runs),
+        (Ecu::Amt, 0b11111, SLOW, Order::Listen),
+        (Ecu::Amt, 0b00000, TURNING, Order::Standby),
+        (Ecu::Amt, 0b00001, SLOW, Order::Standby),
+        (Ecu::Amt, 0b00010, SLOW, Order::Standby),
+        (Ecu::Zk, 11, TURNING, runs),
+        (Ecu::Zk, 6, TURNING, runs),
+        (Ecu::Zk, 11, SLOW, Order::Listen),
+        (Ecu::Zk, 31, TURNING, Order::Listen),
+        (Ecu::Zk, 1, TURNING, Order::Standby),
+        (Ecu::Zk, 3, TURNING, Order::Standby),
+        (Ecu::Zk, 13, TURNING, Order::Standby),
+    ];
+    for (ecu, state, rpm, second) in table {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.values.rpm = Some(rpm);
+        scenario.introduce();
+        if ecu == Ecu::Zk {
+            scenario.bench.receive(&zk_frames::status(3, rpm, [65, 0, 0]));
+        }
+        let mut frame = report(ecu, state, rpm);
+        if ecu == Ecu::Amt {
+            frame[4] = 130;
+        }
+        for expected in [Order::Listen, second] {
+            hear(&mut scenario, &frame);
+            assert_eq!(scenario.order(), expected, "{ecu:?} {state} {rpm}");
+        }
+    }
+}
+
 /// AMT-8: after a loss of power an ECU with error sets and a burning exhaust is answered run at its own demand, under the
 /// stages of loss, where the record says that the engine ran; else not.
 #[test]
@@ -1296,6 +1387,8 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {period}");
             // The control: the source speaks after each reset, as soon as the engine is confirmed.
             let mut scenario = flying(ecu);
+            // What is retained is what has gone out.
+            scenario.fly(run(50), Origin::Rc, 4 * EVERY);
             for _ in 0..20 {
                 scenario = scenario.reset(ecu.config());
                 scenario.fly(run(50), Origin::Rc, period.max(110_000));
@@ -1339,6 +1432,9 @@ fn zk_8_a_hand_over_after_a_reset() {
 // AMT with error sets only: the exhaust is the evidence
 // ---------------------------------------------------------------------------------------------
 
+/// The exhaust at a time in µs, in °C.
+type Egt = fn(u64) -> i32;
+
 /// What becomes of the run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Run {
@@ -1371,7 +1467,6 @@ fn with_faults(micros: u64, fault: u8, demand: Command, egt: impl Fn(u64) -> i32
 #[test]
 fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
     use Run::{GoesOn, Over};
-    type Egt = fn(u64) -> i32;
     let table: [(&str, u64, u8, Egt, Run); 12] = [
         ("burns", 30 * SECOND, 1, |_| 500, GoesOn),
         ("just above the limit", 30 * SECOND, 1, |_| 310, GoesOn),
@@ -1420,8 +1515,10 @@ fn amt_8_a_fall_after_a_lower_demand_was_asked_for() {
 /// the tick. Where it burns it goes on at the fail-safe throttle.
 #[test]
 fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
-    for (fault, burns) in [(1, true), (1 << 3, false)] {
-        let mut scenario = with_faults(2 * SECOND, fault, run(50), |_| 500);
+    // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
+    let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
+    for (fault, egt, burns) in table {
+        let mut scenario = with_faults(2 * SECOND, fault, run(50), egt);
         scenario.command(run(50)).unwrap();
         let last = scenario.now();
         scenario.to(last + AGE + HOLD + RUN_OUT - 1);
@@ -1429,6 +1526,29 @@ fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
         scenario.pass(1);
         let expected = if burns { Order::Doubt(percent(0)) } else { Order::Standby };
         assert_eq!(scenario.order(), expected, "{fault}");
+    }
+}
+
+/// One odd error set is no fault, also after an earlier one: a cold exhaust ends no life then.
+#[test]
+fn amt_8_one_odd_error_set_ends_no_life() {
+    for odd in [1, 2] {
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+        scenario.values.fault = 0;
+        // The fault clears, and the exhaust is below what burns: an engine at low power.
+        for i in 1..=100 {
+            scenario.values.egt = 500 - 21 * i / 10;
+            scenario.command(run(50)).unwrap();
+            scenario.pass(EVERY);
+        }
+        scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(percent(50)));
+        scenario.values.fault = 1;
+        for _ in 0..odd {
+            scenario.command(run(50)).unwrap();
+            scenario.pass(EVERY);
+        }
+        assert_eq!(scenario.order() == Order::Standby, odd == 2, "{odd}");
     }
 }
 

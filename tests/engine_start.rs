@@ -656,8 +656,9 @@ fn one_odd_report_does_not_end_a_start() {
         }
         assert_eq!(scenario.telemetry().start_by.is_none(), ends, "{reports}");
         scenario.fly(run(80), Origin::Rc, SECOND);
-        // 50 % a second.
-        assert_eq!(scenario.tenths(), if ends { 500 } else { 0 }, "{reports}");
+        // 50 % a second, in steps of 20 ms.
+        let expected = if ends { 490..=500 } else { 0..=0 };
+        assert!(expected.contains(&scenario.tenths()), "{reports}: {}", scenario.tenths());
     }
 }
 

@@ -551,7 +551,10 @@ fn amt_8_an_ecu_with_a_fault_after_a_reset() {
 fn what_is_kept_is_what_is_in_force() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(60));
-        assert_eq!(Some(scenario.bench.machine.record()), kept_run(percent(60)));
+        scenario.fly(run(60), Origin::Rc, 4 * EVERY);
+        let kept = scenario.bench.machine.record();
+        assert_eq!(Some(Record { said_arm: 0, ..kept }), kept_run(percent(60)));
+        assert_eq!(kept.said_arm, 1 << 3, "RC, the fourth of all origins");
         scenario.pass(10 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
         scenario.fly(run(60), Origin::Rc, 5 * SECOND);

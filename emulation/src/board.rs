@@ -101,6 +101,8 @@ pub struct Board {
     pub watchdog: u64,
     /// The first backup register.
     pub backup: u64,
+    /// Registers that the firmware writes for the sake of the part, and the emulator does not have.
+    pub not_modelled: Range<u64>,
     /// Offset of the register that received bytes are read from.
     pub receive_register: u64,
     /// Offset of the register that bytes to be sent are written to.
@@ -157,6 +159,7 @@ pub static MATEK_H743: Board = Board {
     clock_control: 0x5802_4400,
     watchdog: 0x5800_4800,
     backup: 0x5800_4050,
+    not_modelled: 0..0,
     receive_register: 0x24,
     transmit_register: 0x28,
 };
@@ -184,6 +187,7 @@ pub static PIXRACER: Board = Board {
     clock_control: 0x4002_3800,
     watchdog: 0x4000_3000,
     backup: 0x4000_2850,
+    not_modelled: 0x4001_3C00..0x4001_3C0C, // EXTI: the line of the voltage detector
     receive_register: 0x04,
     transmit_register: 0x04,
 };

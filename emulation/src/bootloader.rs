@@ -185,7 +185,7 @@ impl Bootloader {
 
 /// Where a bootloader at `at` begins, as its table says it.
 pub(crate) const fn entry(at: u64) -> u32 {
-    at as u32 + 4 * TABLE_WORDS | 1
+    (at as u32 + 4 * TABLE_WORDS) | 1
 }
 
 /// What differs from part to part.

@@ -180,6 +180,11 @@ impl Rig {
         each!(&mut self.chip.part, b => b.mcu.usart[at].place_mut())
     }
 
+    /// The supply is at so many millivolts.
+    pub fn supply(&mut self, millivolts: u32) {
+        each!(&mut self.chip.part, b => b.mcu.set_supply(millivolts));
+    }
+
     /// A register, without the effects of reading it.
     pub fn peek(&mut self, at: u64, address: u64) -> Option<u64> {
         self.chip.peek(VirtualNanos(at), address, Width::W32).ok()

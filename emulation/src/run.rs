@@ -365,6 +365,11 @@ impl Bench<'_> {
         self.session.board_mut().dead_crystal = true;
     }
 
+    /// The supply is at so many millivolts from here on. The emulator resets at none of them.
+    pub fn supply(&mut self, millivolts: u32) {
+        self.session.board_mut().supply(millivolts);
+    }
+
     /// Somebody presses the reset button.
     pub fn press_reset(&mut self) {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);

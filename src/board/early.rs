@@ -47,6 +47,8 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
     let cause = chip::reset_cause();
     let oscillator = if chip::start_crystal(bypass) { Oscillator::Crystal } else { Oscillator::Internal };
     WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
+    // Still on the chip's own oscillator, whose speed the flash allows at any voltage.
+    chip::wait_for_supply(feed);
     chip::before_init();
     Early { cause, oscillator }
 }
@@ -60,6 +62,7 @@ pub fn finish(early: Early) {
         chip::watch_crystal();
     }
     chip::speed_up();
+    chip::watch_supply();
 }
 
 /// Starts the watchdog, or gives the one that runs another time: so many counts down from `reload`, each of 4, 8, 16 …
@@ -72,7 +75,12 @@ pub fn watch(prescaler: Pr, reload: u16) {
     watchdog.pr().write(|w| w.set_pr(prescaler));
     watchdog.rlr().write(|w| w.set_rl(reload));
     settled();
-    watchdog.kr().write(|w| w.set_key(Key::RESET));
+    feed();
+}
+
+/// Gives the firmware the watchdog's whole time again.
+pub fn feed() {
+    chip::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
 }
 
 /// Waits until a new prescaler and reload value have crossed over into the watchdog's own clock: five periods of it

@@ -7,7 +7,7 @@ use embassy_stm32::{
     Peri,
     gpio::{Level, Output, Pin, Speed},
     interrupt::{InterruptExt, Priority},
-    pac::iwdg::vals::{Key, Pr},
+    pac::iwdg::vals::Pr,
 };
 
 /// An LED that lights when its pin is low.
@@ -43,7 +43,7 @@ impl Watchdog {
     /// Gives the firmware another second.
     pub fn feed(&mut self) {
         let _only_one = &mut self.0;
-        chip::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
+        early::feed();
     }
 }
 

@@ -115,6 +115,12 @@ pub fn speed_up() {
     core.SCB.enable_icache();
 }
 
+/// Nothing here: a voltage that the core's clock does not allow is the regulator's and the brown-out reset's to see.
+pub fn wait_for_supply(_meanwhile: impl Fn()) {}
+
+/// Nothing here, see `wait_for_supply`.
+pub fn watch_supply() {}
+
 /// Turns the clock security system on: a crystal that stops raises the NMI.
 pub fn watch_crystal() {
     RCC.cr().modify(|w| w.set_hsecsson(true));

@@ -182,8 +182,11 @@ impl Engine {
     ) -> Result<Accepted, Rejected> {
         let demand = self.clamp(demand);
         let can = self.can(now, demand);
-        if can.is_ok() {
-            self.sources.heard(now, origin, Intent::Run(demand));
+        match can {
+            Ok(()) => self.sources.heard(now, origin, Intent::Run(demand)),
+            // The ECU has not given its version again: no reason to lose the source.
+            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.stays(now, origin),
+            Err(_) => {}
         }
         let result = match &self.mode {
             Mode::Stop(_) => Err(Rejected::StopLatched),
@@ -194,11 +197,12 @@ impl Engine {
             Mode::Run(_) => {
                 // Whose demand is in force is for `update`.
                 self.update(now);
+                let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
                 let in_force =
                     matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
                 return Ok(match self.sources.above(now, origin) {
                     Some(above) => Accepted::Behind(above),
-                    None if in_force => Accepted::InForce,
+                    None if in_force && in_control => Accepted::InForce,
                     None => Accepted::Held,
                 });
             }
@@ -397,7 +401,8 @@ impl Engine {
             return Err(Interlock::NotIdle);
         }
         let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
-        if self.link.state() != LinkState::Up || !stable {
+        // A gap that has begun is not yet a loss, and a start in it would end at once.
+        if self.link.state() != LinkState::Up || !stable || self.link.gap_at().is_none() {
             return Err(Interlock::Link);
         }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {

@@ -62,6 +62,10 @@ impl Run {
     /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
     pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
+        if sources.has_spoken(self.ruler) {
+            // Silence from before the reset is over.
+            self.carried = Duration::from_ticks(0);
+        }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
             Some((origin, Intent::Standby)) if origin.priority() >= self.ruler.priority() => Some(origin),
@@ -71,9 +75,6 @@ impl Run {
                     self.taking_over = None;
                     if self.fail_safe_at.take().is_some() {
                         self.shaper.rise();
-                    }
-                    if sources.has_spoken(origin) {
-                        self.carried = Duration::from_ticks(0);
                     }
                     self.demand = demand;
                     self.stage(LossStage::None, told);
@@ -306,13 +307,13 @@ impl Shaper {
         if !shape.living {
             // Whether the engine lives is in doubt: it neither controls nor winds up, and holds nothing on old telemetry.
             self.governor = None;
-            let fresh = shape.rpm.is_some_and(|rpm| rpm.age(now) <= settings.max_age);
-            let held = match self.governed {
-                None => shape.throttle.unwrap_or(Throttle::IDLE),
-                Some(governed) if fresh => governed,
-                Some(_) => *self.governed.insert(Throttle::IDLE),
-            };
-            return (Demand::Throttle(held), next);
+            let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
+            if old_at.is_none() {
+                self.governed = None;
+                return (Demand::Throttle(Throttle::IDLE), next);
+            }
+            let held = self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE);
+            return (Demand::Throttle(held), earlier(next, old_at));
         }
         let governor = self
             .governor

@@ -57,6 +57,10 @@ pub struct Record {
     pub silent: Duration,
     /// Resets in a row in which no source has spoken.
     pub resets: u8,
+    /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
+    pub said_arm: u8,
+    /// The sources that have to disarm before their "arm" counts again, in the same way.
+    pub must_disarm: u8,
 }
 
 impl Record {
@@ -74,6 +78,8 @@ impl Record {
             pump_open: false,
             silent: Duration::from_ticks(0),
             resets: 0,
+            said_arm: 0,
+            must_disarm: 0,
         }
     }
 
@@ -90,7 +96,8 @@ impl Record {
             _ => Origin::Node,
         };
         let (ran, by_id6, pump_open, silent) = (self.ran, self.by_id6, self.pump_open, self.silent);
-        Self { ran, by_id6, pump_open, silent, ..Self::new(order, origin) }
+        let (said_arm, must_disarm) = (self.said_arm, self.must_disarm);
+        Self { ran, by_id6, pump_open, silent, said_arm, must_disarm, ..Self::new(order, origin) }
     }
 
     /// Silence in the steps in which it is retained.
@@ -209,12 +216,13 @@ fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
         | u32::from(record.pump_open) << 21
         | (record.loss as u32) << 24;
     let silence = silence_steps(record.silent) | u32::from(record.resets) << 16;
-    let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, 0, 0];
+    let arming = u32::from(record.said_arm) | u32::from(record.must_disarm) << 8;
+    let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
     words[WORDS - 1] = checksum(&words);
     words
 }
 
-fn unpack([_, _, flags, value, _, silence, _, _]: [u32; WORDS]) -> Option<Record> {
+fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<Record> {
     let order = match flags & 0xFF {
         1 => Order::EmergencyStop,
         2 => Order::Standby,
@@ -246,6 +254,8 @@ fn unpack([_, _, flags, value, _, silence, _, _]: [u32; WORDS]) -> Option<Record
         loss,
         silent: SILENCE_STEP * (silence & 0xFFFF),
         resets: u8::try_from(silence >> 16).ok()?,
+        said_arm: u8::try_from(arming & 0xFF).ok()?,
+        must_disarm: u8::try_from(arming >> 8).ok()?,
     })
 }
 
@@ -286,6 +296,8 @@ mod tests {
                         loss,
                         silent: Duration::from_millis(200 * flags as u64),
                         resets: flags as u8,
+                        said_arm: flags as u8 & 31,
+                        must_disarm: flags as u8 >> 1,
                     };
                     memory.store(&record, OURS);
                     assert_eq!(load(&memory), Some(record));

@@ -100,8 +100,10 @@ struct Run {
     ruler: Origin,
     /// That demand, before it is shaped.
     demand: Demand,
-    /// The demand as it was last shaped.
+    /// The demand as it was last shaped, as it was last handed out, and as it last went out whole.
     shaped: Demand,
+    handed_out: Option<Demand>,
+    sent: Option<Demand>,
     /// Another source waits to take over, until then at the latest.
     taking_over: Option<(Origin, Instant)>,
     /// No source is fresh: when the fail-safe stage begins, or has begun.
@@ -273,6 +275,9 @@ impl Engine {
     /// See [`Link::sent`].
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);
+        if let Mode::Run(run) = &mut self.mode {
+            run.sent = run.handed_out.take().or(run.sent);
+        }
         self.touch();
         self.transmitter = None;
         if core::mem::take(&mut self.transmitter_failed) {
@@ -310,6 +315,9 @@ impl Engine {
             self.look(now);
             self.update(now);
             output = self.link.poll();
+        }
+        if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
+            run.handed_out = Some(run.shaped);
         }
         match output {
             Output::Wait(deadline) => match self.events.pop_front() {
@@ -495,6 +503,8 @@ impl Engine {
             ruler: origin,
             demand,
             shaped: demand,
+            handed_out: None,
+            sent: None,
             taking_over: None,
             fail_safe_at,
             stage,

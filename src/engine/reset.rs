@@ -17,12 +17,24 @@ const RESET_TAKES: Duration = Duration::from_millis(200);
 /// A throttle that the ECU reported longer ago is not what it obeys now.
 const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
+/// A flag for each source from a bit each.
+fn flags(mask: u8) -> [bool; Origin::ALL.len()] {
+    core::array::from_fn(|place| mask >> place & 1 == 1)
+}
+
+/// A bit for each source from a flag each.
+fn mask(flags: [bool; Origin::ALL.len()]) -> u8 {
+    flags.iter().rev().fold(0, |mask, flag| mask << 1 | u8::from(*flag))
+}
+
 impl Engine {
     /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
     /// does not take its place.
     pub fn keep(&mut self, kept: Option<Record>) {
         let Some(kept) = kept else { return };
         (self.armed, self.failed) = (kept.armed, kept.failed);
+        self.said_arm = flags(kept.said_arm);
+        self.must_disarm = flags(kept.must_disarm);
         // This reset counts, until a source speaks.
         self.resets = kept.resets.saturating_add(1);
         self.given_to_keep = Some(kept);
@@ -73,7 +85,7 @@ impl Engine {
         match kept.order {
             Order::Run(demand) if ran => {
                 let low = self.resets >= RESETS_MAX;
-                let lost = low || kept.loss != LossStage::None;
+                let lost = low || kept.loss >= LossStage::FailSafe;
                 // After resets in a row without a word it is not waited for once more.
                 let believed_silent = if low { Duration::MAX } else { silent };
                 self.sources.resume(now, kept.origin, demand, lost, believed_silent);
@@ -130,6 +142,8 @@ impl Engine {
             by_id6: self.link.switch_by_id6(),
             pump_open: self.pump.is_some() || self.link.closing_pump(),
             resets,
+            said_arm: mask(self.said_arm),
+            must_disarm: mask(self.must_disarm),
             ..kept
         }
     }
@@ -150,7 +164,9 @@ impl Engine {
         // source takes over, is none to jump to.
         let behind = run.shaped.is_below(run.demand);
         let shaped = run.stage != LossStage::None || run.limited || behind;
-        Order::Run(if shaped { run.shaped } else { run.demand })
+        let demand = if shaped { run.shaped } else { run.demand };
+        // What has not gone out yet is for its source to say again: after a reset a demand rises, and does not jump.
+        Order::Run(run.sent.filter(|sent| sent.is_below(demand)).unwrap_or(demand))
     }
 
     /// Nothing was in force, and the ECU has reported what its engine does.

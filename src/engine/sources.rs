@@ -75,6 +75,12 @@ impl Sources {
         }
     }
 
+    /// A source says something that cannot be done just now: it is there, and wants what it wanted.
+    pub fn stays(&mut self, now: Instant, origin: Origin) {
+        let intent = self.intent(origin).unwrap_or(Intent::Nothing);
+        self.speak(now, origin, intent);
+    }
+
     /// A source says standby. To an engine that has reached running the first of two words changes nothing.
     pub fn standby(&mut self, now: Instant, origin: Origin, two_words: bool) -> StandbyWord {
         let age = self.ages.of(origin);
@@ -108,6 +114,8 @@ impl Sources {
             // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
                 Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
+                // The first word after a reset: what was lost before it stays lost, and nothing else does.
+                Some(source) if !source.spoken => (now, source.was_lost),
                 // A steady stream with one short gap goes on.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
@@ -249,7 +257,8 @@ impl Source {
     /// When its last word is too old for the next one to follow without a gap.
     fn lost_at(&self, age: Duration) -> Instant {
         match self.intent {
-            Intent::Nothing => self.heard.checked_add(age).unwrap_or(Instant::MAX),
+            // The second of two words of standby may come just within the age limit.
+            Intent::Nothing => self.heard.checked_add(age + Duration::from_ticks(1)).unwrap_or(Instant::MAX),
             _ => self.silent_from,
         }
     }

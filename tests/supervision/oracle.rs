@@ -678,7 +678,9 @@ impl Oracle {
                 return Err(format!("(4) {origin:?} armed while an emergency stop is latched"));
             }
             if self.must_disarm[slot(origin)] {
-                return Err(format!("(4) {origin:?} armed with a word that it has said since before the stop"));
+                return Err(format!(
+                    "(4) {origin:?} armed with a word that it has said since before the stop"
+                ));
             }
             self.armed = true;
         }
@@ -694,8 +696,7 @@ impl Oracle {
         let mut source = before.unwrap_or(Source::new(at, word));
         if let Some(before) = before {
             // One that is present and wants nothing speaks without a gap.
-            let gap_from =
-                if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
+            let gap_from = if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
             if at >= gap_from {
                 // A steady stream with one short gap goes on.
                 source.was_lost = !self.steady(&before) || at >= gap_from + return_within;
@@ -1032,7 +1033,9 @@ impl Oracle {
         self.last_frame = at;
         if let Some((_, source)) = self.ruler(at)
             && let Word::Run(demand) = source.word
-            && (at < source.changed + TOL || self.config.supervision.slew.up.is_some() || self.rising.is_some())
+            && (at < source.changed + TOL
+                || self.config.supervision.slew.up.is_some()
+                || self.rising.is_some())
         {
             // It may have moved towards this until another demand came.
             self.peak(demand);
@@ -1178,7 +1181,9 @@ impl Oracle {
         {
             return Err("(1) run, and every source is silent for longer than the time to standby".into());
         }
-        if !self.reached && at > fail_safe + loss.standby_after.map_or(RUN_OUT, |after| after.as_micros()) + TOL {
+        if !self.reached
+            && at > fail_safe + loss.standby_after.map_or(RUN_OUT, |after| after.as_micros()) + TOL
+        {
             return Err("(1) run to an engine that does not run yet, and every source is silent".into());
         }
         if !self.uncertain(at)
@@ -1288,7 +1293,8 @@ impl Oracle {
             return None;
         }
         self.tally.silent_frames += 1;
-        let passed = at.saturating_sub(self.wanted_until + self.config.supervision.loss.hold.as_micros() + TOL);
+        let passed =
+            at.saturating_sub(self.wanted_until + self.config.supervision.loss.hold.as_micros() + TOL);
         let fallen = u64::from(rate) * passed / SECOND;
         // 25 ms of the ramp for a step of it and a frame, and half a percent for AMT's resolution.
         let slack = rate / 40 + if rpm { self.max_rpm / 200 } else { 6 };
@@ -1360,7 +1366,8 @@ impl Oracle {
         }
         // (3)
         let from = from.max(unseen);
-        let bound = self.silent_bound(at, loss.throttle.tenths().into(), from.into(), loss.ramp.into(), false);
+        let bound =
+            self.silent_bound(at, loss.throttle.tenths().into(), from.into(), loss.ramp.into(), false);
         if let Some(bound) = bound {
             self.tally.fail_safe_frames += u64::from(bound <= u32::from(loss.throttle.tenths()));
             if u32::from(throttle) > bound {

@@ -115,7 +115,9 @@ fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
         scenario.fly(run(80), Origin::Rc, SECOND);
         let (kept, now) = (scenario.bench.machine.record(), scenario.tenths());
         assert!(now < 150, "{ecu:?}: {now}");
-        assert_eq!(kept.order, Order::Run(tenths(now)), "{ecu:?}");
+        // 10 % a second, and a frame every 50 ms (ZK) or set (AMT).
+        let sent = (now - 10..=now).map(|value| Order::Run(tenths(value)));
+        assert!(sent.clone().any(|order| order == kept.order), "{ecu:?}: {:?}, {now} in force", kept.order);
     }
 }
 

@@ -16,5 +16,6 @@ mod memory_map;
 mod power;
 mod repeat;
 mod reply_time;
+mod supply;
 mod tcp;
 mod watchdog;

@@ -1,7 +1,7 @@
 //! From the last stop bit of an AMT frame to the first start bit of the reply, in the worst case found.
 
-use crate::support::{amt_engines, engines, on_each_board};
-use emulation::{Board, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
+use crate::support::{amt_engines, engines, errors_told, on_each_board};
+use emulation::{Board, Fate, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
 use sim::amt::{AmtConfig, AmtEcu, Engine};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
@@ -150,4 +150,31 @@ fn the_worst_reply_of_each_board_is_far_inside_the_window() {
         // Of the window's 30 ms the reply itself takes 20.8 ms at 2400 baud: 9.2 ms are left.
         assert!(row.ns < MILLIS, "{} at {}: {} ns", row.board.name, row.rate, row.ns);
     }
+}
+
+/// A byte at 115 200 baud takes 87 µs, and an F427 holds one: the next has overwritten it by then. So no interrupt may be
+/// held up for long, by log lines neither. The line is full, so some byte comes at the worst moment of each.
+#[test]
+fn no_byte_waits_long_for_its_interrupt() {
+    on_each_board(|board| {
+        let mut run = Run::new(board, Image::Release).engines().tap("SERIAL5");
+        for second in 1..12 {
+            let at = second * SECOND - SECOND / 2 + second * 8000;
+            run = run.at(at, |bench| bench.babble("SERIAL5", Some(&[0x55])));
+        }
+        let report = run.until(12 * SECOND).go();
+        let mut reads = report.taps.iter().filter(|tap| !tap.write).peekable();
+        let mut waits = Vec::new();
+        for rx in report.wire("SERIAL5").rx.iter().filter(|rx| rx.fate == Fate::Heard && rx.start > SECOND) {
+            while reads.next_if(|read| read.at < rx.end).is_some() {}
+            let Some(read) = reads.peek() else { break };
+            waits.push(read.at - rx.end);
+        }
+        waits.sort_unstable();
+        let [median, longest] = [waits[waits.len() / 2], waits[waits.len() - 1]];
+        println!("{}: {} bytes, median {median} ns, longest {longest} ns", board.name, waits.len());
+        assert!(waits.len() > 120_000);
+        assert!(longest < 12_000, "{longest} ns");
+        assert_eq!(errors_told(&report, "booster"), (0, 0, 0));
+    });
 }

@@ -8,7 +8,10 @@
 //! - standby: standby at throttle 0;
 //! - run at a throttle: that throttle, or 0 during the start;
 //! - run at an rpm: that rpm, or the idle rpm or 0 during the start;
+//! - after a start, a take-over, a gap in what the ECU sent, or a reset: a demand that rises from the last one on the wire
+//!   to the commanded one, at most at 50 % a second;
 //! - its source is lost, or another one is about to take over: no higher throttle than before;
+//! - a run that the node withdraws: standby, where the simulated engine had stopped, or its ECU fell silent in the start;
 //! - ZK beside these: ID 0, and ID 2 with the configured rate.
 //!
 //! Anything else is a command that nobody gave.
@@ -17,7 +20,8 @@ use super::engines::{Ecu as Kind, Engine};
 use super::simulated::{cadence, parameters};
 use jetlink::command::{Demand, Order};
 use sim::amt::Ops;
-use sim::ecu::{MILLIS, Nanos};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
 use sim::zk::{Action, Sw, ZkCommand};
 use std::collections::VecDeque;
@@ -28,6 +32,25 @@ const MADE_BEFORE: Nanos = 50 * MILLIS;
 const LONGEST_GAP: Nanos = 5 * MILLIS;
 /// Findings that are kept; all are counted.
 const KEPT: usize = 5;
+/// Where nothing else is configured a demand rises at this rate, in thousandths of the maximum a second.
+const RISE: u64 = 500;
+/// The demand on the wire was computed up to so long before its frame went out.
+const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
+/// A rise after a gap or a reset has begun and ended after this: 10 s of doubt, 2 s from idle to full, and a frame.
+const RISE_WITHIN: Nanos = 13 * SECOND;
+/// A rise after a start: the time that a start may take, and the rise.
+const RISE_AFTER_START: Nanos = 125 * SECOND;
+/// ECUs report whole or half percents, here in tenths.
+const REPORTED_GRAIN: u16 = 10;
+/// No good start of a simulated engine takes longer.
+const START_TAKES: Nanos = 30 * SECOND;
+/// An engine that stopped shows in two reports of its ECU, of which noise may damage some.
+const REPORTED_WITHIN: Nanos = 3 * SECOND;
+/// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
+const UNCONFIRMED: Nanos = 11 * SECOND;
+/// When no source has spoken for so long, an engine is shut down of which it is not known that it runs: 10 s, of which the
+/// node reckons 0.2 s for each reset, however short it was.
+const ALL_SILENT: Nanos = 8 * SECOND;
 
 /// A frame that nothing allows.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -77,6 +100,63 @@ enum Allowed {
     Again(Said),
 }
 
+/// What the ECU's frames on the wire show of gaps, by what became of each byte.
+#[derive(Debug)]
+struct Heard {
+    /// Between two frames of the ECU.
+    period: Nanos,
+    /// Damaged frames look like whole ones (AMT: no checksum).
+    unchecked: bool,
+    /// The last byte of the frame under way, and whether the frame arrived as it was sent so far.
+    frame: Option<(Nanos, bool)>,
+    /// The last bit of the last whole frame.
+    whole: Option<Nanos>,
+    /// When three expected frames had not come, or a damaged one could be taken for another.
+    gap: Option<Nanos>,
+}
+
+impl Heard {
+    /// A byte of the ECU, or one that noise made.
+    fn byte(&mut self, entry: &Entry) {
+        let arrived = entry.fate == Fate::Delivered;
+        match &mut self.frame {
+            Some((end, whole)) if entry.start <= *end + LONGEST_GAP => {
+                (*end, *whole) = (entry.end, *whole && arrived);
+            }
+            _ => {
+                self.end_frame();
+                self.frame = Some((entry.end, arrived));
+            }
+        }
+        self.find_gap(entry.end);
+    }
+
+    fn end_frame(&mut self) {
+        match self.frame.take() {
+            Some((end, true)) => self.whole = Some(end),
+            Some((end, false)) if self.unchecked => self.gap = Some(end),
+            _ => {}
+        }
+    }
+
+    fn find_gap(&mut self, now: Nanos) {
+        if self.frame.is_some_and(|(end, _)| now > end + LONGEST_GAP) {
+            self.end_frame();
+        }
+        // A frame lasts up to one period.
+        if self.whole.is_none_or(|whole| now >= whole + 3 * self.period) {
+            self.gap = Some(now);
+        }
+    }
+}
+
+/// A demand on the wire, in tenths of a percent or in rpm.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Level {
+    at: Nanos,
+    value: u32,
+}
+
 /// Watches one line.
 #[derive(Debug)]
 pub struct Audit {
@@ -85,6 +165,7 @@ pub struct Audit {
     cadence: Option<Nanos>,
     rate_action: Option<Action>,
     idle_rpm: u32,
+    max_rpm: u32,
     /// RPM_X that covers the engine's maximum (ZK-9).
     factor: u8,
     /// What was ordered and from when, the oldest that still matters first.
@@ -94,6 +175,18 @@ pub struct Audit {
     frame_end: Nanos,
     /// What was begun before belongs to a node that is no more.
     reset_at: Nanos,
+    /// The last demand on the wire.
+    level: Option<Level>,
+    /// The demand may still be on its way up to the commanded one, until then.
+    rises_until: Option<Nanos>,
+    heard: Heard,
+    /// When run was ordered after something else.
+    started_at: Nanos,
+    /// When the engine was last seen to stop, and whether it was live when it was last seen.
+    stopped_at: Option<Nanos>,
+    was_live: bool,
+    /// When a source last spoke.
+    word_at: Nanos,
     /// The first bit of the frame of the last turn (ZK).
     last_turn: Option<Nanos>,
     /// The first bit of the last frame, if it was a switch in a command of its own (ZK).
@@ -133,6 +226,7 @@ impl Audit {
                 _ => Action::Rate100,
             }),
             idle_rpm: parameters.idle_rpm as u32,
+            max_rpm: parameters.max_rpm as u32,
             factor: (1..=6_u8)
                 .find(|&factor| 40_950.0 * f64::from(factor) >= parameters.max_rpm)
                 .unwrap_or(6),
@@ -143,6 +237,19 @@ impl Audit {
             frame_start: 0,
             frame_end: 0,
             reset_at: 0,
+            level: None,
+            rises_until: None,
+            heard: Heard {
+                period: cadence.unwrap_or(125 * MILLIS),
+                unchecked: matches!(engine.ecu, Kind::Amt(_)),
+                frame: None,
+                whole: None,
+                gap: None,
+            },
+            started_at: 0,
+            stopped_at: None,
+            was_live: false,
+            word_at: 0,
             last_turn: None,
             switched_at: None,
             frames: 0,
@@ -156,15 +263,38 @@ impl Audit {
 
     /// This is ordered from now on.
     pub fn ordered(&mut self, at: Nanos, order: Order) {
+        let before = self.orders.back().map(|&(_, allowed)| allowed);
+        match (before, order) {
+            (Some(Allowed::Order(Order::Run(_))), _) => {}
+            (Some(Allowed::UpTo(_) | Allowed::Again(_)), Order::Run(_)) => self.may_rise(at + RISE_WITHIN),
+            (_, Order::Run(_)) => {
+                self.started_at = at;
+                self.may_rise(at + RISE_AFTER_START);
+            }
+            _ => {}
+        }
         self.allow(at, Allowed::Order(order));
     }
 
+    /// A source has spoken, whatever it said.
+    pub fn word(&mut self, at: Nanos) {
+        self.word_at = at;
+    }
+
+    fn may_rise(&mut self, until: Nanos) {
+        self.rises_until = self.rises_until.max(Some(until));
+    }
+
     /// The source of a running engine is lost, or one at this throttle waits to take over: from now on the
-    /// throttle may be anything up to this, or up to what it is.
+    /// throttle may be anything up to this, or up to what it is. With no run on the wire nothing changes.
     pub fn may_be_up_to(&mut self, at: Nanos, tenths: u16) {
-        let now = match self.on_wire {
-            Some(Said::Run(now)) => now,
-            _ => 0,
+        let now = match (self.on_wire, self.orders.back()) {
+            (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
+            (Some(Said::Run(now)), _) => now,
+            // After a reset: what the ECU tells of it.
+            (None, Some(&(_, Allowed::Again(Said::Run(before))))) => before + REPORTED_GRAIN,
+            (None, Some(&(_, Allowed::UpTo(most)))) => most,
+            _ => return,
         };
         self.allow(at, Allowed::UpTo(tenths.max(now)));
     }
@@ -173,10 +303,13 @@ impl Audit {
     pub fn reset(&mut self, at: Nanos) {
         self.frame.clear();
         self.reset_at = at;
+        // The node hears nothing meanwhile.
+        (self.heard.gap, self.heard.whole) = (Some(at), None);
         self.last_turn = None;
         self.switched_at = None;
         let before = self.on_wire.take();
         self.allow(at, Allowed::Again(before.unwrap_or(Said::Standby)));
+        self.may_rise(at + RISE_WITHIN);
     }
 
     fn allow(&mut self, at: Nanos, allowed: Allowed) {
@@ -185,25 +318,62 @@ impl Audit {
         }
     }
 
-    /// The node has withdrawn a run, as it does when the engine stopped. It may have said so a little late.
-    pub fn withdrawn(&mut self, at: Nanos) {
+    /// What the simulated engine does now.
+    pub fn see_engine(&mut self, at: Nanos, phase: Phase) {
+        if self.was_live && !phase.is_live() {
+            self.stopped_at = Some(at);
+        }
+        self.was_live = phase.is_live();
+    }
+
+    /// The node goes to standby by itself. It may, and may have said so a little late, where the engine had stopped,
+    /// where its ECU fell silent in the start, where a start has had its time, and where nobody has spoken for long and
+    /// it still starts or its ECU fell silent.
+    pub fn withdrawn(&mut self, at: Nanos, phase: Phase) {
+        self.see_engine(at, phase);
+        self.heard.find_gap(at);
+        let stopped =
+            !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
+        let starting = phase.is_starting()
+            && (at >= self.started_at + START_TAKES || self.heard.gap >= Some(self.started_at));
+        let in_doubt = phase.is_starting() || self.heard.gap >= Some(self.word_at);
+        let forsaken = at >= self.word_at + ALL_SILENT && in_doubt;
+        if stopped || starting || forsaken {
+            self.standby_took_effect(at);
+        } else {
+            // On the wire that is a standby that nobody gave, but the pilot may be there with one of its own first.
+            self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
+        }
+    }
+
+    /// The standby that a source has said before is in force, and may have been a little before.
+    pub fn standby_took_effect(&mut self, at: Nanos) {
         let last = self.orders.back().map_or(0, |&(from, _)| from);
         self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
     }
 
-    /// The node has withdrawn the run of an engine that was running. On the wire that is a standby that nobody
-    /// gave, but the pilot may be there with one of its own first.
-    pub fn withdrawn_in_error(&mut self, at: Nanos) {
-        self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
+    /// The node has given up an order that nothing has confirmed for too long. It may, where its ECU fell silent. Then
+    /// it may say nothing, or again what it said before.
+    pub fn given_up(&mut self, at: Nanos) {
+        self.heard.find_gap(at);
+        if self.heard.gap.is_some_and(|gap| at <= gap + UNCONFIRMED) {
+            self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
+            self.may_rise(at + RISE_WITHIN);
+        } else {
+            self.find(at, Vec::new(), "the node gave up an order, although its ECU was heard");
+        }
     }
 
     /// Takes what the line has recorded.
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
+            if entry.direction == Direction::ToNode {
+                self.heard.byte(entry);
+            }
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
                 // The byte that the reset has cut.
-                (Direction::ToEcu, _) if entry.start < self.reset_at => {}
+                (Direction::ToEcu, _) if entry.start <= self.reset_at && self.reset_at > 0 => {}
                 (Direction::ToNode, _) => self.ecu_spoke = true,
                 (Direction::ToEcu, _) => self.byte(entry),
             }
@@ -237,12 +407,16 @@ impl Audit {
         self.frames += 1;
         self.frames_unheard += u64::from(!self.ecu_spoke);
         let start = self.frame_start;
+        self.heard.find_gap(start);
+        if let Some(gap) = self.heard.gap {
+            self.may_rise(gap + RISE_WITHIN);
+        }
         self.measure_cadence(start, &frame);
         let meant = match self.kind {
             Kind::Amt(_) => sim::amt::parse_command(&frame)
                 .map(|command| {
                     let said = amt_said(command);
-                    let allowed = self.any_order(said, |order| amt_allows(order, command));
+                    let allowed = self.any_order(said, |order| self.amt_allows(order, command));
                     (allowed, format!("{command:?}"), said)
                 })
                 .map_err(|error| format!("no command: {error:?}")),
@@ -261,6 +435,7 @@ impl Audit {
             if said != Said::Nothing {
                 self.on_wire = Some(said);
             }
+            self.note_level(said);
             let spoken = Spoken { from: start, to: self.frame_end, said };
             self.spoken.iter_mut().for_each(|all| all.push(spoken));
         }
@@ -305,8 +480,7 @@ impl Audit {
             .any(|(&(_, allowed), _)| match (allowed, said) {
                 (Allowed::Order(order), _) => allows(order),
                 (Allowed::UpTo(most), Said::Run(tenths)) => tenths <= most,
-                // ECUs report whole or half percents.
-                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= 10,
+                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= REPORTED_GRAIN,
                 (Allowed::Again(before), _) => said == before || said == Said::Nothing,
                 (Allowed::UpTo(_), _) => said == Said::Nothing,
             })
@@ -324,6 +498,56 @@ impl Audit {
         }
     }
 
+    fn amt_allows(&self, order: Order, command: sim::amt::AmtCommand) -> bool {
+        let throttle = u16::from(command.throttle_half_percent) * 5;
+        match (command.ops, order) {
+            // An ECU that was just powered up obeys auto stop: that is what it is told while the node listens.
+            (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby | Order::Listen) => {
+                throttle == 0
+            }
+            (Ops::Run, Order::Run(Demand::Throttle(given))) => {
+                let given = given.tenths() / 5 * 5;
+                throttle == 0 || throttle == given || self.rises(throttle.into(), given.into(), 1000, 5)
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether this demand is on its way from the last one on the wire up to the one that is given, no faster than it may.
+    /// `full` is its maximum, `grain` the step of the wire.
+    fn rises(&self, value: u32, given: u32, full: u32, grain: u32) -> bool {
+        let at = self.frame_start;
+        let Some(last) = self.level else { return false };
+        let rises = self.rises_until.is_some_and(|until| at <= until);
+        let passed = at.saturating_sub(last.at) + COMPUTED_BEFORE;
+        let most = u64::from(full) * RISE * passed / (1000 * SECOND);
+        let most = u64::from(last.value) + most + u64::from(grain);
+        rises && (last.value..=given).contains(&value) && u64::from(value) <= most
+    }
+
+    /// Keeps the demand of this frame; it rises no more when it is the one that is given.
+    fn note_level(&mut self, said: Said) {
+        let at = self.frame_start;
+        let given = self.orders.back().map(|&(_, allowed)| allowed);
+        let (value, arrived) = match (said, given) {
+            (Said::Run(value), Some(Allowed::Order(Order::Run(Demand::Throttle(given))))) => {
+                (value.into(), value > 0 && value == given.tenths())
+            }
+            (Said::RunRpm(value), Some(Allowed::Order(Order::Run(Demand::Rpm(given))))) => {
+                let step = u32::from(self.factor) * 10;
+                (value, value > self.idle_rpm && value / step == given.get() / step)
+            }
+            (Said::Run(value), _) => (value.into(), false),
+            (Said::RunRpm(value), _) => (value, false),
+            (Said::Stop | Said::Standby, _) => (0, false),
+            (Said::Nothing, _) => return,
+        };
+        self.level = Some(Level { at, value });
+        if arrived && self.heard.gap.is_none_or(|gap| at > gap + MADE_BEFORE) {
+            self.rises_until = None;
+        }
+    }
+
     fn zk_allows(&self, order: Order, command: ZkCommand) -> bool {
         let switch = match order {
             Order::EmergencyStop => Sw::Stop,
@@ -338,7 +562,9 @@ impl Audit {
             (ZkCommand::Empty, _) => true,
             (ZkCommand::Action(action), _) => Some(action) == self.rate_action,
             (ZkCommand::Control { sw, throttle }, Order::Run(Demand::Throttle(given))) => {
-                sw == switch && (throttle == 0 || throttle == given.tenths())
+                let given = given.tenths();
+                let rises = self.rises(throttle.into(), given.into(), 1000, 1);
+                sw == switch && (throttle == 0 || throttle == given || rises)
             }
             (ZkCommand::Control { .. }, Order::Run(Demand::Rpm(_))) => false,
             (ZkCommand::Control { sw, throttle }, _) => sw == switch && throttle == 0,
@@ -349,7 +575,9 @@ impl Audit {
             (ZkCommand::Rpm(code), Order::Run(Demand::Rpm(given))) => {
                 let given = given.get();
                 let step = u32::from(self.factor) * 10;
-                [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step)
+                let exact =
+                    [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
+                exact || self.rises(u32::from(code) * step, given, self.max_rpm, step)
             }
             _ => false,
         }
@@ -372,20 +600,6 @@ const fn amt_said(command: sim::amt::AmtCommand) -> Said {
         Ops::AutoStop => Said::Standby,
         Ops::Run => Said::Run(command.throttle_half_percent as u16 * 5),
         _ => Said::Nothing,
-    }
-}
-
-fn amt_allows(order: Order, command: sim::amt::AmtCommand) -> bool {
-    let throttle = u16::from(command.throttle_half_percent) * 5;
-    match (command.ops, order) {
-        // An ECU that was just powered up obeys auto stop: that is what it is told while the node listens.
-        (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby | Order::Listen) => {
-            throttle == 0
-        }
-        (Ops::Run, Order::Run(Demand::Throttle(given))) => {
-            throttle == 0 || throttle == given.tenths() / 5 * 5
-        }
-        _ => false,
     }
 }
 
@@ -496,6 +710,150 @@ mod tests {
         late.look(&entries(0, &zk(0, 0)));
         late.look(&entries(29 * MILLIS, &zk(0x14, 0)));
         assert_eq!(late.worst_cadence_error, Some(9 * MILLIS));
+    }
+
+    fn from_ecu(at: Nanos, fate: Fate) -> Vec<Entry> {
+        (0..6)
+            .map(|i| Entry {
+                direction: Direction::ToNode,
+                byte: 0,
+                start: at + i * MILLIS,
+                end: at + (i + 1) * MILLIS,
+                fate,
+            })
+            .collect()
+    }
+
+    /// An AMT engine at 60 %, whose ECU sends every 125 ms from 1 s to 20 s.
+    fn in_flight() -> Audit {
+        let mut audit = audit(0);
+        let sixty = Order::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
+        for n in 0..153 {
+            let at = SECOND + n * 125 * MILLIS;
+            if n == 10 {
+                audit.ordered(at, sixty);
+            }
+            audit.look(&from_ecu(at, Fate::Delivered));
+            let half_percent = if n < 10 { 0x20 } else { 0x20 + 120 };
+            let ops = if n < 10 { 0x12 } else { 0x14 };
+            audit.look(&entries(at + 10 * MILLIS, &[0xFF, ops, half_percent, ops, half_percent]));
+        }
+        audit.see_engine(20 * SECOND, Phase::Running);
+        assert_eq!(audit.not_given, 0, "{:?}", audit.findings);
+        audit
+    }
+
+    fn amt_run(half_percent: u8) -> [u8; 5] {
+        [0xFF, 0x14, 0x20 + half_percent, 0x14, 0x20 + half_percent]
+    }
+
+    #[test]
+    fn a_demand_rises_at_its_rate_and_after_a_gap_only() {
+        let full = Order::Run(Demand::Throttle(Throttle::from_percent(100).unwrap()));
+        // 125 ms are 6.25 %, and 1.25 % more because a frame was computed before its first bit.
+        for (gap, half_percent, allowed) in [
+            (true, 134, true),
+            (true, 120, true),
+            (true, 137, false),
+            (true, 118, false),
+            (false, 134, false),
+        ] {
+            let mut audit = in_flight();
+            let back = 20 * SECOND + if gap { 375 } else { 125 } * MILLIS;
+            let last = amt_run(120);
+            if gap {
+                // The reply comes late, as far as the order goes.
+                audit.look(&from_ecu(back, Fate::Delivered));
+                audit.look(&entries(back + 10 * MILLIS, &last));
+            }
+            audit.ordered(back, full);
+            audit.look(&from_ecu(back + 125 * MILLIS, Fate::Delivered));
+            audit.look(&entries(back + 135 * MILLIS, &amt_run(half_percent)));
+            assert_eq!(audit.not_given == 0, allowed, "{gap}, {half_percent}: {:?}", audit.findings);
+        }
+    }
+
+    #[test]
+    fn a_rise_ends_with_the_commanded_demand() {
+        let demand = |percent| Order::Run(Demand::Throttle(Throttle::from_percent(percent).unwrap()));
+        let mut audit = in_flight();
+        audit.reset(20 * SECOND + 50 * MILLIS);
+        audit.look(&from_ecu(20 * SECOND + 125 * MILLIS, Fate::Delivered));
+        audit.look(&entries(20 * SECOND + 135 * MILLIS, &amt_run(120)));
+        audit.ordered(20 * SECOND + 200 * MILLIS, demand(65));
+        for (n, half_percent) in [(2, 126), (3, 130)] {
+            audit.look(&from_ecu(20 * SECOND + n * 125 * MILLIS, Fate::Delivered));
+            audit.look(&entries(20 * SECOND + n * 125 * MILLIS + 10 * MILLIS, &amt_run(half_percent)));
+        }
+        assert_eq!(audit.not_given, 0, "{:?}", audit.findings);
+        audit.ordered(20 * SECOND + 450 * MILLIS, demand(100));
+        audit.look(&entries(20 * SECOND + 510 * MILLIS, &amt_run(136)));
+        assert_eq!(audit.not_given, 1);
+    }
+
+    #[test]
+    fn a_run_is_withdrawn_only_where_the_engine_has_stopped_or_fell_silent_in_its_start() {
+        let now = 20 * SECOND + 100 * MILLIS;
+        for (phase, allowed) in [
+            (Phase::Running, false),
+            (Phase::FuelRamp, false),
+            (Phase::Cooling, true),
+            (Phase::Stopped, true),
+        ] {
+            let mut audit = in_flight();
+            audit.word(now);
+            audit.withdrawn(now, phase);
+            assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
+        }
+        for (phase, word, allowed) in [
+            (Phase::FuelRamp, now, true),
+            (Phase::Running, now, false),
+            // Nobody has spoken for long.
+            (Phase::Running, now - 10 * SECOND, true),
+        ] {
+            let mut audit = in_flight();
+            audit.word(word);
+            audit.withdrawn(now + 2 * SECOND, phase);
+            assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
+        }
+        // What has stopped a moment ago, and is lit again.
+        let mut relit = in_flight();
+        relit.see_engine(now, Phase::Cooling);
+        relit.withdrawn(now + SECOND, Phase::Ignition);
+        assert_eq!(relit.not_given, 0, "{:?}", relit.findings);
+        let mut later = in_flight();
+        later.word(now);
+        later.see_engine(now - 4 * SECOND, Phase::Cooling);
+        later.withdrawn(now, Phase::Ignition);
+        assert_eq!(later.not_given, 1);
+    }
+
+    #[test]
+    fn an_order_is_given_up_only_where_the_ecu_fell_silent() {
+        let mut heard = in_flight();
+        heard.given_up(20 * SECOND + 50 * MILLIS);
+        assert_eq!(heard.not_given, 1);
+        let mut silent = in_flight();
+        silent.given_up(24 * SECOND);
+        assert_eq!(silent.not_given, 0);
+        // That it is at rest, nothing says: standby is not for the node to order.
+        silent.look(&entries(24 * SECOND + 100 * MILLIS, &[0xFF, 0x12, 0x20, 0x12, 0x20]));
+        assert_eq!(silent.not_given, 1);
+    }
+
+    #[test]
+    fn damaged_sets_without_a_checksum_count_as_a_gap_and_damaged_frames_with_one_do_not() {
+        for (engine, gap) in [(0, true), (2, false)] {
+            let mut audit = audit(engine);
+            audit.look(&from_ecu(SECOND, Fate::Delivered));
+            audit.look(&from_ecu(SECOND + 40 * MILLIS, Fate::Delivered));
+            audit.heard.gap = None;
+            audit.look(&from_ecu(SECOND + 80 * MILLIS, Fate::Flipped(1)));
+            audit.heard.find_gap(SECOND + 120 * MILLIS);
+            assert_eq!(audit.heard.gap.is_some(), gap);
+            audit.heard.find_gap(SECOND + 120 * MILLIS + 3 * 125 * MILLIS);
+            assert!(audit.heard.gap.is_some());
+        }
     }
 
     #[test]

@@ -5,8 +5,9 @@ use super::engines::Engine;
 use super::limiter::Limiter;
 use super::sample::Message;
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Accepted, Command, Demand, Order, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::telemetry::{LinkState, Telemetry};
+use sim::ecu::{Nanos, SECOND};
 use std::cell::{Cell, RefCell};
 
 /// How far an engine's pilot has come.
@@ -157,6 +158,8 @@ pub struct Desk<'a> {
     pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
+    /// When each source last said standby.
+    standbys: RefCell<Vec<(Origin, Nanos)>>,
     /// For what may come in any number.
     limiter: RefCell<Limiter>,
     notes: &'a Notes,
@@ -176,6 +179,7 @@ impl<'a> Desk<'a> {
             stops: Cell::new(0),
             failure: RefCell::default(),
             recovered_after: Cell::new(None),
+            standbys: RefCell::default(),
             limiter: RefCell::new(Limiter::new()),
             notes,
         }
@@ -192,16 +196,31 @@ impl<'a> Desk<'a> {
     }
 
     /// Tells the audit what was commanded, and what became of it.
-    pub fn judge(&self, at: sim::ecu::Nanos, order: Order, answer: Result<Accepted, Rejected>) {
+    pub fn judge(&self, at: Nanos, order: Order, origin: Origin, answer: Result<Accepted, Rejected>) {
         let mut audit = self.audit.borrow_mut();
+        audit.word(at);
+        if order == Order::Standby {
+            self.standbys.borrow_mut().retain(|(other, _)| *other != origin);
+            self.standbys.borrow_mut().push((origin, at));
+        }
         match (answer, order) {
             (Ok(Accepted::InForce), _) => audit.ordered(at, order),
             (Ok(Accepted::Held), Order::Run(Demand::Throttle(throttle))) => {
                 audit.may_be_up_to(at, throttle.tenths());
             }
-            (Ok(Accepted::Held), _) => audit.ordered(at, order),
+            (Ok(Accepted::Held), Order::Run(_)) => audit.ordered(at, order),
+            // It takes effect when the rules of sources say so: see `standby_of`.
+            (Ok(Accepted::Held), _) => {}
             // Refused, behind another source, a start that waits, the first of two words: nothing changes yet.
             (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::OneMore) | Err(_), _) => {}
+        }
+    }
+
+    /// The node says that this source's standby has taken effect: it has to have said it lately.
+    pub fn standby_of(&self, at: Nanos, origin: Origin) {
+        let said = self.standbys.borrow().iter().any(|&(other, when)| other == origin && at <= when + SECOND);
+        if said {
+            self.audit.borrow_mut().standby_took_effect(at);
         }
     }
 

@@ -179,10 +179,8 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn list_scenarios() -> ExitCode {
-    let text: String = Scenario::ALL
-        .iter()
-        .map(|scenario| format!("{:<16}  {}\n", scenario.name(), scenario.line()))
-        .collect();
+    let text: String =
+        scenario::ALL.iter().map(|scenario| format!("{:<16}  {}\n", scenario.name, scenario.line)).collect();
     match io::stdout().write_all(text.as_bytes()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -200,7 +198,7 @@ fn complain(error: &str) {
 fn setup(args: &Args) -> Result<Setup, String> {
     let scenario = args.scenario.as_deref().map(Scenario::named).transpose()?;
     let described: Vec<String> = match scenario {
-        Some(scenario) => scenario.engines().iter().map(|&text| text.to_owned()).collect(),
+        Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
         None => args.engines.clone(),
     };
     let engines = engines::engines(&described)?;
@@ -231,7 +229,7 @@ fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
     let names: Vec<&'static str> = setup.engines.iter().map(Engine::name).collect();
     let csv = args.csv.as_deref().map(Csv::create).transpose()?;
     let title = match setup.scenario {
-        Some(scenario) => format!("{}: {}", scenario.name(), scenario.line()),
+        Some(scenario) => format!("{}: {}", scenario.name, scenario.line),
         None => format!("jetlink rig, seed {}", setup.seed),
     };
     let subjects = setup.engines.iter().map(|engine| Subject {

@@ -22,8 +22,19 @@ static MEMORY: [Memory; MOST_ENGINES] = [const { Memory::new() }; MOST_ENGINES];
 pub struct Reset {
     /// How long the node is away.
     pub away: Duration,
+    /// What caused it.
+    pub cause: Cause,
+}
+
+/// What caused a reset.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Cause {
+    /// The watchdog: the power never went away.
+    Watchdog,
+    /// The supply dipped, and the memory is whole.
+    BrownOut,
     /// The supply was gone: what was kept is lost too.
-    pub forgets: bool,
+    PowerLost,
 }
 
 /// The node of a run.
@@ -35,6 +46,8 @@ pub struct Node<'a> {
     /// What was counted until the last reset.
     before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
+    /// What caused the last reset.
+    cause: Cell<Cause>,
     /// Commands of each engine that were rejected because the node had just started, as it always does.
     rejected_at_start: RefCell<Vec<u32>>,
 }
@@ -51,6 +64,7 @@ impl<'a> Node<'a> {
             last: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
             wanted: Cell::new(None),
+            cause: Cell::new(Cause::PowerLost),
             rejected_at_start: RefCell::new(vec![0; engines.len()]),
         };
         node.boot();
@@ -59,11 +73,15 @@ impl<'a> Node<'a> {
 
     /// It starts, with what was kept. Gives its channels, for the tasks that live and die with them.
     pub fn boot(&self) -> Rc<[Channel]> {
+        let reset = match self.cause.get() {
+            Cause::Watchdog => keep::Reset::Warm,
+            Cause::BrownOut | Cause::PowerLost => keep::Reset::PowerLost,
+        };
         let channels: Rc<[Channel]> = self
             .engines
             .iter()
             .zip(&MEMORY)
-            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, keep::Reset::Warm))
+            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, reset))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
         for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {
@@ -77,7 +95,8 @@ impl<'a> Node<'a> {
     pub fn gone(&self, reset: Reset) {
         self.look();
         self.channels.replace(None);
-        if reset.forgets {
+        self.cause.set(reset.cause);
+        if reset.cause == Cause::PowerLost {
             for memory in &MEMORY {
                 memory.clear();
             }

@@ -363,7 +363,7 @@ impl<'a> Pilot<'a> {
         let Some(answer) = self.node.command(self.desk.index, lever.command(), Origin::Bench) else {
             return Ok(());
         };
-        self.desk.judge(at, lever.order(), answer);
+        self.desk.judge(at, lever.order(), Origin::Bench, answer);
         match answer {
             // After a reset it listens first.
             Ok(Accepted::StartWaits) => Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))),

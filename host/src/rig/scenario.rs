@@ -2,18 +2,16 @@
 //! what the simulated engines did whether it did. The node's own telemetry is only asked what it told.
 
 mod cockpit;
+mod faults;
+mod known;
+mod power;
+mod sources;
+mod wires;
 
-use self::cockpit::Seat;
 pub use self::cockpit::{Check, Cockpit};
 use super::audit::{Said, Spoken};
-use super::desk::Stage;
-use super::node::Reset;
 use embassy_time::Duration;
-use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
-use jetlink::engine::state::EngineState;
-use jetlink::engine::watch::Watched;
-use jetlink::telemetry::{Event, LossStage};
-use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::ecu::{MILLIS, Nanos};
 use std::pin::Pin;
 
 /// An AMT engine and a ZK engine whose ECU goes on by itself.
@@ -22,13 +20,21 @@ const PAIR: &[&str] =
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
+/// One ECU of each kind that behaves in a way of its own.
+const THREE: &[&str] = &[
+    "name=amt,ecu=amt,engine=olympus,baud=2400",
+    "name=zk3,ecu=zk,version=3,baud=9600",
+    "name=zk5,ecu=zk,version=5,baud=9600",
+];
+/// One AMT engine.
+const ONE_AMT: &[&str] = &["name=left,ecu=amt,engine=olympus,baud=2400"];
 /// One ZK engine.
 const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
 
 /// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
 /// the answer takes 20.8 ms.
 const ON_WIRE: Nanos = 175 * MILLIS;
-/// What a node takes to see that an engine stopped: three reports in a row. A ZK ECU at 20 Hz says its state every
+/// What a node takes to see that an engine stopped: two reports that agree. A ZK ECU at 20 Hz says its state every
 /// 0.4 s.
 const SEES_STOP: Nanos = 1500 * MILLIS;
 /// Between two words of the pilot.
@@ -36,113 +42,196 @@ const WORDS: Nanos = 100 * MILLIS;
 /// Steps of the wire in the throttle, in tenths of a percent.
 const GRAIN: u16 = 10;
 
+type Script<'a> = Pin<Box<dyn Future<Output = Result<(), String>> + 'a>>;
+
 /// What is played.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Scenario {
-    /// The source of commands falls silent in flight.
-    SourceLoss,
-    /// A start gets too hot.
-    HotStart,
-    /// The flame goes out in flight.
-    FlameOut,
-    /// The node is reset in flight, twice.
-    ResetInFlight,
-    /// One of two engines is lost.
-    EngineLost,
-    /// Emergency stop during a start.
-    EmergencyStop,
+#[derive(Debug)]
+pub struct Scenario {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// What it is about, in one line.
+    pub line: &'static str,
+    /// Its engines, as `--engine` describes them.
+    pub engines: &'static [&'static str],
+    /// What it lasts, roughly, in seconds.
+    length: u64,
+    /// Frames that an ECU hears cut off or damaged, because the scenario does that.
+    pub bad_commands: u64,
+    script: for<'a> fn(&'a Cockpit<'a>) -> Script<'a>,
 }
 
 impl Scenario {
-    /// All of them.
-    pub const ALL: [Self; 6] = [
-        Self::SourceLoss,
-        Self::HotStart,
-        Self::FlameOut,
-        Self::ResetInFlight,
-        Self::EngineLost,
-        Self::EmergencyStop,
-    ];
-
     /// The one with this name.
-    pub fn named(name: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|scenario| scenario.name() == name).ok_or_else(|| {
-            let names: Vec<&str> = Self::ALL.iter().map(|scenario| scenario.name()).collect();
+    pub fn named(name: &str) -> Result<&'static Self, String> {
+        ALL.iter().find(|scenario| scenario.name == name).ok_or_else(|| {
+            let names: Vec<&str> = ALL.iter().map(|scenario| scenario.name).collect();
             format!("--scenario: there is no `{name}`: there are {}", names.join(", "))
         })
     }
 
-    /// Its name on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::SourceLoss => "source-loss",
-            Self::HotStart => "hot-start",
-            Self::FlameOut => "flame-out",
-            Self::ResetInFlight => "reset-in-flight",
-            Self::EngineLost => "engine-lost",
-            Self::EmergencyStop => "emergency-stop",
-        }
-    }
-
-    /// What it is about, in one line.
-    pub const fn line(self) -> &'static str {
-        match self {
-            Self::SourceLoss => {
-                "nobody commands two running engines: hold 1 s, then idle, no shutdown; and the source comes back"
-            }
-            Self::HotStart => {
-                "a start gets too hot: the ECU stops it, the node tells it and lets no hot engine start again"
-            }
-            Self::FlameOut => {
-                "the flame of a ZK engine goes out, later that of an AMT engine: told, and no relight while run is commanded"
-            }
-            Self::ResetInFlight => {
-                "the watchdog resets the node, then its supply fails: both engines run on through both"
-            }
-            Self::EngineLost => {
-                "the line to one of two engines is cut: told, the other left alone, no restart when it is back"
-            }
-            Self::EmergencyStop => {
-                "emergency stop while one engine starts and one runs: both stop at once, and stay so until released"
-            }
-        }
-    }
-
-    /// Its engines, as `--engine` describes them.
-    pub const fn engines(self) -> &'static [&'static str] {
-        match self {
-            Self::HotStart => ONE,
-            Self::FlameOut => PAIR_ZK_LEFT,
-            Self::SourceLoss | Self::ResetInFlight | Self::EngineLost | Self::EmergencyStop => PAIR,
-        }
-    }
-
     /// What it lasts, roughly.
-    pub const fn length(self) -> Duration {
-        Duration::from_secs(match self {
-            Self::SourceLoss | Self::EngineLost => 90,
-            Self::FlameOut => 100,
-            Self::ResetInFlight => 95,
-            Self::HotStart => 110,
-            Self::EmergencyStop => 70,
-        })
+    pub const fn length(&self) -> Duration {
+        Duration::from_secs(self.length)
     }
 
     /// Plays it.
-    pub fn script<'a>(
-        self,
-        cockpit: &'a Cockpit<'a>,
-    ) -> Pin<Box<dyn Future<Output = Result<(), String>> + 'a>> {
-        match self {
-            Self::SourceLoss => Box::pin(source_loss(cockpit)),
-            Self::HotStart => Box::pin(hot_start(cockpit)),
-            Self::FlameOut => Box::pin(flame_out(cockpit)),
-            Self::ResetInFlight => Box::pin(reset_in_flight(cockpit)),
-            Self::EngineLost => Box::pin(engine_lost(cockpit)),
-            Self::EmergencyStop => Box::pin(emergency_stop(cockpit)),
-        }
+    pub fn script<'a>(&self, cockpit: &'a Cockpit<'a>) -> Script<'a> {
+        (self.script)(cockpit)
     }
 }
+
+/// All of them.
+pub static ALL: &[Scenario] = &[
+    Scenario {
+        name: "source-loss",
+        line: "nobody commands two running engines: hold 1 s, then idle, no shutdown; and the source comes back",
+        engines: PAIR,
+        length: 90,
+        bad_commands: 1,
+        script: |c| Box::pin(known::source_loss(c)),
+    },
+    Scenario {
+        name: "hot-start",
+        line: "a start gets too hot: the ECU stops it, the node tells it and lets no hot engine start again",
+        engines: ONE,
+        length: 105,
+        bad_commands: 1,
+        script: |c| Box::pin(known::hot_start(c)),
+    },
+    Scenario {
+        name: "flame-out",
+        line: "the flame of a ZK engine goes out, later that of an AMT engine: told, standby, and no relight",
+        engines: PAIR_ZK_LEFT,
+        length: 100,
+        bad_commands: 1,
+        script: |c| Box::pin(known::flame_out(c)),
+    },
+    Scenario {
+        name: "reset-in-flight",
+        line: "the watchdog resets the node, then its supply fails: both engines run on through both",
+        engines: PAIR,
+        length: 95,
+        bad_commands: 1,
+        script: |c| Box::pin(known::reset_in_flight(c)),
+    },
+    Scenario {
+        name: "engine-lost",
+        line: "the line to one of two engines is cut: told, the other left alone, no restart when it is back",
+        engines: PAIR,
+        length: 90,
+        bad_commands: 1,
+        script: |c| Box::pin(known::engine_lost(c)),
+    },
+    Scenario {
+        name: "emergency-stop",
+        line: "emergency stop while one engine starts and one runs: both stop at once, and stay so until released",
+        engines: PAIR,
+        length: 70,
+        bad_commands: 1,
+        script: |c| Box::pin(known::emergency_stop(c)),
+    },
+    Scenario {
+        name: "ecu-power-dip",
+        line: "an ECU loses its power in flight for 0.2, 3 and 180 s: standby, and no restart, although run is commanded",
+        engines: THREE,
+        length: 620,
+        bad_commands: 2,
+        script: |c| Box::pin(power::ecu_power_dip(c)),
+    },
+    Scenario {
+        name: "watchdog-loop",
+        line: "the watchdog resets the node in flight, then every 1.05 s: the engines run on, a dead source's demand does not",
+        engines: PAIR,
+        length: 130,
+        bad_commands: 40,
+        script: |c| Box::pin(power::watchdog_loop(c)),
+    },
+    Scenario {
+        name: "brown-out",
+        line: "the node's supply dips in flight, its memory survives: the engines run on, also one that reports faults only",
+        engines: &[
+            "name=normal,ecu=amt,engine=olympus,baud=2400",
+            "name=faulted,ecu=amt,engine=olympus,baud=2400",
+            "name=zk,ecu=zk,version=5,baud=9600",
+        ],
+        length: 100,
+        bad_commands: 2,
+        script: |c| Box::pin(power::brown_out(c)),
+    },
+    Scenario {
+        name: "one-wire-cut",
+        line: "each wire is cut for 30 s while the pilot moves the stick and then shuts the engine down",
+        engines: THREE,
+        length: 330,
+        bad_commands: 4,
+        script: |c| Box::pin(wires::one_wire_cut(c)),
+    },
+    Scenario {
+        name: "framing-noise",
+        line: "one in six bytes of an ECU breaks its frame for 2 s in flight: no engine is shut down",
+        engines: THREE,
+        length: 100,
+        bad_commands: 1,
+        script: |c| Box::pin(wires::framing_noise(c)),
+    },
+    Scenario {
+        name: "waiting-start",
+        line: "a start waits for another engine while its source is lost: it does not come later by itself",
+        engines: PAIR,
+        length: 130,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::waiting_start(c)),
+    },
+    Scenario {
+        name: "rc-over-mavlink",
+        line: "RC is lost for 2 s above a MAVLink that streams standby, later run at 40 %: the engines run on",
+        engines: PAIR,
+        length: 100,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::rc_over_mavlink(c)),
+    },
+    Scenario {
+        name: "fault-clears",
+        line: "a flame-out of an AMT engine that reports faults only, then the fault clears: no restart",
+        engines: ONE_AMT,
+        length: 130,
+        bad_commands: 1,
+        script: |c| Box::pin(faults::fault_clears(c)),
+    },
+    Scenario {
+        name: "stop-release-arm-start",
+        line: "emergency stop, release, arm, start: who said arm all along has to say disarm first",
+        engines: PAIR,
+        length: 260,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::stop_release_arm_start(c)),
+    },
+    Scenario {
+        name: "ecu-swapped",
+        line: "another ECU is plugged in while the link is down: it gets neither run nor what only the old one knew",
+        engines: &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=zk,version=5,baud=9600,mode=rpm"],
+        length: 110,
+        // ID 6 and ID 7 until the version of the new ECU is known.
+        bad_commands: 30,
+        script: |c| Box::pin(power::ecu_swapped(c)),
+    },
+    Scenario {
+        name: "two-engines-one-fails",
+        line: "one of two engines fails in flight: the other still obeys, and nothing is withheld from it",
+        engines: PAIR,
+        length: 110,
+        bad_commands: 1,
+        script: |c| Box::pin(faults::two_engines_one_fails(c)),
+    },
+    Scenario {
+        name: "one-word-start",
+        line: "a ground station starts an engine by one word and is lost, beside a source that streams a throttle",
+        engines: PAIR,
+        length: 90,
+        bad_commands: 1,
+        script: |c| Box::pin(sources::one_word_start(c)),
+    },
+];
 
 /// All frames say this, but for those that say nothing of switch and demand, and there are some.
 fn all(frames: &[Spoken], said: Said) -> bool {
@@ -150,419 +239,20 @@ fn all(frames: &[Spoken], said: Said) -> bool {
         && frames.iter().all(|frame| frame.said == said || frame.said == Said::Nothing)
 }
 
+/// At least so many frames, and all of them say this.
+fn only(frames: &[Spoken], least: usize, allowed: impl Fn(Said) -> bool) -> bool {
+    frames.len() >= least && frames.iter().all(|frame| allowed(frame.said))
+}
+
+const fn is_run(said: Said) -> bool {
+    matches!(said, Said::Run(_) | Said::RunRpm(_))
+}
+
+/// Standby, or what says nothing of switch and demand.
+const fn is_standby(said: Said) -> bool {
+    matches!(said, Said::Standby | Said::Nothing)
+}
+
 fn seconds(nanos: Nanos) -> f64 {
     nanos as f64 / 1e9
-}
-
-async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
-    c.fly(60).await?;
-    c.event();
-    c.mark("the source falls silent");
-    c.each(Seat::silence);
-    let silent = c.now();
-    c.sleep(8.0).await;
-    c.mark("it speaks again");
-    c.each(|seat| seat.throttle(60));
-    let back = c.now();
-    c.sleep(6.0).await;
-    let end = c.now();
-    c.look();
-    for i in 0..c.count() {
-        let name = c.name(i);
-        // Its age limit is 0.5 s, its last word up to 0.1 s old.
-        let held = c.spoken(i, silent + ON_WIRE, silent + 1400 * MILLIS);
-        c.must(
-            all(&held, Said::Run(600)),
-            format!("{name}: 60 % stays on the wire for 0.5 s (age limit) and 1 s (hold)"),
-        );
-        let mut frames = c.spoken(i, silent + 1400 * MILLIS, back);
-        frames.retain(|frame| frame.said != Said::Nothing);
-        let falls = frames.windows(2).all(|pair| match (pair[0].said, pair[1].said) {
-            (Said::Run(before), Said::Run(after)) => {
-                let most = (pair[1].from - pair[0].from) * 500 / SECOND + u64::from(GRAIN) + 20;
-                after <= before && u64::from(before - after) <= most
-            }
-            _ => false,
-        });
-        c.must(falls, format!("{name}: then it falls at 50 % a second, and never rises"));
-        let idle = frames.iter().find(|frame| frame.said == Said::Run(0)).map(|frame| frame.from - silent);
-        let in_time = idle.is_some_and(|after| (2500 * MILLIS..=2700 * MILLIS + ON_WIRE).contains(&after));
-        c.must(
-            in_time,
-            format!("{name}: idle is on the wire 2.7 s after the silence began ({:.2} s)", c.or_never(idle)),
-        );
-        c.must(
-            all(&c.spoken(i, silent + 2700 * MILLIS + ON_WIRE, back), Said::Run(0)),
-            format!("{name}: idle stays, and never standby or stop"),
-        );
-        let again = c.spoken(i, back, end);
-        let again = again.iter().find(|frame| frame.said == Said::Run(600)).map(|frame| frame.from - back);
-        // Its first word comes up to 0.1 s late, and so does the one that ends the second without a gap.
-        c.must(
-            again.is_some_and(|after| (SECOND..=3 * SECOND + 2 * WORDS + ON_WIRE).contains(&after)),
-            format!(
-                "{name}: the source rules again after 1 s without a gap and at most 2 s of taking over ({:.2} s)",
-                c.or_never(again)
-            ),
-        );
-        c.must(c.ran_from(i, silent), format!("{name}: the engine runs all the time"));
-        for (stage, what) in [
-            (LossStage::Hold, "hold"),
-            (LossStage::FailSafe, "fail-safe"),
-            (LossStage::None, "the source is back"),
-        ] {
-            c.must(c.told(i, |event| event == Event::SourceLoss(stage)), format!("{name}: told, {what}"));
-        }
-    }
-    c.shut_down().await
-}
-
-async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
-    c.ecu(0, |ecu| ecu.turbine_mut().hot_start(true));
-    c.ready(0).await?;
-    c.sleep(1.0).await;
-    c.stage(0, Stage::Start);
-    let asked = c.now();
-    c.seat(0).throttle(0);
-    c.until(40.0, "the ECU stops the hot start", || c.turbine(0).trip().is_some()).await?;
-    c.event();
-    c.mark("the ECU stops the hot start; run is still commanded");
-    let tripped = c.now();
-    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::HotStart));
-    c.must(told, "left: the hot start was told before the ECU stopped it");
-    c.sleep(10.0).await;
-    c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
-    c.mark("standby, and run again at once");
-    c.seat(0).standby();
-    c.sleep(1.0).await;
-    let standby = c.now();
-    c.seat(0).throttle(0);
-    c.sleep(1.0).await;
-    let refused = c.seat(0).answer();
-    c.must(
-        matches!(refused, Some(Err(Rejected::Start(Interlock::TooHot(_) | Interlock::NotStandby)))),
-        format!("left: the hot engine may not start ({})", c.answer_text(0)),
-    );
-    c.until(120.0, "the engine is cool enough for a start", || {
-        matches!(c.seat(0).answer(), Some(Ok(Accepted::InForce)))
-    })
-    .await?;
-    c.mark("below 100 °C: the start is allowed");
-    c.stage(0, Stage::Start);
-    let allowed = c.now();
-    let egt = c.turbine(0).egt();
-    c.running(0).await?;
-    c.stage(0, Stage::Idle);
-    c.sleep(5.0).await;
-    c.look();
-    let first = c.spoken(0, asked, tripped);
-    c.must(
-        first.iter().any(|frame| frame.said == Said::Run(0))
-            && first.iter().all(|frame| matches!(frame.said, Said::Run(0) | Said::Standby | Said::Nothing)),
-        "left: no throttle above the minimum was on the wire during the start",
-    );
-    let withdrawn = c.spoken(0, tripped, allowed);
-    let withdrawn =
-        withdrawn.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - tripped);
-    c.must(
-        withdrawn.is_some_and(|after| after <= SEES_STOP),
-        format!(
-            "left: standby is on the wire within 1.5 s of the ECU's stop ({:.2} s)",
-            c.or_never(withdrawn)
-        ),
-    );
-    c.must(
-        all(&c.spoken(0, tripped + SEES_STOP, allowed), Said::Standby),
-        "left: nothing but standby is on the wire until the engine is cool",
-    );
-    c.must(
-        c.phases(0, tripped, standby).iter().all(|phase| !phase.is_live()),
-        "left: it does not start again, however long run is commanded",
-    );
-    c.must(egt <= 105.0, format!("left: it starts when the exhaust is below 100 °C ({egt:.0} °C)"));
-    c.must(c.runs(0), "left: the second start reaches idle");
-    c.shut_down().await
-}
-
-async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
-    c.fly(60).await?;
-    c.event();
-    c.mark("flame-out of left; run is still commanded");
-    c.ecu(0, |ecu| ecu.turbine_mut().flame_out());
-    let out = c.now();
-    c.until(20.0, "the ECU sees that its engine has stopped", || c.turbine(0).trip().is_some()).await?;
-    let stopped = c.now();
-    c.sleep(12.0).await;
-    let end = c.now();
-    c.look();
-    let told =
-        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
-    c.must(
-        told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("left: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
-    );
-    let frames = c.spoken(0, out, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
-    c.must(
-        standby.is_some_and(|at| at >= stopped.saturating_sub(ON_WIRE) && at <= stopped + SEES_STOP),
-        format!(
-            "left: standby is on the wire within 1.5 s of the ECU's own stop ({:.2} s)",
-            c.or_never(standby.map(|at| at.saturating_sub(stopped)))
-        ),
-    );
-    c.must(
-        standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
-        "left: and stays, although run goes on being commanded",
-    );
-    c.must(c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()), "left: no relight and no restart");
-    c.must(
-        c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
-        format!("left: the source is told why ({})", c.answer_text(0)),
-    );
-    c.must(all(&c.spoken(1, out, end), Said::Run(600)), "right: 60 % stays on the wire");
-    c.must(c.ran_from(1, out), "right: the engine runs all the time");
-    c.must(c.told(1, |event| event == Event::OtherFailed(1)), "right: told that the other engine has failed");
-
-    // With a fault an AMT ECU tells no state any more (AMT-8): that the engine stopped cannot be known then, and a
-    // low supply is a fault too. So the order stays, and it is for the source to give it up.
-    c.mark("flame-out of right; run is still commanded");
-    c.ecu(1, |ecu| ecu.turbine_mut().flame_out());
-    let out = c.now();
-    c.until(20.0, "the ECU sees that its engine has stopped", || c.turbine(1).trip().is_some()).await?;
-    let stopped = c.now();
-    c.sleep(8.0).await;
-    let end = c.now();
-    c.look();
-    let told =
-        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
-    c.must(
-        told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("right: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
-    );
-    let fault = c.when_told(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
-    c.must(
-        fault.is_some_and(|at| at <= stopped + SECOND),
-        format!(
-            "right: the ECU's fault is told within 1 s of its stop ({:.2} s)",
-            c.or_never(fault.map(|at| at.saturating_sub(stopped)))
-        ),
-    );
-    c.must(
-        c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
-        "right: its ECU does not relight, although run stays on the wire",
-    );
-    let other = c.when_told(0, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(stopped));
-    c.must(
-        other.is_some_and(|after| after <= 4 * SECOND),
-        format!(
-            "left: told that the other engine has failed, when its state is 3 s old ({:.2} s)",
-            c.or_never(other)
-        ),
-    );
-    c.must(
-        c.node().telemetry(1).state == EngineState::Fault,
-        format!("right: the node says `{}`", c.node().telemetry(1).state.name()),
-    );
-    c.shut_down().await
-}
-
-async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
-    c.fly(60).await?;
-    c.seat(1).throttle(75);
-    c.sleep(6.0).await;
-    let throttles = [600, 750];
-    // The watchdog bites 1 s after a task has hung; then the chip starts.
-    let watchdog = Reset { away: Duration::from_millis(1050), forgets: false };
-    let supply = Reset { away: Duration::from_millis(300), forgets: true };
-    for (reset, label) in
-        [(watchdog, "the node hangs, its watchdog resets it"), (supply, "the node's supply fails for 0.3 s")]
-    {
-        c.event();
-        c.mark(label);
-        let what = if reset.forgets { "supply" } else { "watchdog" };
-        let at = c.now();
-        c.node().reset(reset);
-        c.sleep(0.02).await;
-        c.until(5.0, "the node is back", || c.node().is_up()).await?;
-        let back = c.now();
-        if reset.forgets {
-            c.must(
-                (0..c.count()).all(|i| !c.node().telemetry(i).armed),
-                format!("{what}: the node has forgotten that it was armed"),
-            );
-        }
-        c.sleep(8.0).await;
-        c.arm();
-        let end = c.now();
-        c.look();
-        for (i, throttle) in throttles.into_iter().enumerate() {
-            let name = c.name(i);
-            let last = c.spoken(i, 0, at).last().map_or(0, |frame| frame.to);
-            let after = c.spoken(i, at + 1, end);
-            let first = after.iter().find(|frame| frame.said != Said::Nothing).map_or(0, |frame| frame.to);
-            let gap = first.saturating_sub(last);
-            // The simulated AMT ECU waits 2 s; a ZK ECU from version 5 for ever (ZK-10).
-            c.must(
-                first > 0 && gap < 2 * SECOND,
-                format!(
-                    "{name}, {what}: {:.3} s from the last command to the next, {:.3} s of it after the node was back",
-                    seconds(gap),
-                    seconds(first.saturating_sub(back))
-                ),
-            );
-            let near = |tenths: u16| tenths.abs_diff(throttle) <= if reset.forgets { GRAIN } else { 0 };
-            let same = after.iter().all(|frame| match frame.said {
-                Said::Run(tenths) => {
-                    near(tenths) || frame.from < back + 300 * MILLIS && tenths.abs_diff(throttle) <= GRAIN
-                }
-                said => said == Said::Nothing,
-            });
-            c.must(
-                same,
-                format!("{name}, {what}: every command is run at {} %, no dip, no standby", throttle / 10),
-            );
-            c.must(
-                c.ran_from(i, at) && c.speed_stayed(i, at, 0.02),
-                format!("{name}, {what}: the engine runs on, its speed within 2 %"),
-            );
-            let went_on = c.events_since(i, at, |event| matches!(event, Event::WentOn(_)));
-            c.must(went_on == 1, format!("{name}, {what}: told that it went on"));
-            c.must(
-                matches!(c.seat(i).answer(), Some(Ok(Accepted::InForce))),
-                format!("{name}, {what}: the source rules again"),
-            );
-        }
-    }
-    c.shut_down().await
-}
-
-async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
-    c.fly(60).await?;
-    c.event();
-    c.mark("the line to left is cut");
-    c.cut(0, true);
-    let cut = c.now();
-    c.until(10.0, "the ECU of left stops its engine", || !c.runs(0)).await?;
-    let stopped = c.now();
-    c.sleep(8.0).await;
-    c.mark("the line is joined; run is still commanded");
-    c.cut(0, false);
-    let joined = c.now();
-    c.sleep(8.0).await;
-    let end = c.now();
-    c.look();
-    let lost = c.when_told(0, |event| event == Event::LinkLost).map(|at| at.saturating_sub(cut));
-    c.must(
-        lost.is_some_and(|after| after <= 1300 * MILLIS),
-        format!("left: the loss is told within 1 s of the last frame ({:.2} s)", c.or_never(lost)),
-    );
-    c.must(
-        stopped - cut <= 2300 * MILLIS,
-        format!(
-            "left: its ECU stops it by itself, after its serial delay time ({:.2} s)",
-            seconds(stopped - cut)
-        ),
-    );
-    let other = c.when_told(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
-    c.must(
-        other.is_some_and(|after| after <= 1400 * MILLIS),
-        format!("right: told that the other engine has failed ({:.2} s)", c.or_never(other)),
-    );
-    c.must(
-        c.events_since(1, cut, |event| matches!(event, Event::OtherFailed(_))) == 1,
-        "right: told once, and not that all is well when the line is joined",
-    );
-    c.must(
-        all(&c.spoken(1, cut, end), Said::Run(600)),
-        "right: 60 % stays on the wire (default: the other engines are left alone)",
-    );
-    c.must(c.ran_from(1, cut) && c.speed_stayed(1, cut, 0.02), "right: the engine runs on");
-    let frames = c.spoken(0, joined, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
-    c.must(
-        standby.is_some_and(|at| at - joined <= 1500 * MILLIS && all(&c.spoken(0, at, end), Said::Standby)),
-        format!(
-            "left: standby is on the wire once its ECU is heard again ({:.2} s), and stays",
-            c.or_never(standby.map(|at| at - joined))
-        ),
-    );
-    c.must(
-        c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()),
-        "left: it does not start again by itself",
-    );
-    c.shut_down().await
-}
-
-async fn emergency_stop(c: &Cockpit<'_>) -> Result<(), String> {
-    c.start(1).await?;
-    c.seat(1).throttle(60);
-    c.stage(1, Stage::Steps);
-    c.ready(0).await?;
-    c.stage(0, Stage::Start);
-    c.seat(0).throttle(0);
-    c.until(40.0, "left is half way up", || c.turbine(0).rpm() > 20_000.0).await?;
-    c.event();
-    c.mark("emergency stop; run is still commanded");
-    let stop = c.now();
-    let speeds = [c.turbine(0).rpm(), c.turbine(1).rpm()];
-    for i in 0..c.count() {
-        let answer = c.command(i, Command::EmergencyStop, Origin::Emergency);
-        c.must(answer == Some(Ok(Accepted::InForce)), format!("{}: accepted", c.name(i)));
-    }
-    c.sleep(8.0).await;
-    c.mark("released by the bench: refused");
-    let refused: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Bench)).collect();
-    let streams: Vec<_> = (0..c.count()).map(|i| c.seat(i).answer()).collect();
-    c.sleep(4.0).await;
-    c.mark("released by who stopped");
-    let release = c.now();
-    let released: Vec<_> =
-        (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Emergency)).collect();
-    c.sleep(8.0).await;
-    let end = c.now();
-    c.look();
-    for i in 0..c.count() {
-        let name = c.name(i);
-        let frames = c.spoken(i, stop, release);
-        let first = frames.iter().position(|frame| frame.said == Said::Stop);
-        let after = first.and_then(|first| frames.get(first)).map(|frame| frame.to - stop);
-        c.must(
-            after.is_some_and(|after| after <= ON_WIRE),
-            format!("{name}: on the wire in {:.0} ms, its last bit", c.or_never(after) * 1e3),
-        );
-        c.must(
-            first.is_some_and(|first| frames.iter().skip(first).all(|frame| frame.said == Said::Stop)),
-            format!("{name}: nothing but emergency stop is on the wire until it is released"),
-        );
-        let phases = c.phases(i, stop + ON_WIRE, end);
-        c.must(
-            phases.iter().all(|phase| !phase.is_live()),
-            format!("{name}: no more fuel, and no start after that"),
-        );
-        c.must(
-            c.turbine(i).rpm() < speeds.get(i).map_or(0.0, |speed| speed / 4.0),
-            format!("{name}: the engine has run down"),
-        );
-        c.must(
-            streams.get(i) == Some(&Some(Err(Rejected::StopLatched))),
-            format!("{name}: run is refused while the stop is latched"),
-        );
-        c.must(
-            refused.get(i) == Some(&Some(Err(Rejected::NotYours(Origin::Emergency)))),
-            format!("{name}: a lower source cannot release it"),
-        );
-        c.must(
-            released.get(i) == Some(&Some(Ok(Accepted::InForce))),
-            format!("{name}: who stopped releases it"),
-        );
-        c.must(
-            all(&c.spoken(i, release + ON_WIRE, end), Said::Standby),
-            format!("{name}: then standby, although run goes on being commanded"),
-        );
-        c.must(
-            c.seat(i).answer() == Some(Err(Rejected::StandbyFirst)),
-            format!("{name}: a start needs standby first ({})", c.answer_text(i)),
-        );
-    }
-    c.shut_down().await
 }

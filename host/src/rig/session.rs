@@ -12,9 +12,9 @@ use super::sample::{Message, SAMPLE_EVERY, Sample};
 use super::scenario::{Check, Cockpit, Scenario};
 use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use jetlink::channels::{Channel, Events};
-use jetlink::command::{Demand, Order, Ordered, Rejected};
-use jetlink::engine::life;
+use jetlink::channels::Events;
+use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
+use jetlink::engine::life::End as LifeEnd;
 use jetlink::engine::watch::{Passed, Watched};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::{Counters, Event, LinkState, LossStage, Telemetry};
@@ -40,7 +40,7 @@ pub struct Setup {
     /// What goes wrong.
     pub faults: Faults,
     /// What is played, in place of the pilots.
-    pub scenario: Option<Scenario>,
+    pub scenario: Option<&'static Scenario>,
     /// All that is random comes from this number.
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
@@ -98,6 +98,8 @@ pub struct Outcomes {
     pub end: End,
     /// What had to happen in a scenario, and whether it did.
     pub checks: Vec<Check>,
+    /// Frames that each ECU of a scenario may have heard damaged.
+    pub bad_commands: u64,
 }
 
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
@@ -220,7 +222,8 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
         });
     }
-    Outcomes { engines, length, end: end.into_inner(), checks }
+    let bad_commands = setup.scenario.map_or(0, |scenario| scenario.bad_commands);
+    Outcomes { engines, length, end: end.into_inner(), checks, bad_commands }
 }
 
 /// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
@@ -244,7 +247,7 @@ async fn with_node(
                 let (rx, tx) = plug.reset_node();
                 // The listeners first: nobody must command before events are heard.
                 if let Some(events) = channel.handle().events() {
-                    tasks.push(Box::pin(listen(events, desk, channel, plug, cockpit)));
+                    tasks.push(Box::pin(listen(events, desk, plug, cockpit)));
                 }
                 let runner = channel.runner_in(&channels);
                 tasks.push(Box::pin(async move {
@@ -303,19 +306,13 @@ pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
     for (desk, plug) in desks.iter().zip(plugs) {
         let mut audit = desk.audit.borrow_mut();
         audit.look(&plug.take_log());
+        audit.see_engine(clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
         audit.looked_until(clock::now_ns());
     }
 }
 
-/// Notes the node's events. A run that the node withdraws counts as an order to standby only where jetlink
-/// documents it: the engine stopped, or was not heard before it came alive.
-async fn listen(
-    mut events: Events<'_>,
-    desk: &Desk<'_>,
-    channel: &Channel,
-    plug: &Plug<AnyEcu>,
-    cockpit: &Cockpit<'_>,
-) {
+/// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
+async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, cockpit: &Cockpit<'_>) {
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,
@@ -326,23 +323,20 @@ async fn listen(
             }
         };
         cockpit.heard(desk.index, event);
-        if matches!(event, Event::Limit(Passed { what: Watched::StartTimeout, .. })) {
-            desk.audit.borrow_mut().withdrawn(clock::now_ns());
+        let by_itself =
+            matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
+        if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {
+            desk.standby_of(clock::now_ns(), origin);
         }
-        if let Event::RunWithdrawn(end) = event {
-            let phase = plug.ecu(|ecu| ecu.turbine().phase());
+        let given_up = event == Event::RunWithdrawn(LifeEnd::Unconfirmed);
+        if by_itself || given_up {
+            let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
             let mut audit = desk.audit.borrow_mut();
-            // A gap in a start ends it, and so does a start that begins anew behind one.
-            let start_ended =
-                phase.is_starting() && matches!(end, life::End::GapInStart | life::End::StartsAgain);
-            if !phase.is_live()
-                || start_ended
-                || end == life::End::Unconfirmed
-                || channel.handle().telemetry().link == LinkState::Lost
-            {
-                audit.withdrawn(clock::now_ns());
+            audit.look(&plug.take_log());
+            if given_up {
+                audit.given_up(now);
             } else {
-                audit.withdrawn_in_error(clock::now_ns());
+                audit.withdrawn(now, phase);
             }
         }
         let Some(text) = text(event) else { continue };

@@ -42,7 +42,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
         if outcomes.end == End::Complete && outcome.link != LinkState::Up {
             problem("the link is not up at the end".to_owned());
         }
-        if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > 1) {
+        if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > outcomes.bad_commands) {
             problem(format!("the ECU heard {} late and {} bad commands", ecu.late, ecu.bad));
         }
         if outcome.line_was_clean {
@@ -169,8 +169,13 @@ mod tests {
     #[test]
     fn what_did_not_happen_fails_the_run() {
         let check = |held| Check { what: "it stops".to_owned(), held };
-        let outcomes =
-            |checks| Outcomes { engines: Vec::new(), length: Duration::MIN, end: End::Complete, checks };
+        let outcomes = |checks| Outcomes {
+            engines: Vec::new(),
+            length: Duration::MIN,
+            end: End::Complete,
+            checks,
+            bad_commands: 0,
+        };
         let good = outcomes(vec![check(true)]);
         assert_eq!(problems(&good), Vec::<String>::new());
         let bad = outcomes(vec![check(true), check(false)]);

@@ -5,16 +5,18 @@ use super::super::audit::Spoken;
 use super::super::desk::{Desk, Lever, Notes, Stage};
 use super::super::node::Node;
 use super::super::session::look;
+use super::super::simulated::line;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Event, LinkState, Phase as Reported};
-use jetlink::units::Throttle;
+use jetlink::units::{Rpm, Throttle};
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::Nanos;
+use sim::line::Line;
 use sim::turbine::{Phase, Turbine};
-use sim::wire::Plug;
+use sim::wire::{Direction, Faults, Plug};
 use std::cell::{Cell, RefCell};
 
 /// Between two commands of a seat.
@@ -43,14 +45,48 @@ struct Moment {
 #[derive(Debug)]
 pub struct Seat<'a> {
     desk: &'a Desk<'a>,
-    answer: Cell<Option<Result<Accepted, Rejected>>>,
+    origin: Cell<Origin>,
+    /// The other source beside it, and what it says, if anything.
+    beside: Cell<Option<(Origin, Lever)>>,
+    answer: Cell<Answer>,
+    /// Each answer that differs from the one before.
+    answers: RefCell<Vec<(Nanos, Answer)>>,
 }
 
-impl Seat<'_> {
+/// What the node said to a command; `None`: it was away.
+type Answer = Option<Result<Accepted, Rejected>>;
+
+impl<'a> Seat<'a> {
+    fn new(desk: &'a Desk<'a>) -> Self {
+        Self {
+            desk,
+            origin: Cell::new(Origin::Bench),
+            beside: Cell::new(None),
+            answer: Cell::new(None),
+            answers: RefCell::default(),
+        }
+    }
+
     /// Run at so many percent.
     pub fn throttle(&self, percents: u8) {
         self.desk.silent.set(false);
         self.desk.lever.set(Lever::Run(percent(percents)));
+    }
+
+    /// Run at this speed.
+    pub fn rpm(&self, rpm: u32) {
+        self.desk.silent.set(false);
+        self.desk.lever.set(Lever::Run(Demand::Rpm(Rpm::new(rpm))));
+    }
+
+    /// From now on it speaks as this source.
+    pub fn speaks_as(&self, origin: Origin) {
+        self.origin.set(origin);
+    }
+
+    /// Another source says this beside it, from now on; `None`: nothing.
+    pub fn beside(&self, says: Option<(Origin, Lever)>) {
+        self.beside.set(says);
     }
 
     /// Standby.
@@ -65,8 +101,20 @@ impl Seat<'_> {
     }
 
     /// What the node said to its last command.
-    pub fn answer(&self) -> Option<Result<Accepted, Rejected>> {
+    pub fn answer(&self) -> Answer {
         self.answer.get()
+    }
+
+    /// What the node has said since then, each that differs from the one before.
+    pub fn answers_since(&self, since: Nanos) -> Vec<Answer> {
+        let answers = self.answers.borrow();
+        answers.iter().filter(|(at, _)| *at >= since).map(|(_, answer)| *answer).collect()
+    }
+
+    fn answered(&self, at: Nanos, answer: Answer) {
+        if self.answer.replace(answer) != answer {
+            self.answers.borrow_mut().push((at, answer));
+        }
     }
 }
 
@@ -96,7 +144,7 @@ impl<'a> Cockpit<'a> {
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
-        let seats = desks.iter().map(|desk| Seat { desk, answer: Cell::new(None) }).collect();
+        let seats = desks.iter().map(Seat::new).collect();
         let courses = desks.iter().map(|_| RefCell::default()).collect();
         Self {
             node,
@@ -132,16 +180,21 @@ impl<'a> Cockpit<'a> {
         loop {
             if Instant::now() >= next {
                 next = Instant::now() + TICK;
+                let at = clock::now_ns();
                 if desk.silent.get() {
-                    desk.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+                    desk.audit.borrow_mut().may_be_up_to(at, 0);
                 } else {
-                    let at = clock::now_ns();
-                    let lever = desk.lever.get();
-                    let answer = self.node.command(engine, lever.command(), Origin::Bench);
+                    let (lever, origin) = (desk.lever.get(), seat.origin.get());
+                    let answer = self.node.command(engine, lever.command(), origin);
                     if let Some(answer) = answer {
-                        desk.judge(at, lever.order(), answer);
+                        desk.judge(at, lever.order(), origin, answer);
                     }
-                    seat.answer.set(answer);
+                    seat.answered(at, answer);
+                }
+                if let Some((origin, lever)) = seat.beside.get()
+                    && let Some(answer) = self.node.command(engine, lever.command(), origin)
+                {
+                    desk.judge(at, lever.order(), origin, answer);
                 }
             }
             if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
@@ -204,22 +257,60 @@ impl<'a> Cockpit<'a> {
         let order = match command {
             Command::EmergencyStop => Order::EmergencyStop,
             Command::Run(demand) => Order::Run(demand),
-            _ => Order::Standby,
+            Command::Standby | Command::ReleaseStop => Order::Standby,
+            // Nothing else that a scenario commands changes what is ordered.
+            _ => return answer,
         };
         if let Some(answer) = answer {
-            self.desks[engine].judge(at, order, answer);
+            self.desks[engine].judge(at, order, origin, answer);
         }
         answer
     }
 
-    /// Does something to a simulated ECU.
-    pub fn ecu(&self, engine: usize, act: impl FnOnce(&mut AnyEcu)) {
-        self.plugs[engine].ecu(act);
+    /// Looks at a simulated ECU, or does something to it.
+    pub fn ecu<T>(&self, engine: usize, act: impl FnOnce(&mut AnyEcu) -> T) -> T {
+        self.plugs[engine].ecu(act)
     }
 
     /// Cuts a line or joins it.
     pub fn cut(&self, engine: usize, cut: bool) {
         self.plugs[engine].cut(cut);
+    }
+
+    /// Cuts one of the two wires or joins it.
+    pub fn cut_one(&self, engine: usize, direction: Direction, cut: bool) {
+        self.plugs[engine].cut_one(direction, cut);
+    }
+
+    /// Switches an ECU's supply.
+    pub fn power(&self, engine: usize, on: bool) {
+        self.plugs[engine].power(on);
+    }
+
+    /// What goes wrong at random with what an ECU sends.
+    pub fn noise(&self, engine: usize, faults: Faults) {
+        self.plugs[engine].set_faults(faults, Faults::default());
+    }
+
+    /// Another ECU, with the engine behind it, is plugged in.
+    pub fn plug_in(&self, engine: usize, ecu: impl Into<AnyEcu>) {
+        self.plugs[engine].replace_ecu(ecu.into());
+    }
+
+    /// The line of an engine, in the terms of the simulation.
+    pub fn line(&self, engine: usize) -> Line {
+        line(self.desks[engine].engine)
+    }
+
+    /// Waits until an engine that was shut down is cool.
+    pub async fn cool(&self, engine: usize) -> Result<(), String> {
+        self.seats[engine].standby();
+        let what = format!("{} is cool", self.name(engine));
+        self.until(300.0, &what, || {
+            let turbine = self.turbine(engine);
+            turbine.phase() == Phase::Standby && turbine.egt() < 95.0
+        })
+        .await
     }
 
     /// What happens now is shown in the picture.
@@ -372,6 +463,12 @@ impl<'a> Cockpit<'a> {
     pub fn ran_from(&self, engine: usize, from: Nanos) -> bool {
         let phases = self.phases(engine, from, self.now());
         !phases.is_empty() && phases.iter().all(|phase| *phase == Phase::Running)
+    }
+
+    /// How often the simulated engine was lit, or began to be, in this time.
+    pub fn starts(&self, engine: usize, from: Nanos, to: Nanos) -> usize {
+        let phases = self.phases(engine, from, to);
+        phases.windows(2).filter(|pair| matches!(pair, [a, b] if !a.is_live() && b.is_live())).count()
     }
 
     /// Its speed since then was within this share of what it was then.

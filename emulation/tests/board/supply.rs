@@ -1,0 +1,44 @@
+//! The Pixracer's supply: an F427 without option bytes for it resets only far below what its flash needs at 168 MHz. The
+//! emulator has the voltage detector, and no line from it to an interrupt: a few instructions in RAM pend that.
+
+use crate::support::{Task, hijack};
+use emulation::{Image, PIXRACER, Run};
+use sim::ecu::{MILLIS, SECOND};
+
+#[test]
+fn a_start_waits_for_a_supply_that_the_flash_can_work_with() {
+    let report = Run::new(&PIXRACER, Image::Release)
+        .engines()
+        .at(0, |bench| bench.supply(2800))
+        // Longer than the watchdog waits.
+        .at(2500 * MILLIS, |bench| bench.supply(2900))
+        .at(2600 * MILLIS, |bench| bench.supply(3000))
+        .until(4 * SECOND)
+        .go();
+    let hello = report.when("last reset: PowerOn");
+    assert!((2600 * MILLIS..2612 * MILLIS).contains(&hello), "{hello}");
+}
+
+#[test]
+fn a_supply_that_falls_resets_and_the_next_start_waits() {
+    let report = Run::new(&PIXRACER, Image::Release)
+        .engines()
+        .at(1500 * MILLIS, |bench| {
+            bench.supply(2800);
+            // movw r0, #0xE200; movt r0, #0xE000; mov.w r1, #2; str r1, [r0]; bx lr: interrupt 1 in NVIC_ISPR.
+            let code = PIXRACER.ram.start + 0x18000;
+            for (i, word) in [0x2000_F24E, 0x0000_F2CE, 0x0102_F04F, 0x4770_6001].into_iter().enumerate() {
+                bench.set_word(code + 4 * i as u64, word);
+            }
+            hijack(bench, &PIXRACER, Image::Release, Task::Engine, code);
+        })
+        .at(2 * SECOND, |bench| bench.supply(3300))
+        .resets(1)
+        .with_errors()
+        .until(4 * SECOND)
+        .go();
+    assert_eq!(report.lines("the supply is below 2.84 V, resetting").count(), 1, "{}", report.log_text());
+    let again = report.when("last reset: Software");
+    assert!((2 * SECOND..2012 * MILLIS).contains(&again), "{again}");
+    assert!(report.lines("left: LinkUp").next_back().expect("up again").at > again);
+}

@@ -1,0 +1,284 @@
+//! Power and resets: of the node, and of an ECU.
+
+use super::super::audit::Said;
+use super::super::node::{Cause, Reset};
+use super::cockpit::{Cockpit, Seat};
+use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only};
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Rejected};
+use jetlink::telemetry::Event;
+use sim::any::AnyEcu;
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::zk::{ZkConfig, ZkEcu};
+
+/// Three expected frames of a ZK ECU at 20 Hz, and a turn of the node.
+const GAP: Nanos = 250 * MILLIS;
+/// From the power of an ECU until two of its reports are there: it boots for up to 0.5 s, and a ZK ECU reports its state
+/// every 0.45 s.
+const IDENTIFIED: Nanos = 2500 * MILLIS;
+
+pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
+    for i in 0..c.count() {
+        // They light at once, however hot: the worst of all readings.
+        c.ecu(i, |ecu| ecu.turbine_mut().set_starts_hot(true));
+    }
+    for (dip, what) in [(0.2, "0.2 s"), (3.0, "3 s"), (180.0, "180 s")] {
+        c.fly(60).await?;
+        c.event();
+        c.mark(&format!("the ECUs lose their power for {what}; run is still commanded"));
+        let off = c.now();
+        (0..c.count()).for_each(|i| c.power(i, false));
+        c.sleep(dip).await;
+        let on = c.now();
+        (0..c.count()).for_each(|i| c.power(i, true));
+        c.sleep(12.0).await;
+        let end = c.now();
+        c.look();
+        for i in 0..c.count() {
+            let name = c.name(i);
+            let amt = c.name(i) == "amt";
+            let doubts = if amt { ON_WIRE } else { GAP };
+            let meanwhile = c.spoken(i, off + doubts, on);
+            c.must(
+                if amt { meanwhile.is_empty() } else { only(&meanwhile, 0, is_standby) },
+                format!("{name}, {what}: nothing that could start an engine is on the wire in the dip"),
+            );
+            let after = c.spoken(i, on, end);
+            c.must(
+                !after.iter().any(|frame| is_run(frame.said)),
+                format!("{name}, {what}: no run is on the wire when the ECU is back"),
+            );
+            let standby = after.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - on);
+            c.must(
+                standby.is_some_and(|after| after <= IDENTIFIED)
+                    && all(&c.spoken(i, on + IDENTIFIED, end), Said::Standby),
+                format!(
+                    "{name}, {what}: standby is on the wire once its ECU is heard ({:.2} s), and stays",
+                    c.or_never(standby)
+                ),
+            );
+            c.must(
+                c.phases(i, off + 20 * MILLIS, end).iter().all(|phase| !phase.is_live()),
+                format!("{name}, {what}: the engine stops with its ECU, and is not lit again"),
+            );
+            c.must(
+                c.events_since(i, off, |event| matches!(event, Event::RunWithdrawn(_))) >= 1,
+                format!("{name}, {what}: told that the run is over"),
+            );
+            c.must(
+                c.seat(i).answer() == Some(Err(Rejected::StandbyFirst)),
+                format!("{name}, {what}: the source is told why ({})", c.answer_text(i)),
+            );
+        }
+        for i in 0..c.count() {
+            c.cool(i).await?;
+        }
+    }
+    c.shut_down().await
+}
+
+pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
+    c.fly(60).await?;
+    c.event();
+    c.mark("the watchdog resets the node, then five more times, 1.05 s apart");
+    let first = c.now();
+    reset(c, 1.05).await;
+    for _ in 0..5 {
+        reset(c, 0.05).await;
+    }
+    let last = c.now();
+    c.sleep(6.0).await;
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        let near = |said| match said {
+            Said::Run(tenths) => tenths.abs_diff(600) <= GRAIN,
+            said => said == Said::Nothing,
+        };
+        c.must(
+            only(&c.spoken(i, first + 1, end), 40, near),
+            format!("{name}: every command is run at 60 %, no dip, no standby"),
+        );
+        c.must(
+            c.ran_from(i, first) && c.speed_stayed(i, first, 0.02),
+            format!("{name}: the engine runs on through six resets, its speed within 2 %"),
+        );
+        c.must(
+            all(&c.spoken(i, last + 2 * SECOND, end), Said::Run(600)),
+            format!("{name}: 60 % is on the wire 2 s after the last reset"),
+        );
+        c.must(
+            c.seat(i).answer() == Some(Ok(Accepted::InForce)),
+            format!("{name}: the source rules again ({})", c.answer_text(i)),
+        );
+    }
+
+    c.mark("the source falls silent, and the resets go on");
+    c.each(Seat::silence);
+    let silent = c.now();
+    for _ in 0..20 {
+        reset(c, 0.05).await;
+    }
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        // Its age limit, hold, 1.2 s from 60 % to idle; twice that for what the resets take.
+        let late = c.spoken(i, silent + 6 * SECOND, end);
+        let above = late.iter().find(|frame| matches!(frame.said, Said::Run(1..) | Said::RunRpm(_)));
+        c.must(
+            !late.is_empty() && above.is_none(),
+            format!("{name}: no demand above idle is on the wire 6 s after the source's last word"),
+        );
+        let frames = c.spoken(i, silent, end);
+        let rises = frames.windows(2).any(|pair| match (pair[0].said, pair[1].said) {
+            (Said::Run(before), Said::Run(after)) => after > before + GRAIN,
+            _ => false,
+        });
+        c.must(!rises, format!("{name}: no reset brings the demand back"));
+    }
+    c.shut_down().await
+}
+
+/// The watchdog resets the node, which is away for so long; then 1 s passes.
+async fn reset(c: &Cockpit<'_>, away: f64) {
+    let away = Duration::from_micros((away * 1e6) as u64);
+    c.node().reset(Reset { away, cause: Cause::Watchdog });
+    c.sleep(away.as_micros() as f64 / 1e6 + 1.0).await;
+    c.arm();
+}
+
+pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
+    c.fly(60).await?;
+    c.ecu(1, |ecu| {
+        if let AnyEcu::Amt(ecu) = ecu {
+            ecu.set_errors(sim::amt::error::SUPPLY_LOW);
+        }
+    });
+    c.sleep(5.0).await;
+    c.event();
+    c.mark("the node's supply dips for 0.3 s, its memory survives");
+    let at = c.now();
+    c.node().reset(Reset { away: Duration::from_millis(300), cause: Cause::BrownOut });
+    c.sleep(0.02).await;
+    c.until(5.0, "the node is back", || c.node().is_up()).await?;
+    let back = c.now();
+    c.must(
+        (0..c.count()).all(|i| !c.node().telemetry(i).armed),
+        "the node does not believe that it was armed: the power was away",
+    );
+    c.sleep(8.0).await;
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        let frames = c.spoken(i, at + 1, end);
+        c.must(
+            only(&frames, 20, |said| is_run(said) || said == Said::Nothing),
+            format!("{name}: no standby, and no stop"),
+        );
+        let first = frames.iter().find(|frame| is_run(frame.said)).map(|frame| frame.from - back);
+        c.must(
+            first.is_some_and(|after| after <= SECOND),
+            format!("{name}: run is on the wire {:.2} s after the node was back", c.or_never(first)),
+        );
+        c.must(
+            all(&c.spoken(i, back + 5 * SECOND, end), Said::Run(600)),
+            format!("{name}: 60 % is on the wire 5 s after it was back"),
+        );
+        c.must(c.ran_from(i, at), format!("{name}: the engine runs all the time"));
+        c.must(
+            c.events_since(i, at, |event| matches!(event, Event::WentOn(_))) == 1,
+            format!("{name}: told that it went on"),
+        );
+        c.must(
+            c.seat(i).answer() == Some(Ok(Accepted::InForce)),
+            format!("{name}: the source rules again ({})", c.answer_text(i)),
+        );
+    }
+    c.arm();
+    c.ecu(1, |ecu| {
+        if let AnyEcu::Amt(ecu) = ecu {
+            ecu.set_errors(0);
+        }
+    });
+    c.shut_down().await
+}
+
+pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
+    c.fly(60).await?;
+    c.seat(1).rpm(120_000);
+    c.sleep(6.0).await;
+    c.look();
+    let by_rpm = c.spoken(1, 0, c.now()).iter().any(|frame| matches!(frame.said, Said::RunRpm(_)));
+    c.must(by_rpm && c.runs(1), "right: runs by rpm");
+    c.event();
+    c.mark("both lines are cut, and other ECUs are plugged in: version 3, cold, and hungry for a start");
+    let cut = c.now();
+    for i in 0..c.count() {
+        c.cut(i, true);
+        let mut config = ZkConfig::new(3).on(c.line(i));
+        config.temper.starts_hot = true;
+        c.plug_in(i, ZkEcu::new(config));
+    }
+    c.sleep(10.0).await;
+    c.mark("the lines are joined; run is still commanded");
+    let joined = c.now();
+    for i in 0..c.count() {
+        c.cut(i, false);
+    }
+    c.sleep(4.0).await;
+    let unknown: Vec<u64> = (0..c.count()).map(|i| unknown_to(c, i)).collect();
+    c.sleep(6.0).await;
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        c.must(
+            unknown.get(i) == Some(&unknown_to(c, i)),
+            format!("{name}: once its version is known, every frame is one that the new ECU knows"),
+        );
+        c.must(
+            !c.spoken(i, cut + GAP, end).iter().any(|frame| matches!(frame.said, Said::Run(_) | Said::Stop)),
+            format!("{name}: no run is on the wire from the cut on"),
+        );
+        c.must(
+            !c.spoken(i, joined + IDENTIFIED, end).iter().any(|frame| matches!(frame.said, Said::RunRpm(_))),
+            format!("{name}: and no speed for an ECU that has none to take"),
+        );
+        let frames = c.spoken(i, joined, end);
+        let standby =
+            frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - joined);
+        c.must(
+            standby.is_some_and(|after| after <= IDENTIFIED),
+            format!(
+                "{name}: standby is on the wire once the new ECU is heard ({:.2} s)",
+                c.or_never(standby)
+            ),
+        );
+        c.must(
+            all(&c.spoken(i, joined + IDENTIFIED, end), Said::Standby),
+            format!("{name}: and stays, although run goes on being commanded"),
+        );
+        c.must(
+            c.phases(i, cut + 20 * MILLIS, end).iter().all(|phase| !phase.is_live()),
+            format!("{name}: the engine behind the new ECU is never lit"),
+        );
+        let version = |event| matches!(event, Event::VersionKnown(version) if version.get() == 3);
+        c.must(c.events_since(i, joined, version) == 1, format!("{name}: told the version of the new ECU"));
+        c.must(
+            matches!(c.seat(i).answer(), Some(Err(_))),
+            format!("{name}: the source is told why ({})", c.answer_text(i)),
+        );
+    }
+    c.shut_down().await
+}
+
+/// Frames that a ZK ECU has heard and does not know in its version.
+fn unknown_to(c: &Cockpit<'_>, engine: usize) -> u64 {
+    c.ecu(engine, |ecu| match ecu {
+        AnyEcu::Zk(ecu) => ecu.stats.ignored.version,
+        AnyEcu::Amt(_) => 0,
+    })
+}

@@ -1,0 +1,283 @@
+//! Sources: whose word counts, and what a start takes.
+
+use super::super::audit::Said;
+use super::super::desk::{Lever, Stage};
+use super::cockpit::{Cockpit, Seat, percent};
+use super::{ON_WIRE, all, is_run, is_standby, only};
+use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
+use jetlink::telemetry::Event;
+use sim::ecu::{MILLIS, SECOND};
+
+pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
+    c.ready(0).await?;
+    c.ready(1).await?;
+    c.stage(0, Stage::Start);
+    c.seat(0).throttle(0);
+    c.sleep(3.0).await;
+    c.event();
+    c.mark("right asks for its start while left starts: it waits");
+    let asked = c.now();
+    c.seat(1).throttle(0);
+    c.sleep(2.0).await;
+    c.must(
+        c.seat(1).answer() == Some(Ok(Accepted::StartWaits)),
+        format!("right: the start waits ({})", c.answer_text(1)),
+    );
+    c.must(c.node().telemetry(1).start_waits_until.is_some(), "right: the telemetry shows until when");
+    c.mark("the source of right falls silent");
+    c.seat(1).silence();
+    let silent = c.now();
+    c.running(0).await?;
+    c.stage(0, Stage::Idle);
+    c.sleep(12.0).await;
+    c.must(c.node().telemetry(1).start_waits_until.is_none(), "right: the wait has ended");
+    let ended = c.when_told(1, |event| {
+        event == Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), Origin::Bench)
+    });
+    c.must(
+        ended.is_some_and(|at| (silent..=silent + SECOND).contains(&at)),
+        format!(
+            "right: told within 1 s that the start is refused ({:.2} s)",
+            c.or_never(ended.map(|at| at.saturating_sub(silent)))
+        ),
+    );
+    c.mark("the source of right says run again");
+    c.seat(1).throttle(0);
+    c.sleep(6.0).await;
+    let again = c.now();
+    c.must(
+        c.seat(1).answer() == Some(Err(Rejected::StandbyFirst)),
+        format!("right: the wait has used the permission up ({})", c.answer_text(1)),
+    );
+    c.look();
+    c.must(all(&c.spoken(1, asked, again), Said::Standby), "right: nothing but standby is on the wire");
+    c.must(c.starts(1, 0, again) == 0, "right: the engine is not lit");
+    c.mark("standby, and run once more");
+    c.start(1).await?;
+    c.must(c.starts(1, again, c.now()) == 1, "right: its own standby and run start it");
+    c.must(c.starts(0, 0, c.now()) == 1 && c.runs(0), "left: was lit once, and runs");
+    c.shut_down().await
+}
+
+pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
+    c.each(|seat| seat.speaks_as(Origin::Rc));
+    c.fly(60).await?;
+    c.event();
+    c.mark("MAVLink streams standby below RC");
+    c.each(|seat| seat.beside(Some((Origin::Mavlink, Lever::Standby))));
+    c.sleep(3.0).await;
+    c.mark("RC is lost for 2 s");
+    let lost = c.now();
+    c.each(Seat::silence);
+    c.sleep(2.0).await;
+    c.each(|seat| seat.throttle(60));
+    let back = c.now();
+    c.sleep(6.0).await;
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        let frames = c.spoken(i, lost - 3 * SECOND, end);
+        c.must(
+            only(&frames, 40, |said| is_run(said) || said == Said::Nothing),
+            format!("{name}, above standby: no standby is on the wire"),
+        );
+        c.must(
+            all(&c.spoken(i, lost, lost + 1400 * MILLIS), Said::Run(600)),
+            format!("{name}, above standby: 60 % stays for 0.5 s (age limit) and 1 s (hold)"),
+        );
+        c.must(c.ran_from(i, lost), format!("{name}, above standby: the engine runs all the time"));
+        c.must(
+            all(&c.spoken(i, back + 4500 * MILLIS, end), Said::Run(600)),
+            format!("{name}, above standby: 60 % is on the wire again 4.5 s after RC was back"),
+        );
+    }
+    c.mark("MAVLink streams run at 40 % below RC");
+    c.each(|seat| seat.beside(Some((Origin::Mavlink, Lever::Run(percent(40))))));
+    c.sleep(3.0).await;
+    c.mark("RC is lost for 2 s");
+    let lost = c.now();
+    c.each(Seat::silence);
+    c.sleep(2.0).await;
+    c.each(|seat| seat.throttle(60));
+    let back = c.now();
+    c.sleep(6.0).await;
+    let end = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        let between = |said| match said {
+            Said::Run(tenths) => (400..=600).contains(&tenths),
+            said => said == Said::Nothing,
+        };
+        c.must(
+            only(&c.spoken(i, lost - 2 * SECOND, end), 40, between),
+            format!("{name}, above run at 40 %: every command is run between 40 % and 60 %"),
+        );
+        c.must(
+            all(&c.spoken(i, lost - 2 * SECOND, lost + 400 * MILLIS), Said::Run(600)),
+            format!("{name}, above run at 40 %: while RC is fresh, its 60 % is on the wire"),
+        );
+        c.must(c.ran_from(i, lost), format!("{name}, above run at 40 %: the engine runs all the time"));
+        c.must(
+            all(&c.spoken(i, back + 4500 * MILLIS, end), Said::Run(600)),
+            format!("{name}, above run at 40 %: 60 % is on the wire again 4.5 s after RC was back"),
+        );
+    }
+    c.each(|seat| seat.beside(None));
+    c.shut_down().await
+}
+
+pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
+    c.fly(60).await?;
+    c.event();
+    c.mark("emergency stop; the bench goes on with run, and with arm");
+    let stop = c.now();
+    for i in 0..c.count() {
+        c.command(i, Command::EmergencyStop, Origin::Emergency);
+    }
+    c.sleep(1.0).await;
+    let armed_in_stop: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::Arm, Origin::Bench)).collect();
+    c.each(|seat| seat.throttle(0));
+    c.until(30.0, "both engines stand", || (0..c.count()).all(|i| c.turbine(i).rpm() < 2000.0)).await?;
+    c.sleep(3.0).await;
+    c.mark("released");
+    let release = c.now();
+    let released: Vec<_> =
+        (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Emergency)).collect();
+    c.sleep(1.0).await;
+    for i in 0..c.count() {
+        c.cool(i).await?;
+    }
+    c.sleep(2.0).await;
+    c.mark("arm, standby, run: refused");
+    let armed_again: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::Arm, Origin::Bench)).collect();
+    c.sleep(1.0).await;
+    let refused_from = c.now();
+    c.each(|seat| seat.throttle(0));
+    c.sleep(5.0).await;
+    let refused: Vec<_> = (0..c.count()).map(|i| c.seat(i).answers_since(refused_from)).collect();
+    c.mark("disarm, arm: the run that is still streamed starts nothing");
+    for i in 0..c.count() {
+        c.command(i, Command::Disarm, Origin::Bench);
+    }
+    let armed: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::Arm, Origin::Bench)).collect();
+    c.sleep(5.0).await;
+    let before = c.now();
+    c.look();
+    for i in 0..c.count() {
+        let name = c.name(i);
+        c.must(
+            all(&c.spoken(i, stop + ON_WIRE, release), Said::Stop),
+            format!("{name}: emergency stop is on the wire until it is released"),
+        );
+        c.must(
+            armed_in_stop.get(i) == Some(&Some(Err(Rejected::StopLatched))),
+            format!("{name}: it cannot be armed while the stop is latched"),
+        );
+        c.must(released.get(i) == Some(&Some(Ok(Accepted::InForce))), format!("{name}: released"));
+        c.must(
+            armed_again.get(i) == Some(&Some(Err(Rejected::DisarmFirst))),
+            format!("{name}: who said arm all along has to say disarm first"),
+        );
+        c.must(
+            refused.get(i).and_then(|answers| answers.first())
+                == Some(&Some(Err(Rejected::Start(Interlock::NotArmed)))),
+            format!("{name}: run is refused, because the stop has disarmed"),
+        );
+        c.must(
+            armed.get(i) == Some(&Some(Ok(Accepted::InForce))),
+            format!("{name}: armed after disarm and arm"),
+        );
+        c.must(
+            all(&c.spoken(i, release + ON_WIRE, before), Said::Standby)
+                && c.phases(i, stop + ON_WIRE, before).iter().all(|phase| !phase.is_live()),
+            format!("{name}: standby is on the wire from the release on, and the engine is not lit"),
+        );
+    }
+    c.mark("standby and run: the start");
+    for i in 0..c.count() {
+        c.start(i).await?;
+    }
+    for i in 0..c.count() {
+        let name = c.name(i);
+        c.must(c.starts(i, before, c.now()) == 1 && c.runs(i), format!("{name}: it is lit once, and runs"));
+    }
+    c.shut_down().await
+}
+
+pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
+    c.ready(1).await?;
+    c.ready(0).await?;
+    c.each(Seat::silence);
+    c.sleep(2.0).await;
+    c.event();
+    c.mark("right: a ground station says standby, and run, one word each, and is lost");
+    let lonely = one_word(c, 1).await;
+    c.sleep(30.0).await;
+    let end = c.now();
+    c.look();
+    let frames = c.spoken(1, lonely, end);
+    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    // Age limit 1 s, hold 1 s, and 10 s without an engine that runs.
+    c.must(
+        standby.is_some_and(|at| (11 * SECOND..=12 * SECOND + ON_WIRE).contains(&(at - lonely))),
+        format!(
+            "right: alone, the start ends 12 s after its only word ({:.2} s)",
+            c.or_never(standby.map(|at| at - lonely))
+        ),
+    );
+    c.must(
+        only(&frames, 100, |said| matches!(said, Said::Run(0)) || is_standby(said))
+            && standby.is_some_and(|at| all(&c.spoken(1, at, end), Said::Standby)),
+        "right: run at idle until then, and standby from then on",
+    );
+    c.must(
+        c.starts(1, lonely, end) <= 1
+            && standby.is_some_and(|at| c.phases(1, at + SECOND, end).iter().all(|phase| !phase.is_live())),
+        "right: it is lit once at most, and stops with the standby",
+    );
+
+    c.mark("left: the same, beside a source that streams a throttle of 30 %");
+    c.seat(0).beside(Some((Origin::Bench, Lever::Run(percent(30)))));
+    let streamed = c.now();
+    c.sleep(3.0).await;
+    let word = one_word(c, 0).await;
+    c.running(0).await?;
+    let runs = c.now();
+    c.sleep(8.0).await;
+    let end = c.now();
+    c.look();
+    c.must(c.starts(0, streamed, word) == 0, "left: a streamed throttle starts nothing");
+    c.must(c.starts(0, word, end) == 1, "left: the ground station's standby and run light it once");
+    c.must(
+        only(&c.spoken(0, word + ON_WIRE, runs - SECOND), 40, |said| said == Said::Run(0)),
+        "left: idle is on the wire until the engine runs",
+    );
+    let frames = c.spoken(0, runs - SECOND, end);
+    let rises = frames.windows(2).all(|pair| match (pair[0].said, pair[1].said) {
+        (Said::Run(before), Said::Run(after)) => {
+            // Half a percent is the step of the wire, and 20 ms that of the demand.
+            let most = (pair[1].from - pair[0].from + 20 * MILLIS) * 500 / SECOND + 5;
+            (before..=300).contains(&after) && u64::from(after - before) <= most
+        }
+        _ => false,
+    });
+    c.must(rises, "left: then the demand rises at 50 % a second at most, and not above 30 %");
+    c.must(
+        all(&c.spoken(0, runs + 3 * SECOND, end), Said::Run(300)) && c.runs(0),
+        "left: the source beside it is in control then: 30 %",
+    );
+    c.each(|seat| seat.beside(None));
+    c.shut_down().await
+}
+
+/// A ground station says standby, and 0.9 s later run at idle; when that was.
+async fn one_word(c: &Cockpit<'_>, engine: usize) -> u64 {
+    c.command(engine, Command::Standby, Origin::Mavlink);
+    c.sleep(0.9).await;
+    let word = c.now();
+    let answer = c.command(engine, Command::Run(percent(0)), Origin::Mavlink);
+    c.must(answer == Some(Ok(Accepted::InForce)), format!("{}: the start is allowed", c.name(engine)));
+    word
+}

@@ -1,0 +1,116 @@
+//! When and why the node is reset.
+
+use crate::faults::Weather;
+use crate::history::{Cause, MS, SECOND};
+use crate::pilots::Rng;
+use crate::seat::Seat;
+use crate::worlds::now;
+use std::collections::VecDeque;
+
+/// A reset, and what goes with it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Blow {
+    pub at: u64,
+    /// How long there is no node.
+    pub down: u64,
+    pub cause: Cause,
+    /// The ECUs lose their power together with the node.
+    pub with_ecu: bool,
+    /// The node comes back with other settings.
+    pub other_settings: bool,
+}
+
+/// What the node itself goes through.
+#[derive(Debug)]
+pub enum Fate {
+    Random(Random),
+    Script(VecDeque<Blow>),
+}
+
+#[derive(Debug)]
+pub struct Random {
+    weather: Weather,
+    next: u64,
+    /// Resets that still follow, and how long the node runs between them.
+    loop_left: u64,
+    loop_period: u64,
+    /// All pilots of an engine are silent, and that was looked at.
+    silent: bool,
+}
+
+impl Fate {
+    pub fn random(rng: &mut Rng, weather: Weather) -> Self {
+        let next = rng.wait(weather.between_faults());
+        Self::Random(Random { weather, next, loop_left: 0, loop_period: 0, silent: false })
+    }
+
+    /// The next reset; `None` if there is none.
+    pub fn next(&mut self, rng: &mut Rng) -> Option<Blow> {
+        match self {
+            Self::Random(random) => Some(random.next(rng)),
+            Self::Script(blows) => blows.pop_front(),
+        }
+    }
+
+    /// One that comes sooner, because of what the pilots do.
+    pub fn sooner(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
+        match self {
+            Self::Random(random) => random.in_silence(rng, seats, than),
+            Self::Script(_) => None,
+        }
+    }
+}
+
+fn down(rng: &mut Rng, cause: Cause) -> u64 {
+    match cause {
+        Cause::Watchdog if rng.percent(50) => rng.spread(5 * MS, 100 * MS),
+        Cause::Watchdog => rng.spread(5 * MS, 1200 * MS),
+        _ if rng.percent(10) => rng.spread(20 * MS, 100 * SECOND),
+        _ => rng.spread(20 * MS, 3 * SECOND),
+    }
+}
+
+impl Random {
+    fn blow(&self, rng: &mut Rng, at: u64, cause: Cause) -> Blow {
+        let with_ecu = cause != Cause::Watchdog && rng.percent(40);
+        Blow { at, down: down(rng, cause), cause, with_ecu, other_settings: rng.percent(10) }
+    }
+
+    /// Resets come often when all pilots of a running engine are silent: one fault brings the other.
+    fn in_silence(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
+        let at = now();
+        let silent = seats.iter().any(|seat| seat.is_live() && seat.silent_until() > at + 2 * SECOND);
+        if core::mem::replace(&mut self.silent, silent) || !silent || !rng.percent(30) {
+            return None;
+        }
+        let first = at + rng.spread(20 * MS, 6 * SECOND);
+        if first >= than {
+            return None;
+        }
+        self.loop_period = rng.spread(30 * MS, 8 * SECOND);
+        self.loop_left = if rng.percent(50) { rng.between(0, 20) } else { 100 * SECOND / self.loop_period };
+        let cause = if rng.percent(80) { Cause::Watchdog } else { Cause::BrownOut };
+        Some(self.blow(rng, first, cause))
+    }
+
+    fn next(&mut self, rng: &mut Rng) -> Blow {
+        if self.loop_left > 0 {
+            self.loop_left -= 1;
+            let at = now() + self.loop_period;
+            return Blow { other_settings: false, ..self.blow(rng, at, Cause::Watchdog) };
+        }
+        while self.next <= now() {
+            self.next += rng.wait(self.weather.between_faults());
+        }
+        let cause = match rng.below(100) {
+            0..60 => Cause::Watchdog,
+            60..80 => Cause::BrownOut,
+            _ => Cause::PowerOn,
+        };
+        if cause == Cause::Watchdog && rng.percent(25) {
+            self.loop_left = rng.between(2, 40);
+            self.loop_period = rng.spread(50 * MS, 8 * SECOND);
+        }
+        self.blow(rng, self.next, cause)
+    }
+}

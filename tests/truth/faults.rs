@@ -1,0 +1,315 @@
+//! What goes wrong with one ECU and its two wires. Every disturbance is written into the history as what it really was.
+
+use crate::history::{History, MS, SECOND, Spans};
+use crate::pilots::Rng;
+use sim::any::AnyEcu;
+use sim::turbine::{EgtSensor, Phase};
+use sim::wire::{Direction, Faults, FramingAs, Plug};
+
+/// One disturbance.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Fault {
+    /// The ECU has no power.
+    PowerOff,
+    /// Nothing comes through from the ECU.
+    CutToNode,
+    /// Nothing comes through to the ECU.
+    CutToEcu,
+    CutBoth,
+    /// Every byte of a direction is damaged: both, to the node, to the ECU.
+    Damage(bool, bool),
+    /// Some bytes are.
+    Noise,
+    /// So many bytes of a million, from the ECU, have a framing error.
+    Framing(u32),
+    FlameOut,
+    HotStarts(bool),
+    NoLight(bool),
+    /// The ECU reports a fault, and does not mind it.
+    Error(u8),
+    /// The thermocouple is broken, or its wires touch.
+    Sensor(EgtSensor),
+    /// One good frame that says something else than what is so.
+    OneWrongFrame,
+    /// A signal on the PWM input of a ZK ECU.
+    PwmSignal(bool),
+}
+
+/// How much goes wrong in a world.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Weather {
+    Calm,
+    Fair,
+    Rough,
+}
+
+impl Weather {
+    pub const fn between_faults(self) -> u64 {
+        match self {
+            Self::Calm => 600 * SECOND,
+            Self::Fair => 200 * SECOND,
+            Self::Rough => 50 * SECOND,
+        }
+    }
+}
+
+/// The disturbances of one engine.
+#[derive(Debug)]
+pub struct Disturber {
+    weather: Weather,
+    next: u64,
+    /// What is so now, and since and until when.
+    current: Option<(Fault, u64, u64)>,
+    /// Chance of a dip of the supply in each start, in percent.
+    dips_in_starts: u64,
+    dipped: bool,
+    /// Long losses of power.
+    long: bool,
+    pub signals: bool,
+}
+
+impl Disturber {
+    pub fn new(rng: &mut Rng, weather: Weather) -> Self {
+        Self {
+            weather,
+            next: rng.wait(weather.between_faults()),
+            current: None,
+            dips_in_starts: rng.pick(&[0, 0, 10, 40]),
+            dipped: false,
+            long: rng.percent(30),
+            signals: false,
+        }
+    }
+
+    /// Nothing goes wrong by itself.
+    pub const fn idle() -> Self {
+        Self {
+            weather: Weather::Calm,
+            next: u64::MAX,
+            current: None,
+            dips_in_starts: 0,
+            dipped: false,
+            long: false,
+            signals: false,
+        }
+    }
+
+    /// A disturbance that no rule may be exempt from for long: rarely one that costs an AMT engine.
+    fn choose(&self, rng: &mut Rng, amt: bool, patience: u64) -> (Fault, u64) {
+        let power = match self.long {
+            true => rng.spread(50 * MS, 900 * SECOND),
+            false => rng.spread(50 * MS, 20 * SECOND),
+        };
+        // Longer ones cost an AMT engine: half of them are such as it puts up with.
+        let short = amt && rng.percent(50);
+        let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
+        match rng.below(100) {
+            0..14 => (Fault::PowerOff, power),
+            14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),
+            24..32 => (Fault::CutToNode, cut),
+            32..40 => (Fault::CutToEcu, cut),
+            40..45 => (Fault::CutBoth, cut),
+            // Just what the ECU puts up with.
+            45..53 if amt => {
+                (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
+            }
+            45..66 => {
+                let (to_node, to_ecu) =
+                    rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
+                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { 10 * SECOND };
+                (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
+            }
+            66..76 => (Fault::Noise, rng.spread(500 * MS, 10 * SECOND)),
+            76..82 => (Fault::FlameOut, MS),
+            82..84 => (Fault::HotStarts(rng.percent(50)), MS),
+            84..86 => (Fault::NoLight(rng.percent(30)), MS),
+            86..90 => (Fault::Error(rng.between(1, 18) as u8), rng.spread(SECOND, 60 * SECOND)),
+            90..93 => {
+                let sensor = rng.pick(&[EgtSensor::Open, EgtSensor::Short]);
+                (Fault::Sensor(sensor), rng.spread(SECOND, 100 * SECOND))
+            }
+            93..97 => (Fault::OneWrongFrame, MS),
+            _ if self.signals => (Fault::PwmSignal(rng.percent(50)), rng.spread(SECOND, 100 * SECOND)),
+            _ => (Fault::OneWrongFrame, MS),
+        }
+    }
+
+    /// Begins and ends what is due. What began or ended, for the log.
+    pub fn disturb(
+        &mut self,
+        rng: &mut Rng,
+        plug: &Plug<AnyEcu>,
+        history: &mut History,
+        now: u64,
+    ) -> Vec<String> {
+        let mut notes = Vec::new();
+        if let Some((fault, from, until)) = self.current
+            && now >= until
+        {
+            self.current = None;
+            end(fault, plug);
+            write_down(history, fault, from, now);
+            notes.push(format!("over: {fault:?}"));
+        }
+        let amt = history.is_amt();
+        if self.current.is_none() && now >= self.next {
+            self.next = now + rng.wait(self.weather.between_faults());
+            let (fault, length) = self.choose(rng, amt, history.rules.gives_up_after);
+            begin(fault, rng, plug);
+            self.current = Some((fault, now, now + length.max(MS)));
+            notes.push(format!("{fault:?} for {} ms", length / MS));
+        }
+        // A dip of the supply while the starter turns.
+        let phase = plug.ecu(|ecu| ecu.turbine().phase());
+        if !phase.is_starting() {
+            self.dipped = false;
+        } else if self.current.is_none() && !self.dipped && phase != Phase::LearningIdle {
+            self.dipped = rng.percent(3);
+            if self.dipped && rng.percent(self.dips_in_starts) {
+                let length = rng.spread(50 * MS, 2 * SECOND);
+                begin(Fault::PowerOff, rng, plug);
+                self.current = Some((Fault::PowerOff, now, now + length));
+                notes.push(format!("PowerOff in a start for {} ms", length / MS));
+            }
+        }
+        notes
+    }
+
+    /// When it wants to be called next.
+    pub fn next(&self) -> u64 {
+        self.current.map_or(self.next, |(_, _, until)| until)
+    }
+
+    /// This goes wrong from now until then, in place of what does.
+    pub fn begin(
+        &mut self,
+        rng: &mut Rng,
+        plug: &Plug<AnyEcu>,
+        history: &mut History,
+        fault: Fault,
+        now: u64,
+        until: u64,
+    ) {
+        if let Some((fault, from, _)) = self.current.take() {
+            end(fault, plug);
+            write_down(history, fault, from, now);
+        }
+        begin(fault, rng, plug);
+        self.current = Some((fault, now, until));
+    }
+
+    /// Ends what is going on, for the end of the history.
+    pub fn finish(&mut self, history: &mut History, now: u64) {
+        if let Some((fault, from, _)) = self.current.take() {
+            write_down(history, fault, from, now);
+        }
+    }
+}
+
+fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
+    let all = Faults { framing_per_million: 1_000_000, ..Faults::default() };
+    let some = Faults {
+        framing_per_million: rng.pick(&[0, 20_000, 200_000]),
+        lose_per_million: rng.pick(&[0, 20_000, 200_000]),
+        ..Faults::default()
+    };
+    match fault {
+        Fault::PowerOff => plug.power(false),
+        Fault::CutToNode => plug.cut_one(Direction::ToNode, true),
+        Fault::CutToEcu => plug.cut_one(Direction::ToEcu, true),
+        Fault::CutBoth => plug.cut(true),
+        Fault::Damage(to_node, to_ecu) => {
+            plug.framing(FramingAs::Error);
+            let damaged = |damaged| if damaged { all } else { Faults::default() };
+            plug.set_faults(damaged(to_node), damaged(to_ecu));
+        }
+        Fault::Noise => {
+            plug.framing(rng.pick(&[FramingAs::Error, FramingAs::Error, FramingAs::Data]));
+            let flips = Faults { flip_per_million: rng.pick(&[0, 1000, 20_000]), ..some };
+            plug.set_faults(some, flips);
+        }
+        Fault::Framing(per_million) => {
+            plug.framing(FramingAs::Data);
+            plug.set_faults(
+                Faults { framing_per_million: per_million, ..Faults::default() },
+                Faults::default(),
+            );
+        }
+        Fault::FlameOut => plug.ecu(|ecu| ecu.turbine_mut().flame_out()),
+        Fault::HotStarts(hot) => plug.ecu(|ecu| ecu.turbine_mut().hot_start(hot)),
+        Fault::NoLight(dark) => plug.ecu(|ecu| ecu.turbine_mut().no_light(dark)),
+        Fault::Error(error) => plug.ecu(|ecu| match ecu {
+            AnyEcu::Amt(ecu) => ecu.set_errors(1 << (error % 7)),
+            AnyEcu::Zk(ecu) => ecu.set_error(Some(error)),
+        }),
+        Fault::Sensor(sensor) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(sensor)),
+        Fault::OneWrongFrame => {
+            let frame = plug.ecu(|ecu| wrong_frame(ecu, rng));
+            plug.inject_to_node(&frame);
+        }
+        Fault::PwmSignal(run) => plug.ecu(|ecu| {
+            if let AnyEcu::Zk(ecu) = ecu {
+                use sim::turbine::Switch;
+                let switch = if run { Switch::Run } else { Switch::Standby };
+                ecu.set_pwm(Some(sim::zk::Pwm { switch, throttle: 0 }));
+            }
+        }),
+    }
+}
+
+fn end(fault: Fault, plug: &Plug<AnyEcu>) {
+    match fault {
+        Fault::PowerOff => plug.power(true),
+        Fault::CutToNode | Fault::CutToEcu | Fault::CutBoth => plug.cut(false),
+        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) => {
+            plug.set_faults(Faults::default(), Faults::default())
+        }
+        Fault::Error(_) => plug.ecu(|ecu| match ecu {
+            AnyEcu::Amt(ecu) => ecu.set_errors(0),
+            AnyEcu::Zk(ecu) => ecu.set_error(None),
+        }),
+        Fault::Sensor(_) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(EgtSensor::Good)),
+        Fault::PwmSignal(_) => plug.ecu(|ecu| {
+            if let AnyEcu::Zk(ecu) = ecu {
+                ecu.set_pwm(None);
+            }
+        }),
+        Fault::FlameOut | Fault::HotStarts(_) | Fault::NoLight(_) | Fault::OneWrongFrame => {}
+    }
+}
+
+fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
+    let add = |spans: &mut Spans| spans.push(from, to);
+    match fault {
+        Fault::PowerOff => add(&mut history.unpowered),
+        Fault::CutToNode => add(&mut history.mute),
+        Fault::CutToEcu => add(&mut history.deaf),
+        Fault::CutBoth => {
+            add(&mut history.mute);
+            add(&mut history.deaf);
+        }
+        Fault::Damage(..) | Fault::Noise | Fault::Framing(_) | Fault::OneWrongFrame => {
+            add(&mut history.noise)
+        }
+        Fault::Sensor(_) => add(&mut history.sensor),
+        _ => {}
+    }
+}
+
+/// A frame that is well formed and not true: another state, or another version.
+fn wrong_frame(ecu: &AnyEcu, rng: &mut Rng) -> Vec<u8> {
+    match ecu {
+        AnyEcu::Amt(_) => {
+            let status = rng.pick(&[0, 1, 2, 12]) << 3;
+            vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
+        }
+        AnyEcu::Zk(_) => {
+            let mut frame = match rng.below(2) {
+                0 => vec![0xF1, 0, 0, rng.below(20) as u8, 0, rng.below(120) as u8],
+                _ => vec![0xF6, 0, 0, 160, 25, (rng.between(1, 7) as u8) << 2],
+            };
+            frame.push(sim::zk::crc8(&frame));
+            frame
+        }
+    }
+}

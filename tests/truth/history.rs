@@ -1,0 +1,433 @@
+//! What really happened to one engine: what its pilots said, what was on its wire, the power of its ECU, what its turbine
+//! did. Nothing in it comes from the node. All times are in microseconds.
+
+use sim::turbine::Phase;
+
+/// A millisecond.
+pub const MS: u64 = 1_000;
+/// A second.
+pub const SECOND: u64 = 1_000_000;
+
+/// A demand: throttle in 0.1 %, or a shaft speed in rpm.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Ask {
+    Throttle(u32),
+    Rpm(u32),
+}
+
+impl core::fmt::Display for Ask {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Throttle(tenths) => write!(f, "{}.{} %", tenths / 10, tenths % 10),
+            Self::Rpm(rpm) => write!(f, "{rpm} rpm"),
+        }
+    }
+}
+
+/// What a pilot commanded, whatever was answered.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Word {
+    /// One word of a stream.
+    Standby,
+    /// Standby, the explicit order of a person.
+    ShutDown,
+    Run(Ask),
+    Stop,
+    Release,
+    Arm,
+    Disarm,
+    /// Present, and wants nothing.
+    Nothing,
+    /// Hand-over to the ECU's PWM input.
+    Pwm,
+    /// A service command: the number of a ZK action.
+    Service(u8),
+    /// AMT's stop of a running engine after the serial delay time.
+    Ctf,
+}
+
+impl Word {
+    /// A word by which a source is heard as one that commands the engine.
+    pub const fn is_heard(self) -> bool {
+        matches!(
+            self,
+            Self::Standby
+                | Self::ShutDown
+                | Self::Run(_)
+                | Self::Stop
+                | Self::Pwm
+                | Self::Service(_)
+                | Self::Ctf
+        )
+    }
+}
+
+/// A word, and whose it was: 0 is the highest source.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Said {
+    pub at: u64,
+    pub source: usize,
+    pub word: Word,
+}
+
+/// What a control frame says of the engine's switch.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Switch {
+    Pwm,
+    Stop,
+    Standby,
+    Run,
+}
+
+/// What a control frame says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Told {
+    /// Every AMT message; ZK ID 1.
+    Full(Switch, u32),
+    /// ZK ID 6: the switch, if it says one, and RPM_X.
+    Mode(Option<Switch>, u8),
+    /// ZK ID 7, with RPM_X as it was sent last.
+    Rpm(u32),
+    /// ZK ID 0.
+    Nothing,
+    /// ZK ID 2, with its parameter.
+    Action(u8),
+    /// AMT CTF.
+    Ctf,
+    /// Any other ID.
+    Other(u8),
+    /// No frame that the document knows.
+    Bad([u8; 5]),
+}
+
+impl Told {
+    /// The switch in it.
+    pub const fn switch(self) -> Option<Switch> {
+        match self {
+            Self::Full(switch, _) | Self::Mode(Some(switch), _) => Some(switch),
+            _ => None,
+        }
+    }
+
+    /// The demand in it, for a running engine.
+    pub const fn demand(self) -> Option<Ask> {
+        match self {
+            Self::Full(Switch::Run, tenths) => Some(Ask::Throttle(tenths)),
+            Self::Rpm(rpm) => Some(Ask::Rpm(rpm)),
+            _ => None,
+        }
+    }
+}
+
+/// A control frame on the wire.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Frame {
+    /// The beginning of its first start bit.
+    pub at: u64,
+    /// All its bytes came to the ECU as they were sent.
+    pub arrived: bool,
+    pub told: Told,
+}
+
+/// The turbine at an instant.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sample {
+    pub at: u64,
+    pub phase: Phase,
+    /// It burns.
+    pub lit: bool,
+    pub rpm: f64,
+    pub egt: f64,
+    /// Fuel flow in ml/min.
+    pub flow: f64,
+    /// The ECU reports a fault (AMT: error sets, with no state in them).
+    pub fault: bool,
+}
+
+impl Sample {
+    /// It runs, and burns.
+    pub fn runs(&self) -> bool {
+        self.phase == Phase::Running && self.lit
+    }
+}
+
+/// What happened at an instant.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Mark {
+    /// The ignition began.
+    Ignition,
+    /// The ECU began it by itself, without a switch that left run: ZK's restart.
+    Relight,
+    /// The ECU put the turbine out because it was not commanded.
+    GivenUp,
+}
+
+/// How the node came to be reset.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Cause {
+    /// Watchdog, panic, fault: the memory is whole.
+    Watchdog,
+    /// Power-on or brown-out, with the memory as it was.
+    BrownOut,
+    /// Power-on, with nothing left of the memory.
+    PowerOn,
+}
+
+/// A time without a node.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Reset {
+    pub down: u64,
+    pub up: u64,
+    pub cause: Cause,
+}
+
+/// Which ECU it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    Amt,
+    /// ZK with this protocol version.
+    Zk(u8),
+}
+
+/// The numbers that the node is configured with, and those of the ECU and turbine that the rules speak of.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Rules {
+    pub kind: Kind,
+    /// From one report, and one send slot, to the next.
+    pub period: u64,
+    /// So many reports until the state comes round again.
+    pub round: u64,
+    /// Age limit of each source, the highest first.
+    pub ages: [u64; 4],
+    pub recover_after: u64,
+    pub takeover: u64,
+    pub hold: u64,
+    /// Fall and rise of a demand, 0.1 % a second.
+    pub ramp: u32,
+    pub rise: u32,
+    pub slew_up: Option<u32>,
+    pub slew_down: Option<u32>,
+    /// Fail-safe throttle, 0.1 %.
+    pub fail_safe: u32,
+    pub standby_after: Option<u64>,
+    /// Before a lower source's standby ends a run, after the stages of loss.
+    pub lower_standby_after: u64,
+    pub listen: u64,
+    pub arming: bool,
+    pub link_stable: u64,
+    pub idle_band: u32,
+    /// The hottest exhaust for a start, °C.
+    pub egt_max: f64,
+    pub start_timeout: u64,
+    /// Longest wait of a start for other engines; 0 with one engine.
+    pub start_wait: u64,
+    /// Throttle until the engine runs, 0.1 %.
+    pub start_throttle: u32,
+    /// A governor holds rpm demands.
+    pub governor: bool,
+    /// Longest time that a pump is held open.
+    pub pump_bound: u64,
+    /// The ECU gives up so long after the last command: AMT's serial delay, ZK's loss time up to version 4.
+    pub gives_up_after: u64,
+    /// ID 0 alone does not keep a ZK ECU up to version 4 from giving up.
+    pub gives_up_on_empty: bool,
+    /// So many reports after a power-up still say what was before it.
+    pub stale: u64,
+    /// From power to the first report.
+    pub boot: u64,
+    pub idle_rpm: f64,
+    pub max_rpm: f64,
+    /// A limit acts on a running engine: exhaust above °C, or a fault of the ECU; with standby, or with the fail-safe.
+    pub limit_egt: Option<(f64, bool)>,
+    pub limit_rpm: Option<(f64, bool)>,
+    pub limit_fault: Option<bool>,
+    /// Share in thousandths to which the demand is reduced while another engine has failed.
+    pub when_other_fails: Option<u32>,
+}
+
+/// Times that belong together, in order and without overlaps.
+#[derive(Clone, PartialEq, Eq, Default, Debug)]
+pub struct Spans(Vec<(u64, u64)>);
+
+impl Spans {
+    pub fn from(spans: &[(u64, u64)]) -> Self {
+        let mut sorted = spans.to_vec();
+        sorted.sort_unstable();
+        let mut all = Self::default();
+        for (from, to) in sorted {
+            all.push(from, to);
+        }
+        all
+    }
+
+    /// Adds one that does not begin before the last.
+    pub fn push(&mut self, from: u64, to: u64) {
+        if to <= from {
+            return;
+        }
+        match self.0.last_mut() {
+            Some(last) if from <= last.1 => last.1 = last.1.max(to),
+            _ => self.0.push((from, to)),
+        }
+    }
+
+    pub fn union(&self, other: &Self) -> Self {
+        Self::from(&[self.0.as_slice(), other.0.as_slice()].concat())
+    }
+
+    /// Each longer by so much at its end.
+    pub fn longer(&self, by: u64) -> Self {
+        Self::from(&self.0.iter().map(|&(from, to)| (from, to + by)).collect::<Vec<_>>())
+    }
+
+    /// Only those of at least this length.
+    pub fn at_least(&self, length: u64) -> Self {
+        Self(self.0.iter().copied().filter(|(from, to)| to - from >= length).collect())
+    }
+
+    pub fn contains(&self, at: u64) -> bool {
+        let next = self.0.partition_point(|&(from, _)| from <= at);
+        next > 0 && at < self.0[next - 1].1
+    }
+
+    pub fn touches(&self, from: u64, to: u64) -> bool {
+        self.within(from, to) > 0
+    }
+
+    /// How much of them lies in this time.
+    pub fn within(&self, from: u64, to: u64) -> u64 {
+        let first = self.0.partition_point(|&(_, end)| end <= from);
+        self.0[first..]
+            .iter()
+            .take_while(|(start, _)| *start < to)
+            .map(|&(a, b)| b.min(to).saturating_sub(a.max(from)))
+            .sum()
+    }
+
+    /// How much they have in common.
+    pub fn common(&self, other: &Self) -> u64 {
+        other.0.iter().map(|&(from, to)| self.within(from, to)).sum()
+    }
+
+    pub fn total(&self) -> u64 {
+        self.0.iter().map(|(from, to)| to - from).sum()
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        self.0.iter().copied()
+    }
+
+    /// The last that began before this instant.
+    pub fn last_before(&self, at: u64) -> Option<(u64, u64)> {
+        self.0[..self.0.partition_point(|&(from, _)| from < at)].last().copied()
+    }
+}
+
+/// Everything that the judge may know of one engine.
+#[derive(Clone, PartialEq, Debug)]
+pub struct History {
+    pub rules: Rules,
+    pub end: u64,
+    pub said: Vec<Said>,
+    pub frames: Vec<Frame>,
+    pub samples: Vec<Sample>,
+    pub marks: Vec<(u64, Mark)>,
+    pub resets: Vec<Reset>,
+    /// The ECU has no power.
+    pub unpowered: Spans,
+    /// Nothing comes through from the ECU to the node.
+    pub mute: Spans,
+    /// Nothing comes through from the node to the ECU.
+    pub deaf: Spans,
+    /// Bytes are damaged, in either direction.
+    pub noise: Spans,
+    /// The protocol version of the ECU from each instant on; empty: as in the rules.
+    pub versions: Vec<(u64, u8)>,
+    /// The ECU's PWM input commands a running engine.
+    pub pwm: Spans,
+    /// Another engine of the node does not run although it was to.
+    pub other_failed: Spans,
+    /// It has failed for sure: it went out, and nobody told it to.
+    pub other_down: Spans,
+    /// The thermocouple measures nothing.
+    pub sensor: Spans,
+}
+
+impl History {
+    pub fn new(rules: Rules) -> Self {
+        Self {
+            rules,
+            end: 0,
+            said: Vec::new(),
+            frames: Vec::new(),
+            samples: Vec::new(),
+            marks: Vec::new(),
+            resets: Vec::new(),
+            unpowered: Spans::default(),
+            mute: Spans::default(),
+            deaf: Spans::default(),
+            noise: Spans::default(),
+            versions: Vec::new(),
+            pwm: Spans::default(),
+            other_failed: Spans::default(),
+            other_down: Spans::default(),
+            sensor: Spans::default(),
+        }
+    }
+
+    pub fn is_amt(&self) -> bool {
+        self.rules.kind == Kind::Amt
+    }
+
+    /// The version of the ECU at an instant; 0 for AMT.
+    pub fn version(&self, at: u64) -> u8 {
+        let first = match self.rules.kind {
+            Kind::Amt => 0,
+            Kind::Zk(version) => version,
+        };
+        self.versions.iter().take_while(|(from, _)| *from <= at).last().map_or(first, |(_, version)| *version)
+    }
+
+    /// The last sample at or before an instant.
+    pub fn sample(&self, at: u64) -> Option<&Sample> {
+        self.samples[..self.samples.partition_point(|sample| sample.at <= at)].last()
+    }
+
+    /// The samples of a time.
+    pub fn samples(&self, from: u64, to: u64) -> &[Sample] {
+        let first = self.samples.partition_point(|sample| sample.at < from);
+        let last = self.samples.partition_point(|sample| sample.at <= to).max(first);
+        &self.samples[first..last]
+    }
+
+    /// The times in which something was so, by the samples.
+    pub fn times(&self, is: impl Fn(&Sample) -> bool) -> Spans {
+        let mut spans = Spans::default();
+        for pair in self.samples.windows(2) {
+            if is(&pair[0]) {
+                spans.push(pair[0].at, pair[1].at);
+            }
+        }
+        if let Some(last) = self.samples.last().filter(|last| is(last)) {
+            spans.push(last.at, self.end);
+        }
+        spans
+    }
+
+    /// The times without a node.
+    pub fn down(&self) -> Spans {
+        Spans::from(&self.resets.iter().map(|reset| (reset.down, reset.up)).collect::<Vec<_>>())
+    }
+
+    /// What was said in a time, its end included.
+    pub fn said(&self, from: u64, to: u64) -> &[Said] {
+        let first = self.said.partition_point(|said| said.at < from);
+        let last = self.said.partition_point(|said| said.at <= to).max(first);
+        &self.said[first..last]
+    }
+
+    /// The last word of a source for which this holds, at or before an instant.
+    pub fn last_word(&self, source: usize, at: u64, is: impl Fn(Word) -> bool) -> Option<Said> {
+        self.said(0, at).iter().rev().find(|said| said.source == source && is(said.word)).copied()
+    }
+}

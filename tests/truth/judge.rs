@@ -1,0 +1,231 @@
+//! The judge that knows only the truth: what the pilots said, what was on the wire, the power of the ECU and the turbine.
+//! It is written from the rules, shares nothing with the engine or with the judge of `tests/supervision`, and believes
+//! nothing that the node says of itself.
+
+mod control;
+mod demand;
+mod fuel;
+mod healthy;
+mod limits;
+mod silence;
+mod starts;
+mod stops;
+
+use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
+use std::collections::BTreeMap;
+
+pub use control::Voices;
+pub use limits::failed_for_sure;
+
+/// What must hold.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Rule {
+    /// Every ignition follows one source's own standby and run while armed, with the interlocks true; once.
+    Ignition,
+    /// An engine at rest is told run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
+    RunAtRest,
+    /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
+    SilentWire,
+    /// With all sources silent the turbine is at the fail-safe, or stopped, by a stated instant.
+    SilentTurbine,
+    /// A stop is on the wire at once, and in every frame until its release.
+    Stop,
+    /// No fuel flows into an engine at rest that is hot.
+    HotFuel,
+    /// A pump that was opened is closed in time.
+    Pump,
+    /// Services that move fuel or heat go to a cold, armed engine in standby, when a pilot says so.
+    Service,
+    /// The demand rises at a limited rate.
+    Rate,
+    /// An engine that has reached running is not told standby or stop without a reason.
+    ShutDown,
+    /// An engine that is told to run is not put out by its ECU for want of commands.
+    GivenUp,
+    /// A demand is not held below what is asked for.
+    HeldDown,
+    /// A limit that is passed has its action.
+    Limit,
+    /// A demand is reduced while another engine has failed, where that is configured.
+    Reduction,
+    /// A source that takes over is held off until it is close, or has waited.
+    TakeOver,
+    /// The PWM input is given the engine only when a pilot says so, and for one life of it.
+    Pwm,
+    /// Nothing is sent that the ECU's version does not know; stops are.
+    Version,
+    /// Every frame is one that the document knows.
+    Frame,
+}
+
+impl Rule {
+    pub const ALL: [Self; 18] = [
+        Self::Ignition,
+        Self::RunAtRest,
+        Self::SilentWire,
+        Self::SilentTurbine,
+        Self::Stop,
+        Self::HotFuel,
+        Self::Pump,
+        Self::Service,
+        Self::Rate,
+        Self::ShutDown,
+        Self::GivenUp,
+        Self::HeldDown,
+        Self::Limit,
+        Self::Reduction,
+        Self::TakeOver,
+        Self::Pwm,
+        Self::Version,
+        Self::Frame,
+    ];
+}
+
+/// A rule that was broken.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Finding {
+    pub rule: Rule,
+    pub at: u64,
+    pub text: String,
+}
+
+/// What the judge found in one history.
+#[derive(Clone, Default, PartialEq, Eq, Debug)]
+pub struct Verdict {
+    pub findings: Vec<Finding>,
+    /// How long the rules for a healthy engine applied, µs.
+    pub applied: u64,
+    /// How much of that was exempt, by name, µs.
+    pub exempt: BTreeMap<&'static str, u64>,
+    /// How often each thing happened that the rules are about.
+    pub seen: BTreeMap<&'static str, u64>,
+}
+
+impl Verdict {
+    fn finding(&mut self, rule: Rule, at: u64, text: impl Into<String>) {
+        self.findings.push(Finding { rule, at, text: text.into() });
+    }
+
+    fn count(&mut self, what: &'static str, by: u64) {
+        *self.seen.entry(what).or_default() += by;
+    }
+
+    fn exempt(&mut self, name: &'static str, time: u64) {
+        *self.exempt.entry(name).or_default() += time;
+    }
+
+    /// The rules that were broken, each once.
+    pub fn rules(&self) -> Vec<Rule> {
+        Rule::ALL.into_iter().filter(|rule| self.findings.iter().any(|found| found.rule == *rule)).collect()
+    }
+}
+
+/// A history, and what every rule derives from it.
+struct Case<'a> {
+    h: &'a History,
+    voices: Voices,
+    /// The turbine is between the ignition and its end.
+    live: Spans,
+    /// The turbine runs, and burns.
+    runs: Spans,
+    down: Spans,
+    /// The ECU says nothing that could be heard: no power, booting, or no wire.
+    blind: Spans,
+    /// Times in which the release of a stop is out of the question.
+    stopped: Spans,
+    verdict: Verdict,
+}
+
+impl<'a> Case<'a> {
+    fn new(h: &'a History) -> Self {
+        // Up to version 4 a ZK ECU that hears nothing says nothing.
+        let dumb: Vec<(u64, u64)> =
+            h.deaf.iter().filter(|(from, _)| (1..5).contains(&h.version(*from))).collect();
+        let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
+        let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
+        Self {
+            voices: Voices::new(h),
+            live: live(h),
+            runs: h.times(|sample| sample.runs()),
+            down: h.down(),
+            blind,
+            stopped: Spans::default(),
+            verdict: Verdict::default(),
+            h,
+        }
+    }
+
+    const fn is_amt(&self) -> bool {
+        matches!(self.h.rules.kind, Kind::Amt)
+    }
+
+    /// A silence of the ECU that a node must see: three expected frames, the slot after them, and what is under way.
+    const fn gap(&self) -> u64 {
+        4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
+    }
+
+    /// The longest time in which a report of the engine's state comes round twice.
+    const fn two_states(&self) -> u64 {
+        let rules = &self.h.rules;
+        let reports = 2 + rules.stale;
+        if self.is_amt() {
+            (reports + 2) * rules.period + 300 * MS
+        } else {
+            reports * rules.round * rules.period + 400 * MS
+        }
+    }
+
+    /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
+    /// a gap.
+    fn starts_of_life(&self) -> Vec<u64> {
+        // AMT says so at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
+        let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
+        let mut all: Vec<u64> = powered.collect();
+        all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
+        all.sort_unstable();
+        all
+    }
+}
+
+/// When the turbine was between an ignition and its end. One that ended before the next sample counts, too.
+fn live(h: &History) -> Spans {
+    let begins = h.marks.iter().filter(|(_, mark)| matches!(mark, Mark::Ignition | Mark::Relight));
+    let begins: Vec<(u64, u64)> = begins.map(|(at, _)| (*at, at + 60 * MS)).collect();
+    h.times(|sample| sample.phase.is_live()).union(&Spans::from(&begins))
+}
+
+/// Judges one engine.
+pub fn judge(history: &History) -> Verdict {
+    let mut case = Case::new(history);
+    case.bad_frames();
+    case.stops();
+    case.starts();
+    case.run_at_rest();
+    case.silence();
+    case.fuel();
+    case.rate();
+    case.shut_down();
+    case.given_up();
+    case.held_down();
+    case.limits();
+    case.reduction();
+    case.take_over();
+    case.hand_over();
+    case.versions();
+    case.shares();
+    let running = case.runs.total();
+    let verdict = &mut case.verdict;
+    verdict.count("frames", history.frames.len() as u64);
+    verdict.count("words", history.said.len() as u64);
+    verdict.count("resets", history.resets.len() as u64);
+    verdict.count("seconds of running", running / SECOND);
+    let ignitions = history.marks.iter().filter(|(_, mark)| *mark == Mark::Ignition).count();
+    verdict.count("ignitions", ignitions as u64);
+    verdict.findings.sort_by_key(|found| found.at);
+    case.verdict
+}
+
+/// Seconds, for a reader.
+pub fn seconds(at: u64) -> String {
+    format!("{}.{:03} s", at / SECOND, at % SECOND / MS)
+}

@@ -1,0 +1,79 @@
+//! How fast a demand may rise.
+
+use super::{Case, Rule};
+use crate::history::{Ask, MS, SECOND, Told, Word};
+
+/// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
+const STEP: f64 = 7.0;
+
+impl Case<'_> {
+    /// A demand as a share of full throttle, or of the highest speed, in 0.1 %.
+    pub(super) fn share(&self, ask: Ask) -> f64 {
+        match ask {
+            Ask::Throttle(tenths) => f64::from(tenths),
+            Ask::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
+        }
+    }
+    /// A pilot moved the stick just now, from a demand that was in force to this one or more. What goes out may be reduced
+    /// because another engine has failed.
+    fn moved(&self, at: u64, from: f64, to: f64) -> bool {
+        let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
+        let part =
+            self.h.rules.when_other_fails.filter(|_| failed).map_or(1.0, |part| f64::from(part) / 1000.0);
+        self.moved_to(at, from, to) || self.moved_to(at, from / part, to / part)
+    }
+
+    fn moved_to(&self, at: u64, from: f64, to: f64) -> bool {
+        let reach = 3 * self.h.rules.period + 50 * MS;
+        self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
+            let Word::Run(ask) = said.word else { return false };
+            let words = self.voices.until(said.source, said.at.saturating_sub(1));
+            let Some(&(when, Word::Run(before))) = words.last() else { return false };
+            // One after the other: a source that was away has to rise at the rate.
+            let fresh = said.at <= when + self.voices.age(said.source);
+            let in_force = from + STEP >= self.share(before);
+            fresh && in_force && self.share(ask) + STEP >= to
+        })
+    }
+
+    pub(super) fn rate(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        let mut before: Option<(u64, Ask, f64)> = None;
+        let mut reported = 0;
+        for frame in &h.frames {
+            if matches!(frame.told, Told::Full(switch, _) | Told::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
+            {
+                // The next run begins from the throttle of a start.
+                before =
+                    Some((frame.at, Ask::Throttle(rules.start_throttle), f64::from(rules.start_throttle)));
+            }
+            let Some(ask) = frame.told.demand() else { continue };
+            let (at, share) = (frame.at, self.share(ask));
+            if let Some((when, last, low)) = before.replace((at, ask, share))
+                && core::mem::discriminant(&last) == core::mem::discriminant(&ask)
+                && share > low
+                && at >= reported
+                && !h.pwm.touches(when, at)
+            {
+                let idle = match ask {
+                    Ask::Throttle(_) => f64::from(rules.idle_band.max(rules.start_throttle)),
+                    Ask::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
+                };
+                // Two frames apart at most: what a frame says was reckoned up to a slot before it began.
+                let time = (at - when) + rules.period + 20 * MS;
+                let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
+                let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
+                let fast = share > low + risen(rules.rise) && !self.moved(at, low + risen(rules.rise), share);
+                if (slow || fast) && share > idle + STEP {
+                    self.verdict.finding(
+                        Rule::Rate,
+                        at,
+                        format!("the demand rises from {last} to {ask} in {} ms", (at - when) / MS),
+                    );
+                    reported = at + 5 * SECOND;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
+
+/// So long an engine has to run, and be heard, until the node has to know.
+const KNOWN: u64 = 3 * SECOND;
+/// After a disturbance that is over, until everything goes its way again.
+const SETTLES: u64 = 3 * SECOND;
+
+impl Case<'_> {
+    /// Times in which the rules of this file do not bind, each with its name.
+    fn exemptions(&self) -> Vec<(&'static str, Spans)> {
+        let h = self.h;
+        let patience = h.rules.gives_up_after;
+        let cut = h.mute.union(&h.deaf).longer(SETTLES);
+        // Up for less than it takes to find out, again and again, is as good as down.
+        let down = self.down.longer(4 * h.rules.period + 100 * MS);
+        let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        // What is damaged for longer than the ECU waits is as good as cut.
+        let damage = h.noise.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        let zk = !self.is_amt();
+        // Which ECU it is at that time.
+        let of = |spans: Spans, version: core::ops::Range<u8>| {
+            let chosen = spans.iter().filter(|(from, _)| version.contains(&h.version(*from)));
+            Spans::from(&chosen.collect::<Vec<_>>())
+        };
+        let mut all = match zk {
+            false => vec![
+                ("AMT, a wire cut", cut),
+                ("AMT, a gap beyond the serial delay", gap),
+                ("AMT, damage beyond the serial delay", damage),
+            ],
+            true => vec![
+                ("ZK up to 4, a wire cut", of(cut, 1..5)),
+                ("ZK up to 4, a gap beyond the loss time", of(gap, 1..5)),
+                ("ZK up to 4, damage beyond the loss time", of(damage, 1..5)),
+            ],
+        };
+        if zk && h.rules.gives_up_on_empty {
+            // What is prescribed in doubt is what this ECU does not put up with.
+            let doubt =
+                self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(2 * self.two_states());
+            all.push(("ZK up to 4 that gives up on ID 0, in doubt", of(doubt, 1..5)));
+        }
+        if let Some((egt, true)) = h.rules.limit_egt {
+            let over = h.times(|sample| sample.runs() && sample.egt > egt - 5.0);
+            // A broken thermocouple reads far above it.
+            let over = over.union(&h.sensor);
+            all.push(("a limit whose action is standby", over.longer(SETTLES)));
+        }
+        if let Some((rpm, true)) = h.rules.limit_rpm {
+            let over = h.times(|sample| sample.runs() && sample.rpm > rpm - 1500.0);
+            all.push(("a limit whose action is standby", over.longer(SETTLES)));
+        }
+        if h.rules.limit_fault == Some(true) {
+            let fault = h.times(|sample| sample.runs() && sample.fault);
+            all.push(("a limit whose action is standby", fault.longer(SETTLES)));
+        }
+        all
+    }
+
+    fn exempt_at(&self, from: u64, to: u64) -> bool {
+        self.exemptions().iter().any(|(_, spans)| spans.touches(from, to + 1))
+    }
+
+    /// How long the rules applied, and how much of it was exempt.
+    pub(super) fn shares(&mut self) {
+        let voices = &self.voices;
+        let applies = self.h.times(|sample| sample.runs() && voices.run_in_control(sample.at).is_some());
+        self.verdict.applied = applies.total();
+        let mut taken = Spans::default();
+        for (name, spans) in self.exemptions() {
+            // Each instant counts once.
+            let both = taken.union(&spans);
+            let time = both.common(&applies) - taken.common(&applies);
+            taken = both;
+            if time > 0 {
+                self.verdict.exempt(name, time);
+            }
+        }
+    }
+
+    /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
+    pub(super) fn known_to_run(&self, at: u64) -> bool {
+        let Some((from, to)) = self.runs.last_before(at) else { return false };
+        let hidden = self.blind.union(&self.h.noise).union(&self.down);
+        at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
+    }
+
+    pub(super) fn shut_down(&mut self) {
+        let h = self.h;
+        let mut before = None;
+        for frame in &h.frames {
+            let Some(switch) = frame.told.switch() else { continue };
+            let previous = core::mem::replace(&mut before, Some(switch));
+            let stops = matches!(switch, Switch::Stop | Switch::Standby);
+            // What shut it down was said before.
+            let began = previous.is_none_or(|previous| matches!(previous, Switch::Run | Switch::Pwm));
+            if !stops
+                || !began
+                || !self.known_to_run(frame.at)
+                || h.pwm.touches(frame.at.saturating_sub(SECOND), frame.at)
+            {
+                continue;
+            }
+            if self.reason_to_stop(frame.at) || self.exempt_at(frame.at, frame.at) {
+                continue;
+            }
+            let who = match self.voices.in_control(frame.at) {
+                Some((source, Word::Run(ask))) => format!("source {source} says run at {ask}"),
+                Some((source, word)) => format!("source {source} says {word:?}, once"),
+                None => "all sources are silent".into(),
+            };
+            self.verdict.finding(
+                Rule::ShutDown,
+                frame.at,
+                format!("{switch:?} for an engine that runs, and {who}"),
+            );
+        }
+    }
+    /// Whether a higher source, which says run, keeps this one's standby from taking effect.
+    fn holds_against(&self, higher: usize, source: usize, at: u64, slack: u64) -> bool {
+        let rules = &self.h.rules;
+        // It was in control for sure at this word.
+        let Some(sure) = self.voices.in_control_for_sure(higher, at, rules.recover_after + rules.takeover)
+        else {
+            return false;
+        };
+        let lost = sure + self.voices.age(higher);
+        // Or the other one has taken over since, with a run of its own.
+        let took_over = self.voices.until(source, at).iter().rev().take_while(|(when, _)| *when > lost);
+        let took_over = took_over.clone().any(|(_, word)| matches!(word, Word::Run(_)));
+        at + slack < lost + rules.hold + rules.lower_standby_after && !took_over
+    }
+
+    /// Whether a pilot, or the end of the stages of loss, is a reason for standby or stop at this instant.
+    fn reason_to_stop(&self, at: u64) -> bool {
+        let h = self.h;
+        let rules = &h.rules;
+        if self.stopped.touches(at.saturating_sub(2 * SECOND), at + 1) {
+            return true;
+        }
+        let recent = h.said(at.saturating_sub(3 * SECOND), at);
+        let ctf = h.said(at.saturating_sub(20 * SECOND), at).iter().any(|said| said.word == Word::Ctf);
+        if ctf || recent.iter().any(|said| matches!(said.word, Word::Stop | Word::ShutDown | Word::Pwm)) {
+            return true;
+        }
+        let slack = 400 * MS + 2 * rules.period;
+        // Two words of one source within its age limit or two of its periods, with nobody above it who says otherwise.
+        let asked = (0..4).any(|source| {
+            let words = self.voices.until(source, at);
+            let [.., (first, Word::Standby), (second, Word::Standby)] = words else { return false };
+            let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
+            let near = second - first <= self.voices.age(source).max(2 * period) + MS;
+            let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
+            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at, slack))
+        });
+        asked || self.silent_for_good(at)
+    }
+
+    /// Whether nobody says run, and the stages of loss have run out.
+    fn silent_for_good(&self, at: u64) -> bool {
+        let h = self.h;
+        let rules = &h.rules;
+        let slack = 400 * MS + 2 * rules.period;
+        // One that was lost has to speak for a while before it is in control again.
+        let spoken = |source| {
+            self.voices
+                .speaks_since(source, at)
+                .is_some_and(|since| at >= since + rules.recover_after + slack)
+        };
+        let run = self.voices.run_in_control(at).filter(|(source, _)| spoken(*source));
+        if run.is_some() && self.voices.run_in_control(at.saturating_sub(30 * MS)).is_some() {
+            return false;
+        }
+        // A source that speaks now and then is not in control, and the stages go on.
+        let sure = |source| {
+            let spoken = rules.recover_after + rules.takeover + slack;
+            self.voices.in_control_for_sure(source, at, spoken)
+        };
+        let sure = (0..4).filter_map(sure).max();
+        let last = self.voices.last_run(at).unwrap_or(0);
+        let heard = sure.unwrap_or(last).min(last);
+        let power = |reset: &&Reset| reset.up <= at && reset.cause != Cause::Watchdog;
+        let up = h.resets.iter().filter(power).map(|reset| reset.up).max();
+        let youngest = rules.ages.into_iter().min().unwrap_or_default();
+        let silent_since = match up {
+            Some(up) if heard < up => up,
+            _ => heard + youngest,
+        };
+        // From the third reset without a source on it resumes at the fail-safe.
+        let resets: Vec<u64> =
+            h.resets.iter().map(|reset| reset.up).filter(|up| (heard..=at).contains(up)).collect();
+        if resets.len() >= 3 && rules.standby_after.is_some() {
+            return true;
+        }
+        // A loop that is too short to listen ends in standby after 10 s without a source.
+        if resets.last().is_some_and(|up| at < up + 3 * SECOND)
+            && at + slack + resets.len() as u64 * 200 * MS >= heard + 10 * SECOND
+        {
+            return true;
+        }
+        let hidden = self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        let last_stage = match (rules.standby_after, hidden) {
+            (Some(after), true) => Some(after.min(10 * SECOND)),
+            (None, true) => Some(10 * SECOND),
+            (after, false) => after,
+        };
+        last_stage.is_some_and(|after| at + slack >= silent_since + rules.hold.min(after) + after)
+    }
+
+    pub(super) fn given_up(&mut self) {
+        let h = self.h;
+        for &(at, mark) in h.marks.iter().filter(|(_, mark)| *mark == Mark::GivenUp) {
+            let ran = h.sample(at.saturating_sub(200 * MS)).is_some_and(|sample| sample.runs());
+            let since = at.saturating_sub(h.rules.gives_up_after + 500 * MS);
+            let run = |at| self.voices.run_in_control(at).is_some();
+            let exempt = self.exempt_at(since, at);
+            if mark == Mark::GivenUp && ran && run(at) && run(since) && !exempt && self.known_to_run(since) {
+                // Nothing but a gap within the ECU's patience is allowed to a node.
+                let hidden = self.down.within(since, at) + h.noise.within(since, at);
+                let text = format!(
+                    "the ECU put out a running engine for want of commands ({} ms of the last {} ms disturbed)",
+                    hidden / MS,
+                    (at - since) / MS
+                );
+                self.verdict.finding(Rule::GivenUp, at, text);
+            }
+        }
+    }
+
+    /// Whether a limit, or another engine, may hold the demand down at this instant.
+    fn reduced(&self, at: u64) -> bool {
+        let h = self.h;
+        let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
+        // The fail-safe of a limit holds until standby.
+        let ran = h.samples(since.saturating_sub(60 * SECOND), at);
+        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
+        let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
+        let limit_rpm = matches!(h.rules.limit_rpm, Some((rpm, false)) if ran.iter().any(|sample| sample.rpm > rpm - 1500.0));
+        let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
+        let other =
+            h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
+        let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
+        limit_egt || limit_rpm || limit_fault || other || ctf
+    }
+
+    pub(super) fn held_down(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        let exempt =
+            self.exemptions().into_iter().fold(Spans::default(), |all, (_, spans)| all.union(&spans));
+        let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
+        let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
+        // A node that was reset, or did not hear the ECU, has to find out what its engine does.
+        let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
+        let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
+        let mut since: Option<(u64, usize, Ask)> = None;
+        let mut reported = 0;
+        let mut frame = 0;
+        for sample in &h.samples {
+            let at = sample.at;
+            let run = self.voices.run_in_control(at).filter(|(source, _)| {
+                // Nobody above it was heard lately, who may still be the one in control.
+                (0..*source).all(|higher| {
+                    self.voices.last(higher, at).is_none_or(|(when, word)| {
+                        at > when + self.voices.age(higher) + rules.hold || word == Word::Nothing
+                    })
+                })
+            });
+            // A source that was lost has to speak for a while first.
+            let spoken = |source| self.voices.speaks_since(source, at).unwrap_or(at);
+            let steady = run.filter(|_| {
+                sample.runs()
+                    && self.known_to_run(at)
+                    && !hidden.contains(at)
+                    && !exempt.contains(at)
+                    && !self.stopped.touches(at.saturating_sub(SECOND), at + 1)
+                    && !h.pwm.contains(at)
+            });
+            since = match (steady, since) {
+                (None, _) => None,
+                (Some((source, ask)), Some((from, before, asked))) if source == before && ask == asked => {
+                    Some((from, source, ask))
+                }
+                (Some((source, ask)), _) => Some((at, source, ask)),
+            };
+            while frame < h.frames.len() && h.frames[frame].at <= at {
+                frame += 1;
+            }
+            let Some((from, source, ask)) =
+                since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
+            else {
+                continue;
+            };
+            let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
+            if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
+                continue;
+            }
+            // What shut it down is another matter.
+            let switch = h.frames[..frame].iter().rev().take(64).find_map(|frame| frame.told.switch());
+            if matches!(switch, Some(Switch::Stop | Switch::Standby)) {
+                continue;
+            }
+            let told = h.frames[..frame]
+                .iter()
+                .rev()
+                .take(16)
+                .find_map(|frame| frame.told.demand().map(|ask| (frame.at, ask)));
+            let low = match told {
+                Some((when, told)) if at < when + 4 * rules.period + 200 * MS => {
+                    let same = core::mem::discriminant(&told) == core::mem::discriminant(&ask);
+                    !same || self.share(told) + 8.0 < self.share(ask)
+                }
+                _ => true,
+            };
+            if low {
+                let text = format!(
+                    "source {source} says run at {ask} since {}, and {} is on the wire",
+                    seconds(from),
+                    told.map_or("nothing".to_string(), |(_, ask)| ask.to_string())
+                );
+                self.verdict.finding(Rule::HeldDown, at, text);
+                reported = at + 60 * SECOND;
+            }
+        }
+    }
+}

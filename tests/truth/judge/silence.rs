@@ -1,0 +1,93 @@
+//! With all sources silent, an engine is at its fail-safe or stopped by a stated instant.
+
+use super::control::{silences, to_fail_safe};
+use super::{Case, Rule, seconds};
+use crate::history::{Ask, Cause, Kind, MS, SECOND};
+
+/// From a new demand to the turbine's speed.
+const SPIN_DOWN: u64 = 7 * SECOND;
+/// Longest time in which a node that was reset finds out what its engine does, beside `listen`.
+const FINDS_OUT: u64 = 1500 * MS;
+
+impl Case<'_> {
+    pub(super) fn silence(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        let stages = to_fail_safe(h) + 300 * MS;
+        for (from, to) in silences(h, stages) {
+            let wire = self.fail_safe_by(from, to, stages);
+            // In doubt a demand does not reach the engine (ZK): standby does, when the stages have run out.
+            let hidden = self.blind.union(&h.noise).union(&self.down);
+            let doubt = hidden.touches(from.saturating_sub(2 * SECOND), wire.min(to));
+            let doubtful = rules.standby_after.unwrap_or(10 * SECOND) + 2 * SECOND;
+            let turbine = wire + SPIN_DOWN + if doubt { doubtful } else { 0 };
+            let lowest = |ask| match ask {
+                Ask::Throttle(tenths) => tenths <= rules.fail_safe + 6,
+                Ask::Rpm(rpm) => f64::from(rpm) <= rules.idle_rpm + 0.006 * rules.max_rpm,
+            };
+            if wire >= to {
+                continue;
+            }
+            self.verdict.count("silences", 1);
+            let first = h.frames.partition_point(|frame| frame.at < wire);
+            let frames = h.frames[first..].iter().take_while(|frame| frame.at < to);
+            let mut high = frames.filter(|frame| frame.told.demand().is_some_and(|ask| !lowest(ask)));
+            if let Some(frame) = high.next() {
+                let ask = frame.told.demand().unwrap_or(Ask::Throttle(0));
+                let text = format!("{ask} on the wire, all sources silent since {}", seconds(from));
+                self.verdict.finding(Rule::SilentWire, frame.at, text);
+            }
+            // A ZK ECU from version 5 goes on as it was when the wire to it is cut: judged by the wire alone.
+            let deaf = h.deaf.union(&h.noise).touches(from.saturating_sub(2 * SECOND), turbine.min(to));
+            if turbine >= to || deaf && matches!(rules.kind, Kind::Zk(5..)) || h.pwm.touches(from, to) {
+                continue;
+            }
+            let share = f64::from(rules.fail_safe) / 1000.0;
+            let most = rules.idle_rpm + (share + 0.04) * (rules.max_rpm - rules.idle_rpm);
+            let fast = h
+                .samples(turbine, to.min(turbine + 900 * SECOND))
+                .iter()
+                .find(|sample| sample.runs() && sample.rpm > most && !self.ecu_is_blind_to_us(sample.at));
+            if let Some(sample) = fast {
+                let text = format!(
+                    "the turbine has {:.0} rpm, all sources silent since {}",
+                    sample.rpm,
+                    seconds(from)
+                );
+                self.verdict.finding(Rule::SilentTurbine, sample.at, text);
+            }
+        }
+    }
+
+    /// The wire to the ECU was cut or damaged just now: it cannot have obeyed yet.
+    fn ecu_is_blind_to_us(&self, at: u64) -> bool {
+        let h = self.h;
+        let hidden = h.deaf.touches(at.saturating_sub(SPIN_DOWN), at)
+            || h.noise.touches(at.saturating_sub(SPIN_DOWN), at);
+        hidden || self.down.touches(at.saturating_sub(SPIN_DOWN), at)
+    }
+
+    /// The instant by which the demand is at the fail-safe: a reset costs the time without a node and the time to find
+    /// out, at most three of them; from the third on it resumes there.
+    fn fail_safe_by(&self, from: u64, to: u64, stages: u64) -> u64 {
+        let rules = &self.h.rules;
+        let finds_out = rules.listen + FINDS_OUT;
+        let mut by = from + stages;
+        let mut resets = 0;
+        for reset in self.h.resets.iter().filter(|reset| reset.up > from && reset.down < to) {
+            if reset.down >= by {
+                break;
+            }
+            resets += 1;
+            if resets > 3 {
+                break;
+            }
+            by += reset.up - reset.down.max(from) + finds_out;
+            if reset.cause != Cause::Watchdog {
+                // What was kept of a source is gone: the stages begin with nobody's demand.
+                by = by.max(reset.up + finds_out + stages);
+            }
+        }
+        by
+    }
+}

@@ -1,0 +1,328 @@
+//! Who may start an engine, and for how long an engine at rest may be told to run.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Ask, Cause, Kind, MS, Mark, SECOND, Switch, Word};
+use sim::turbine::Phase;
+
+/// One source's own standby and then its own run at idle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Start {
+    pub source: usize,
+    pub at: u64,
+    /// Withdrawn then: by a stop, a disarm, a person, its own standby or a higher source's change to it.
+    pub until: u64,
+    /// Withdrawn then if it still waits: by any fresh source's change to standby.
+    pub waits_until: u64,
+    used: bool,
+}
+
+impl Case<'_> {
+    /// Every pair of words that asks for a start.
+    fn pairs(&self) -> Vec<Start> {
+        let idle_rpm = self.h.rules.idle_rpm as u32;
+        let mut starts: Vec<Start> = Vec::new();
+        let (mut ready, mut last) = ([false; 4], [None; 4]);
+        let recovered = self.h.rules.recover_after + self.h.rules.takeover;
+        for said in &self.h.said {
+            let (at, source) = (said.at, said.source);
+            // Of whom.
+            let withdraw = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
+                for start in starts.iter_mut().filter(|start| of(start.source)) {
+                    start.until = start.until.min(at);
+                }
+            };
+            match said.word {
+                Word::Standby => {
+                    ready[source] = true;
+                    let changed = matches!(last[source], Some((when, Word::Run(_))) if at <= when + self.voices.age(source));
+                    // A stray word of a source that was away changes nothing; of a higher one it has to take effect.
+                    let spoken =
+                        self.voices.speaks_since(source, at).is_some_and(|since| at >= since + recovered);
+                    withdraw(&mut starts, &|of| of == source || changed && spoken && source < of);
+                    for start in starts.iter_mut().filter(|_| changed) {
+                        start.waits_until = start.waits_until.min(at);
+                    }
+                }
+                Word::Run(ask) => {
+                    let idle = match ask {
+                        Ask::Throttle(tenths) => tenths <= self.h.rules.idle_band,
+                        Ask::Rpm(rpm) => rpm <= idle_rpm,
+                    };
+                    if core::mem::take(&mut ready[source]) && idle {
+                        starts.push(Start {
+                            source,
+                            at,
+                            until: u64::MAX,
+                            waits_until: u64::MAX,
+                            used: false,
+                        });
+                    }
+                }
+                Word::Stop => {
+                    ready = [false; 4];
+                    withdraw(&mut starts, &|_| true);
+                }
+                Word::Disarm | Word::ShutDown => withdraw(&mut starts, &|_| true),
+                _ => {}
+            }
+            if said.word.is_heard() {
+                last[source] = Some((at, said.word));
+            }
+        }
+        starts
+    }
+
+    /// How long after its run a start may still bring the engine to life.
+    fn start_time(&self) -> u64 {
+        let rules = &self.h.rules;
+        // A ZK ECU gives the time of its last start, which counts twice, within 5 s to 600 s.
+        let own = match rules.kind {
+            Kind::Amt => 0,
+            Kind::Zk(_) => 120 * SECOND,
+        };
+        rules.start_timeout.max(own) + rules.start_wait + 2 * SECOND
+    }
+
+    /// What keeps an engine from a start at this instant, in truth.
+    fn interlock(&self, at: u64) -> Option<String> {
+        let h = self.h;
+        if !self.voices.armed(at) {
+            return Some("it is not armed".into());
+        }
+        let stable = h.rules.link_stable.saturating_sub(300 * MS);
+        if h.unpowered.touches(at.saturating_sub(stable), at) {
+            return Some("its ECU was powered up just now".into());
+        }
+        let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
+        let coolest = last(1200 * MS).iter().map(|sample| sample.egt).fold(f64::MAX, f64::min);
+        // A ZK report has whole degrees, an AMT one steps of 4.6.
+        if coolest > h.rules.egt_max + 6.0 && coolest < f64::MAX {
+            return Some(format!("the exhaust has {coolest:.0} °C"));
+        }
+        let at_rest = |phase| match self.is_amt() {
+            // It has no report for cooling.
+            true => matches!(phase, Phase::Stopped | Phase::Standby | Phase::Cooling),
+            false => phase == Phase::Standby,
+        };
+        if !last(1000 * MS).is_empty() && !last(1000 * MS).iter().any(|sample| at_rest(sample.phase)) {
+            return Some("the engine is not in standby".into());
+        }
+        if last(1600 * MS).iter().all(|sample| sample.fault) && !last(1600 * MS).is_empty() {
+            return Some("the ECU reports a fault".into());
+        }
+        None
+    }
+
+    /// Why this start does not explain a running order at an instant; `None` if it does.
+    fn not_by(&self, start: &Start, at: u64) -> Option<String> {
+        let who =
+            |why: &str| Some(format!("the start of source {} at {} {why}", start.source, seconds(start.at)));
+        // What was withdrawn is off the wire with the next frame or two.
+        if at > start.until.saturating_add(3 * self.h.rules.period + 50 * MS) {
+            return who("was withdrawn");
+        }
+        if at > start.at + self.start_time() {
+            return who("is too long ago");
+        } // Where no run goes out at once, it waits for another engine, for as long as its source is there.
+        let first = self.h.frames.partition_point(|frame| frame.at < start.at);
+        let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
+        let began = first.map_or(at, |frame| frame.at.min(at));
+        let longest = |until| self.longest_gap(start.source, start.at, until);
+        if began > start.waits_until.saturating_add(100 * MS) {
+            return who("waited, and was withdrawn");
+        }
+        if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
+            return who("waited, and its source was lost");
+        }
+        let stages = super::control::to_fail_safe(self.h)
+            + self.h.rules.standby_after.unwrap_or(10 * SECOND)
+            + 2 * SECOND;
+        if longest(at) > stages {
+            return who("is of a source that was silent for too long");
+        }
+        // Every interlock at that instant; only another engine that starts is waited for.
+        self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
+    }
+    /// The longest time without a word of a source, from one of its words on.
+    fn longest_gap(&self, source: usize, from: u64, to: u64) -> u64 {
+        let words = self.voices.until(source, to);
+        let words = &words[words.partition_point(|(at, _)| *at < from)..];
+        let ends = words.iter().skip(1).map(|(at, _)| *at).chain([to]);
+        words.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to - from)
+    }
+
+    pub(super) fn starts(&mut self) {
+        let mut starts = self.pairs();
+        let h = self.h;
+        for &(at, mark) in &h.marks {
+            if mark != Mark::Ignition || h.pwm.contains(at) {
+                continue;
+            }
+            let mut why = "no source said standby and then run at idle".to_string();
+            let mut by = None;
+            for (index, start) in starts.iter().enumerate().rev().filter(|(_, start)| start.at <= at).take(8)
+            {
+                match self.not_by(start, at) {
+                    None if start.used => {
+                        let used = format!("the start of source {} was used before", start.source);
+                        why = used;
+                    }
+                    None => by = by.or(Some(index)),
+                    Some(not) => {
+                        if by.is_none() && why.starts_with("no source") {
+                            why = not;
+                        }
+                    }
+                }
+            }
+            if let Some(index) = by {
+                starts[index].used = true;
+                continue;
+            }
+            // An outage with boot that is shorter than a gap cannot be seen.
+            let unseen = h.unpowered.last_before(at).filter(|(from, to)| {
+                at < to + h.rules.boot + SECOND && to + h.rules.boot - from < self.gap() && !self.is_amt()
+            });
+            if let Some((from, to)) = unseen {
+                self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
+                continue;
+            }
+            self.verdict.finding(Rule::Ignition, at, format!("ignition, and {why}"));
+        }
+        self.verdict.count("starts", starts.iter().filter(|start| start.used).count() as u64);
+    }
+
+    pub(super) fn run_at_rest(&mut self) {
+        let h = self.h;
+        let starts = self.pairs();
+        let lives = self.starts_of_life();
+        let gaps = self.blind.at_least(self.gap());
+        let mut reported = 0;
+        for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Run)) {
+            let at = frame.at;
+            if at < reported || self.live.contains(at) || h.pwm.contains(at) {
+                continue;
+            }
+            let went_out = self.live.last_before(at).map(|(_, to)| to);
+            // A gap that is not over, and long enough to be seen.
+            let in_gap = gaps.last_before(at).filter(|(from, to)| at < *to && at > from + self.gap());
+            let anew = lives[..lives.partition_point(|life| *life <= at)].last().copied();
+            if in_gap.is_none() {
+                // A start that has not brought the engine to life yet.
+                let next = starts.iter().rev().filter(|start| start.at <= at).take(4).find(|start| {
+                    went_out.is_none_or(|out| out < start.at)
+                        && anew.is_none_or(|anew| anew < start.at)
+                        && (start.at + 100 * MS > at || self.not_by(start, at).is_none())
+                });
+                if next.is_some() {
+                    continue;
+                }
+                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits.                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
+                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
+                let unreported = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
+                    went_out.is_some_and(|out| out >= start.at && out < lit.max(start.at) + self.two_states())
+                        && anew.is_none_or(|anew| anew < lit.max(start.at) + self.two_states() + self.gap())
+                        && !gaps.touches(start.at, at)
+                        && !self.is_amt()
+                        && self.not_by(start, at).is_none()
+                });
+                if unreported {
+                    continue;
+                }
+                // The engine went out: two reports have to say so.
+                let unseen = |from: u64| {
+                    anew.is_none_or(|anew| anew < from || anew < from + self.gap() + h.rules.boot)
+                };
+                let seen = went_out.map(|out| {
+                    let noise = h.noise.within(out, at);
+                    let down = self.down.within(out, at);
+                    let fault = h.samples(out, at).iter().any(|sample| sample.fault);
+                    let time = if self.is_amt() && fault { 45 * SECOND } else { self.two_states() };
+                    (out, out + time + noise.min(10 * SECOND) + down)
+                });
+                // With error sets only the exhaust tells.
+                let by_exhaust = |out| {
+                    self.is_amt()
+                        && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
+                };
+                if seen.is_some_and(|(out, until)| at <= until && (unseen(out) || by_exhaust(out + 100 * MS)))
+                {
+                    continue;
+                }
+                // An order that a start gave is taken back: what was under way is out with the next frames.
+                let taken = starts.iter().any(|start| {
+                    start.at < at
+                        && at <= start.until.saturating_add(3 * h.rules.period + 50 * MS)
+                        && start.until < at
+                        && went_out.is_none_or(|out| out < start.at)
+                        && anew.is_none_or(|anew| anew < start.at)
+                });
+                if taken {
+                    continue;
+                }
+            }
+            let since = |what: &str, at: Option<u64>| {
+                at.map_or(String::new(), |at| format!(", {what} {}", seconds(at)))
+            };
+            self.verdict.finding(
+                Rule::RunAtRest,
+                at,
+                format!(
+                    "run for an engine at rest{}{}{}",
+                    since("which went out at", went_out),
+                    since("ECU or line back since", anew),
+                    if in_gap.is_some() { ", and nothing is heard of it" } else { "" },
+                ),
+            );
+            reported = at + 10 * SECOND;
+        }
+    }
+    pub(super) fn hand_over(&mut self) {
+        let h = self.h;
+        let lives = self.starts_of_life();
+        let mut reported = 0;
+        for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Pwm)) {
+            let at = frame.at;
+            if at < reported {
+                continue;
+            }
+            let word = h.said(0, at).iter().rev().find(|said| said.word == Word::Pwm);
+            let why = match word {
+                None => Some("nobody said so"),
+                Some(said) => {
+                    let own = h
+                        .last_word(said.source, said.at, |word| matches!(word, Word::Standby | Word::Run(_)));
+                    // A word takes effect when its source is in control, and a second one has followed.
+                    let effect = h.rules.recover_after + h.rules.takeover + 700 * MS;
+                    let stop = h.said(said.at + 1, at.saturating_sub(200 * MS)).iter();
+                    let stop = stop.clone().any(|later| later.word == Word::Stop);
+                    let since = h.said(said.at + 1, at.saturating_sub(effect));
+                    let slack = self.gap() + h.rules.boot;
+                    if own.is_none_or(|own| own.word != Word::Standby) {
+                        Some("its source had not said standby")
+                    } else if !self.voices.armed_within(said.at.saturating_sub(MS), said.at) {
+                        Some("the engine was not armed")
+                    } else if stop
+                        || since
+                            .iter()
+                            .any(|later| later.word == Word::Standby && later.source <= said.source)
+                    {
+                        Some("it was taken back")
+                    } else if h.resets.iter().any(|reset| {
+                        (said.at..at).contains(&reset.up) && !matches!(reset.cause, Cause::Watchdog)
+                    }) {
+                        Some("the node has lost its power since")
+                    } else if lives.iter().any(|anew| *anew > said.at && at > anew + slack) {
+                        Some("the ECU was powered up, or the line lost, since")
+                    } else {
+                        None
+                    }
+                }
+            };
+            if let Some(why) = why {
+                self.verdict.finding(Rule::Pwm, at, format!("the PWM input is given the engine, and {why}"));
+                reported = at + 10 * SECOND;
+            }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Emergency stops, what the ECU's version knows, and frames that no document knows.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Cause, Frame, Kind, MS, SECOND, Spans, Switch, Told, Word};
+
+/// ZK's ClosePump.
+const CLOSE_PUMP: u8 = 13;
+
+impl Case<'_> {
+    pub(super) fn bad_frames(&mut self) {
+        for frame in &self.h.frames {
+            if let Told::Bad(bytes) = frame.told {
+                self.verdict.finding(Rule::Frame, frame.at, format!("no frame: {bytes:02X?}"));
+            }
+        }
+    }
+
+    /// From each stop to the first word that may have released it.
+    fn latches(&self) -> Vec<(u64, u64)> {
+        let mut latches = Vec::new();
+        let mut open: Option<(u64, usize)> = None;
+        let mut lost = self.h.resets.iter().filter(|reset| reset.cause == Cause::PowerOn).peekable();
+        for said in &self.h.said {
+            while let Some(reset) = lost.next_if(|reset| reset.down <= said.at) {
+                latches.extend(open.take().map(|(from, _)| (from, reset.down)));
+            }
+            match said.word {
+                // The lowest of those who stopped it may release it, or anybody above.
+                Word::Stop => {
+                    open = open
+                        .map_or(Some((said.at, said.source)), |(at, who)| Some((at, who.max(said.source))))
+                }
+                Word::Release => {
+                    if let Some((from, _)) = open.take_if(|(_, who)| said.source <= *who) {
+                        latches.push((from, said.at));
+                    }
+                }
+                _ => {}
+            }
+        }
+        if let Some((from, _)) = open {
+            latches.push((from, lost.next().map_or(self.h.end, |reset| reset.down)));
+        }
+        latches
+    }
+
+    pub(super) fn stops(&mut self) {
+        let h = self.h;
+        let period = h.rules.period;
+        let latches = self.latches();
+        self.stopped = Spans::from(&latches);
+        // A frame that was under way, and ZK's next slot; an AMT reply that was handed over.
+        let late = if self.is_amt() { 40 * MS } else { 2 * period + 20 * MS };
+        self.verdict.count("stops", latches.len() as u64);
+        for (from, to) in latches {
+            let first = h.frames.partition_point(|frame| frame.at < from);
+            let frames = || h.frames[first..].iter().take_while(move |frame| frame.at < to);
+            let mut closes = 0;
+            let mut closed_last = false;
+            let wrong = frames().filter(|frame| frame.at > from + late).find(|frame| {
+                let close = frame.told == Told::Action(CLOSE_PUMP);
+                if close {
+                    closes += 1;
+                }
+                let allowed = close && !closed_last && closes <= 10;
+                closed_last = close;
+                !allowed && !says_stop(frame)
+            });
+            if let Some(frame) = wrong {
+                let text = format!("stopped at {}, and {:?} is on the wire", seconds(from), frame.told);
+                self.verdict.finding(Rule::Stop, frame.at, text);
+            }
+            // There is one at every slot: ZK by itself, AMT in reply to each set that can be heard.
+            let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS));
+            let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
+            let most = 3 * period + 30 * MS;
+            let mut before = from;
+            for at in frames().filter(|frame| says_stop(frame)).map(|frame| frame.at).chain([to]) {
+                if at > before + most && at - before - deaf.within(before, at) > most {
+                    let text = format!(
+                        "stopped at {}, and no stop is on the wire until {}",
+                        seconds(from),
+                        seconds(at)
+                    );
+                    self.verdict.finding(Rule::Stop, before + most, text);
+                    break;
+                }
+                before = at;
+            }
+        }
+    }
+
+    /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.
+    pub(super) fn versions(&mut self) {
+        let h = self.h;
+        if h.rules.kind == Kind::Amt {
+            return;
+        }
+        let mut reported = 0;
+        for frame in &h.frames {
+            let needed = match frame.told {
+                // A stop and a standby go blind; older versions ignore them.
+                Told::Mode(Some(Switch::Stop | Switch::Standby), _) | Told::Action(CLOSE_PUMP) => continue,
+                Told::Mode(..) | Told::Rpm(_) => 4,
+                Told::Action(12) => 5,
+                Told::Action(10 | 11) => 2,
+                _ => continue,
+            };
+            if frame.at < reported || h.version(frame.at) >= needed {
+                continue;
+            }
+            // Another ECU that was plugged in without a gap cannot be seen before it says so.
+            let since = h.versions.iter().rev().find(|(at, _)| *at <= frame.at).map_or(0, |(at, _)| *at);
+            let seen = self.blind.at_least(self.gap()).touches(since.saturating_sub(MS), since + self.gap());
+            if since > 0 && !seen && frame.at < since + 2 * self.two_states() + h.rules.boot {
+                continue;
+            }
+            // In doubt the demand goes on as ID 7, which no ECU minds that was not given a factor.
+            let doubt = self.blind.longer(2 * self.two_states() + SECOND).contains(frame.at);
+            if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.told, Told::Rpm(_)) {
+                continue;
+            }
+            let text =
+                format!("{:?} needs version {needed}, the ECU has {}", frame.told, h.version(frame.at));
+            self.verdict.finding(Rule::Version, frame.at, text);
+            reported = frame.at + 10_000 * MS;
+        }
+    }
+}
+
+fn says_stop(frame: &Frame) -> bool {
+    frame.told.switch() == Some(Switch::Stop)
+}

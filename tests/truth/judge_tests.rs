@@ -1,0 +1,700 @@
+//! The judge can fail: for each rule a history made by hand that breaks it and nothing else, beside one that keeps it.
+
+use crate::history::{
+    Ask, Cause, Frame, History, Kind, MS, Mark, Reset, Rules, SECOND, Said, Sample, Spans, Switch, Told, Word,
+};
+use crate::judge::{Rule, Verdict, judge};
+use sim::turbine::Phase;
+
+const AMT: Kind = Kind::Amt;
+const ZK5: Kind = Kind::Zk(5);
+const IDLE: Told = Told::Full(Switch::Run, 0);
+const HALF: Told = Told::Full(Switch::Run, 500);
+const STANDBY: Told = Told::Full(Switch::Standby, 0);
+const STOP: Told = Told::Full(Switch::Stop, 0);
+/// When the engine of [`flight`] has reached running, and when its pilot asks for half throttle, s.
+const RUNS: u64 = 30;
+const PILOT: usize = 1;
+
+fn rules(kind: Kind) -> Rules {
+    Rules {
+        kind,
+        period: if kind == AMT { 125 } else { 50 } * MS,
+        round: if kind == AMT { 1 } else { 9 },
+        ages: [500 * MS, 500 * MS, SECOND, 500 * MS],
+        recover_after: SECOND,
+        takeover: 2 * SECOND,
+        hold: SECOND,
+        ramp: 500,
+        rise: 500,
+        slew_up: None,
+        slew_down: None,
+        fail_safe: 0,
+        standby_after: None,
+        lower_standby_after: 5 * SECOND,
+        listen: SECOND,
+        arming: true,
+        link_stable: SECOND,
+        idle_band: 20,
+        egt_max: 100.0,
+        start_timeout: 120 * SECOND,
+        start_wait: 0,
+        start_throttle: 0,
+        governor: false,
+        pump_bound: 30 * SECOND,
+        gives_up_after: 2 * SECOND,
+        gives_up_on_empty: false,
+        stale: 0,
+        boot: 300 * MS,
+        idle_rpm: 50_000.0,
+        max_rpm: 160_000.0,
+        limit_egt: None,
+        limit_rpm: None,
+        limit_fault: None,
+        when_other_fails: None,
+    }
+}
+
+/// Writes a history. Times are in seconds.
+struct Story(History);
+
+impl Story {
+    fn new(kind: Kind) -> Self {
+        Self(History::new(rules(kind)))
+    }
+
+    fn says(mut self, source: usize, from: f64, to: f64, word: Word) -> Self {
+        let mut at = micros(from);
+        while at < micros(to) {
+            self.0.said.push(Said { at, source, word });
+            at += 100 * MS;
+        }
+        self
+    }
+
+    fn once(self, source: usize, at: f64, word: Word) -> Self {
+        self.says(source, at, at + 0.001, word)
+    }
+
+    fn wire(mut self, from: f64, to: f64, told: Told) -> Self {
+        let mut at = micros(from);
+        while at < micros(to) {
+            self.0.frames.push(Frame { at: at + MS, arrived: true, told });
+            at += self.0.rules.period;
+        }
+        self
+    }
+
+    /// A demand that moves at 50 % a second.
+    fn ramp(mut self, at: f64, from: u32, to: u32) -> Self {
+        let steps = u64::from(from.abs_diff(to)) * MS * 2 / self.0.rules.period;
+        for step in 0..=steps {
+            let done = (step * self.0.rules.period / MS / 2) as u32;
+            let tenths = if to > from { (from + done).min(to) } else { from.saturating_sub(done).max(to) };
+            let at = micros(at) + step * self.0.rules.period + MS;
+            self.0.frames.push(Frame { at, arrived: true, told: Told::Full(Switch::Run, tenths) });
+        }
+        self
+    }
+
+    fn turbine(mut self, from: f64, to: f64, phase: Phase, rpm: f64, egt: f64) -> Self {
+        let (lit, flow) = match phase {
+            Phase::Preheat | Phase::FuelRamp | Phase::LearningIdle | Phase::Running => (true, 100.0),
+            _ => (false, 0.0),
+        };
+        let mut at = micros(from);
+        while at < micros(to) {
+            self.0.samples.push(Sample { at, phase, lit, rpm, egt, flow, fault: false });
+            at += 50 * MS;
+        }
+        self
+    }
+
+    /// Fuel flows although it is at rest.
+    fn fuel(mut self, from: f64, to: f64) -> Self {
+        for sample in
+            self.0.samples.iter_mut().filter(|sample| (micros(from)..micros(to)).contains(&sample.at))
+        {
+            sample.flow = 40.0;
+        }
+        self
+    }
+
+    fn mark(mut self, at: f64, mark: Mark) -> Self {
+        self.0.marks.push((micros(at), mark));
+        self
+    }
+
+    fn with(mut self, change: impl FnOnce(&mut History)) -> Self {
+        change(&mut self.0);
+        self
+    }
+
+    fn judged(mut self) -> Verdict {
+        let h = &mut self.0;
+        h.said.sort_by_key(|said| said.at);
+        h.frames.sort_by_key(|frame| frame.at);
+        h.samples.sort_by_key(|sample| sample.at);
+        h.marks.sort_by_key(|(at, _)| *at);
+        h.end = h.samples.last().map_or(0, |sample| sample.at);
+        judge(h)
+    }
+
+    #[track_caller]
+    fn breaks(self, rules: &[Rule]) {
+        let verdict = self.judged();
+        assert_eq!(verdict.rules(), rules, "{:#?}", verdict.findings);
+    }
+
+    #[track_caller]
+    fn is_kept(self) {
+        self.breaks(&[]);
+    }
+}
+
+fn micros(seconds: f64) -> u64 {
+    (seconds * SECOND as f64).round() as u64
+}
+
+/// Armed and in standby until 4 s, cold.
+fn ready(kind: Kind) -> Story {
+    Story::new(kind)
+        .once(PILOT, 1.5, Word::Arm)
+        .says(PILOT, 1.0, 4.0, Word::Standby)
+        .wire(1.0, 4.0, STANDBY)
+        .turbine(0.0, 5.0, Phase::Standby, 0.0, 15.0)
+}
+
+/// Started at 4 s, runs from 30 s on.
+fn started(kind: Kind) -> Story {
+    ready(kind)
+        .says(PILOT, 4.0, 31.0, Word::Run(Ask::Throttle(0)))
+        .wire(4.0, 31.0, IDLE)
+        .mark(5.0, Mark::Ignition)
+        .turbine(5.0, RUNS as f64, Phase::FuelRamp, 20_000.0, 400.0)
+}
+
+/// And then at half throttle until this time, s; its pilot goes on with it.
+fn flight(kind: Kind, until: f64) -> Story {
+    started(kind).says(PILOT, 31.0, until, Word::Run(Ask::Throttle(500))).wire(31.0, until, HALF).turbine(
+        RUNS as f64,
+        until,
+        Phase::Running,
+        100_000.0,
+        500.0,
+    )
+}
+
+#[test]
+fn an_ordinary_flight_keeps_every_rule() {
+    for kind in [AMT, ZK5, Kind::Zk(3)] {
+        flight(kind, 60.0)
+            .says(PILOT, 60.0, 70.0, Word::Standby)
+            .wire(60.1, 70.0, STANDBY)
+            .turbine(60.0, 70.0, Phase::Cooling, 5000.0, 300.0)
+            .is_kept();
+    }
+}
+
+#[test]
+fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
+    let ends = |story: Story| story.turbine(5.0, 8.0, Phase::Ignition, 5000.0, 20.0).wire(4.0, 8.0, IDLE);
+    let run = Word::Run(Ask::Throttle(0));
+    let says = |story: Story| ends(story.says(PILOT, 4.0, 8.0, run).mark(5.0, Mark::Ignition));
+    says(ready(ZK5)).is_kept();
+    // Not armed: the word goes to the wire all the same.
+    says(ready(ZK5).with(|h| h.said.retain(|said| said.word != Word::Arm)))
+        .breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // Another source's standby.
+    let other = |h: &mut History| {
+        for said in h.said.iter_mut().filter(|said| said.word == Word::Standby) {
+            said.source = 2;
+        }
+    };
+    says(ready(ZK5)).with(other).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // Above idle.
+    let high = ready(ZK5).says(PILOT, 4.0, 8.0, Word::Run(Ask::Throttle(300))).mark(5.0, Mark::Ignition);
+    ends(high).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // Refused once is refused: it is armed later.
+    says(ready(ZK5).with(|h| h.said.retain(|said| said.word != Word::Arm)).once(PILOT, 4.5, Word::Arm))
+        .breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // A hot exhaust.
+    let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 180.0);
+    says(ready(ZK5)).with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+}
+
+#[test]
+fn a_pair_of_words_gives_one_ignition() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .turbine(40.0, 42.0, Phase::Stopped, 30_000.0, 90.0)
+            .turbine(42.0, 44.0, Phase::Ignition, 8000.0, 90.0)
+            .says(PILOT, 40.0, 44.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 40.8, HALF)
+            .wire(40.8, 44.0, STANDBY)
+    };
+    story().mark(42.0, Mark::Ignition).breaks(&[Rule::Ignition]);
+    // One that the ECU begins by itself is not an ignition by the node.
+    story().mark(42.0, Mark::Relight).is_kept();
+}
+
+#[test]
+fn a_withdrawn_start_does_not_ignite() {
+    let story = |word| {
+        ready(ZK5)
+            .says(PILOT, 4.0, 12.0, Word::Run(Ask::Throttle(0)))
+            .once(2, 5.0, word)
+            .wire(4.0, 5.1, IDLE)
+            .wire(5.1, 12.0, STANDBY)
+            .mark(8.0, Mark::Ignition)
+            .turbine(5.0, 8.0, Phase::Standby, 0.0, 15.0)
+            .turbine(8.0, 12.0, Phase::Ignition, 5000.0, 20.0)
+    };
+    story(Word::Disarm).breaks(&[Rule::Ignition]);
+    story(Word::ShutDown).breaks(&[Rule::Ignition]);
+    story(Word::Arm).is_kept();
+}
+
+#[test]
+fn an_emergency_stop_disarms_until_who_said_armed_says_disarmed() {
+    let story = |disarm: bool| {
+        let story =
+            ready(ZK5).once(PILOT, 2.0, Word::Stop).wire(2.0, 2.2, STOP).once(PILOT, 2.2, Word::Release);
+        let story =
+            story.with(|h| h.frames.retain(|f| f.told == STOP || !(2_000_000..2_250_000).contains(&f.at)));
+        let story = if disarm { story.once(PILOT, 2.4, Word::Disarm) } else { story };
+        story
+            .once(PILOT, 2.6, Word::Arm)
+            .says(PILOT, 4.0, 8.0, Word::Run(Ask::Throttle(0)))
+            .wire(4.0, 8.0, IDLE)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 8.0, Phase::Ignition, 5000.0, 20.0)
+    };
+    story(true).is_kept();
+    story(false).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+}
+
+#[test]
+fn an_engine_that_went_out_is_not_told_run_for_long() {
+    let story = |told_until: f64| {
+        flight(ZK5, 40.0)
+            .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
+            .says(PILOT, 40.0, 50.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, told_until, HALF)
+            .wire(told_until, 50.0, STANDBY)
+    };
+    story(41.0).is_kept();
+    story(45.0).breaks(&[Rule::RunAtRest]);
+}
+
+#[test]
+fn an_ecu_that_was_powered_up_is_not_told_run() {
+    let story = |told: Told| {
+        flight(AMT, 40.0)
+            .with(|h| h.unpowered = Spans::from(&[(40 * SECOND, 50 * SECOND)]))
+            .turbine(40.0, 55.0, Phase::Stopped, 0.0, 200.0)
+            .says(PILOT, 40.0, 55.0, Word::Run(Ask::Throttle(500)))
+            .wire(50.4, 50.5, told)
+            .wire(50.5, 55.0, STANDBY)
+    };
+    story(STANDBY).is_kept();
+    story(HALF).breaks(&[Rule::RunAtRest]);
+}
+
+#[test]
+fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
+    let story = |until: f64| {
+        flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39 * SECOND, 50 * SECOND)]))
+            .turbine(40.0, 50.0, Phase::Standby, 0.0, 50.0)
+            .says(PILOT, 40.0, 50.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, until, HALF)
+            .wire(until, 50.0, Told::Nothing)
+    };
+    story(40.0).is_kept();
+    story(45.0).breaks(&[Rule::RunAtRest]);
+}
+
+#[test]
+fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
+    let silent = |falls: bool| {
+        let story = flight(ZK5, 40.0).turbine(46.0, 60.0, Phase::Running, 52_000.0, 480.0);
+        let story = story.turbine(40.0, 46.0, Phase::Running, 80_000.0, 480.0);
+        match falls {
+            true => story.wire(40.0, 41.5, HALF).ramp(41.5, 500, 0).wire(42.6, 60.0, IDLE),
+            false => story.wire(40.0, 60.0, HALF),
+        }
+    };
+    silent(true).is_kept();
+    silent(false).breaks(&[Rule::SilentWire]);
+}
+
+#[test]
+fn resets_do_not_keep_a_lost_demand_alive() {
+    // Every 1.5 s a reset, and half throttle between them.
+    let story = |until: u64| {
+        let mut story = flight(ZK5, 40.0);
+        let mut at = 40_000;
+        while at < 60_000 {
+            let from = at as f64 / 1000.0;
+            let told = if at < until * 1000 { HALF } else { IDLE };
+            story = story.wire(from + 0.3, from + 1.5, told).with(|h| {
+                let reset = Reset { down: at * MS, up: (at + 300) * MS, cause: Cause::Watchdog };
+                h.resets.push(reset);
+            });
+            at += 1500;
+        }
+        story.turbine(40.0, 50.0, Phase::Running, 100_000.0, 480.0).turbine(
+            50.0,
+            60.0,
+            Phase::Running,
+            52_000.0,
+            480.0,
+        )
+    };
+    story(46).is_kept();
+    story(60).breaks(&[Rule::SilentWire]);
+}
+
+#[test]
+fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_standby() {
+    let story = |standby: bool| {
+        let story = flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39 * SECOND, 90 * SECOND)]))
+            .wire(40.0, 52.0, Told::Nothing)
+            .wire(52.0, 90.0, if standby { STANDBY } else { Told::Nothing })
+            .turbine(40.0, 52.0, Phase::Running, 100_000.0, 500.0);
+        match standby {
+            true => story.turbine(52.0, 90.0, Phase::Cooling, 5000.0, 200.0),
+            false => story.turbine(52.0, 90.0, Phase::Running, 100_000.0, 500.0),
+        }
+    };
+    story(true).is_kept();
+    story(false).breaks(&[Rule::SilentTurbine]);
+}
+
+#[test]
+fn a_stop_is_in_every_frame_until_its_release() {
+    let story = |kind, told: Told| {
+        flight(kind, 40.0)
+            .once(2, 40.0, Word::Stop)
+            .wire(40.1, 45.0, STOP)
+            .wire(45.0, 45.2, told)
+            .wire(45.2, 50.0, STOP)
+            .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
+    };
+    for kind in [AMT, ZK5] {
+        story(kind, STOP).is_kept();
+        story(kind, STANDBY).breaks(&[Rule::Stop]);
+    }
+    // One frame to close the pump is a stop, two of them after each other are not.
+    let close = |times: f64| {
+        let gone = move |h: &mut History| {
+            let closes = 45 * SECOND..micros(45.0 + times * 0.05);
+            h.frames.retain(|f| f.told == Told::Action(13) || !closes.contains(&f.at));
+        };
+        story(ZK5, STOP).wire(45.0, 45.0 + times * 0.05, Told::Action(13)).with(gone)
+    };
+    close(1.0).is_kept();
+    close(3.0).breaks(&[Rule::Stop]);
+}
+
+#[test]
+fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
+    let story = |kind, from: f64, gap: f64| {
+        flight(kind, 40.0)
+            .once(2, 40.0, Word::Stop)
+            .wire(40.0 + from, 42.0, STOP)
+            .wire(42.0 + gap, 50.0, STOP)
+            .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
+    };
+    story(ZK5, 0.05, 0.0).is_kept();
+    story(ZK5, 0.4, 0.0).breaks(&[Rule::Stop]);
+    story(ZK5, 0.05, 1.0).breaks(&[Rule::Stop]);
+    story(AMT, 0.1, 1.0).breaks(&[Rule::Stop]);
+    // A ZK ECU that is not heard is told all the same; an AMT ECU that says nothing cannot be answered.
+    let mute = |h: &mut History| h.mute = Spans::from(&[(41 * SECOND, 44 * SECOND)]);
+    story(ZK5, 0.05, 1.0).with(mute).breaks(&[Rule::Stop]);
+    story(AMT, 0.1, 1.0).with(mute).is_kept();
+    // After a reset, too.
+    let reset = |h: &mut History| {
+        h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause: Cause::Watchdog });
+    };
+    story(ZK5, 0.05, 0.6).with(reset).is_kept();
+    story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
+}
+
+#[test]
+fn no_fuel_flows_into_a_hot_engine_at_rest() {
+    let story = |egt| Story::new(ZK5).turbine(0.0, 10.0, Phase::Cooling, 5000.0, egt).fuel(4.0, 6.0);
+    story(60.0).is_kept();
+    story(300.0).breaks(&[Rule::HotFuel]);
+}
+
+#[test]
+fn services_that_move_fuel_are_asked_for_in_standby_cold_and_armed() {
+    let pump = Told::Action(5);
+    let story = |word| ready(ZK5).once(PILOT, 2.0, word).wire(2.05, 2.06, pump).wire(4.0, 5.0, STANDBY);
+    story(Word::Service(5)).is_kept();
+    story(Word::Service(4)).breaks(&[Rule::Service]);
+    let disarmed = |h: &mut History| h.said.retain(|said| said.word != Word::Arm);
+    story(Word::Service(5)).with(disarmed).breaks(&[Rule::Service]);
+    let cooling = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.phase = Phase::Cooling);
+    story(Word::Service(5)).with(cooling).breaks(&[Rule::Service]);
+    let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 130.0);
+    story(Word::Service(5)).with(hot).breaks(&[Rule::Service]);
+}
+
+#[test]
+fn an_open_pump_is_closed_when_its_source_falls_silent_and_at_a_disarm() {
+    let story = |spoken: f64, flows: f64| {
+        Story::new(ZK5)
+            .once(PILOT, 0.5, Word::Arm)
+            .says(PILOT, 0.0, spoken, Word::Standby)
+            .once(PILOT, 2.0, Word::Service(12))
+            .wire(0.0, 2.0, STANDBY)
+            .wire(2.05, 2.06, Told::Action(12))
+            .wire(2.1, 40.0, STANDBY)
+            .turbine(0.0, 60.0, Phase::Standby, 0.0, 15.0)
+            .fuel(2.1, flows)
+    };
+    story(20.0, 21.0).is_kept();
+    story(5.0, 20.0).breaks(&[Rule::Pump]);
+    story(20.0, 12.0).once(PILOT, 10.0, Word::Disarm).is_kept();
+    story(20.0, 16.0).once(PILOT, 10.0, Word::Disarm).breaks(&[Rule::Pump]);
+    // Its bound in time.
+    story(50.0, 50.0).breaks(&[Rule::Pump]);
+}
+
+#[test]
+fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
+    // The stick was up during the start.
+    let up = |jumps: bool| {
+        let story = started(ZK5)
+            .says(PILOT, 15.0, 40.0, Word::Run(Ask::Throttle(800)))
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| {
+                h.said.retain(|said| said.at < 15 * SECOND || said.word != Word::Run(Ask::Throttle(0)))
+            });
+        match jumps {
+            true => story.wire(31.0, 40.0, Told::Full(Switch::Run, 800)),
+            false => story.ramp(31.0, 0, 800).wire(32.8, 40.0, Told::Full(Switch::Run, 800)),
+        }
+    };
+    up(false).is_kept();
+    up(true).breaks(&[Rule::Rate]);
+    // A pilot who moves it, with and without a slew.
+    let moved = || {
+        started(ZK5)
+            .says(PILOT, 31.0, 40.0, Word::Run(Ask::Throttle(800)))
+            .says(PILOT, 30.5, 31.0, Word::Run(Ask::Throttle(0)))
+            .wire(31.0, 40.0, Told::Full(Switch::Run, 800))
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+    };
+    moved().is_kept();
+    moved().with(|h| h.rules.slew_up = Some(500)).breaks(&[Rule::Rate]);
+}
+
+#[test]
+fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
+    let story = |words: &[(f64, Word)]| {
+        let mut story = flight(ZK5, 40.0)
+            .wire(40.3, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .wire(40.0, 40.3, HALF);
+        for &(at, word) in words {
+            story = story.once(0, at, word);
+        }
+        story.says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+    };
+    story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).is_kept();
+    story(&[(40.2, Word::ShutDown)]).is_kept();
+    story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    story(&[]).breaks(&[Rule::ShutDown]);
+}
+
+#[test]
+fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
+    let story = |standby: f64| {
+        flight(ZK5, 40.0)
+            .says(2, 20.0, 60.0, Word::Standby)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, standby, IDLE)
+            .wire(standby, 60.0, STANDBY)
+            .turbine(40.0, standby + 0.1, Phase::Running, 60_000.0, 480.0)
+            .turbine(standby + 0.1, 60.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story(48.0).is_kept();
+    story(43.0).breaks(&[Rule::ShutDown]);
+}
+
+#[test]
+fn silence_shuts_an_engine_down_only_where_that_is_configured() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 46.0, IDLE)
+            .wire(46.0, 60.0, STANDBY)
+            .turbine(40.0, 46.1, Phase::Running, 60_000.0, 480.0)
+            .turbine(46.1, 60.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story().breaks(&[Rule::ShutDown]);
+    story().with(|h| h.rules.standby_after = Some(4 * SECOND)).is_kept();
+}
+
+#[test]
+fn a_limit_with_standby_is_exempt_and_counted() {
+    let story = flight(ZK5, 40.0)
+        .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+        .wire(40.0, 45.0, STANDBY)
+        .turbine(40.0, 41.0, Phase::Running, 100_000.0, 900.0)
+        .turbine(41.0, 45.0, Phase::Cooling, 5000.0, 300.0)
+        .with(|h| h.rules.limit_egt = Some((800.0, true)));
+    let verdict = story.judged();
+    assert_eq!(verdict.rules(), []);
+    let exempt = verdict.exempt["a limit whose action is standby"];
+    assert!((900 * MS..=1100 * MS).contains(&exempt), "{exempt}");
+    assert!((10 * SECOND..12 * SECOND).contains(&verdict.applied), "{}", verdict.applied);
+}
+
+#[test]
+fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
+    let story = |kind| {
+        flight(kind, 40.0)
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+            .mark(40.0, Mark::GivenUp)
+            .turbine(40.0, 45.0, Phase::Cooling, 50_000.0, 400.0)
+            .wire(40.0, 45.0, STANDBY)
+    };
+    for kind in [AMT, Kind::Zk(3)] {
+        story(kind).breaks(&[Rule::GivenUp]);
+        // A wire that is cut is exempt.
+        let cut = |h: &mut History| h.deaf = Spans::from(&[(37_500 * MS, 41 * SECOND)]);
+        story(kind).with(cut).is_kept();
+    }
+    // A gap of the node that the ECU has to put up with is none.
+    let reset = |length: u64| {
+        let down = 38 * SECOND;
+        move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
+    };
+    story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(2100)).is_kept();
+}
+
+#[test]
+fn a_demand_is_not_held_below_what_is_asked_for() {
+    let story = |tenths| {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 60.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+    };
+    story(500).is_kept();
+    story(480).breaks(&[Rule::HeldDown]);
+    // Nothing of it on the wire.
+    flight(ZK5, 40.0)
+        .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+        .wire(40.0, 60.0, Told::Nothing)
+        .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+        .breaks(&[Rule::HeldDown]);
+}
+
+#[test]
+fn the_pwm_input_is_given_the_engine_when_a_pilot_says_so() {
+    let pwm = Told::Full(Switch::Pwm, 0);
+    let story = || ready(ZK5).wire(4.0, 10.0, pwm).turbine(5.0, 10.0, Phase::Standby, 0.0, 15.0);
+    story().once(PILOT, 4.0, Word::Pwm).is_kept();
+    story().breaks(&[Rule::Pwm]);
+    story().once(2, 4.0, Word::Pwm).breaks(&[Rule::Pwm]);
+    let disarmed = |h: &mut History| h.said.retain(|said| said.word != Word::Arm);
+    story().once(PILOT, 4.0, Word::Pwm).with(disarmed).breaks(&[Rule::Pwm]);
+    // For one life of the ECU.
+    let dip = |h: &mut History| h.unpowered = Spans::from(&[(6 * SECOND, 7 * SECOND)]);
+    story().once(PILOT, 4.0, Word::Pwm).with(dip).breaks(&[Rule::Pwm]);
+}
+
+#[test]
+fn nothing_is_sent_that_the_ecus_version_does_not_know() {
+    let story = |kind, told| ready(kind).wire(4.0, 5.0, told);
+    let by_id6 = |switch| Told::Mode(Some(switch), 0);
+    story(Kind::Zk(4), by_id6(Switch::Standby)).is_kept();
+    story(Kind::Zk(3), by_id6(Switch::Standby)).is_kept();
+    for told in [Told::Rpm(60_000), Told::Mode(None, 3)] {
+        story(Kind::Zk(4), told).is_kept();
+        story(Kind::Zk(3), told).breaks(&[Rule::Version]);
+    }
+    // Another ECU was plugged in while the line was dead.
+    let story =
+        ready(Kind::Zk(5)).wire(4.0, 20.0, Told::Mode(None, 3)).turbine(5.0, 20.0, Phase::Standby, 0.0, 15.0);
+    let swapped = |h: &mut History| {
+        h.unpowered = Spans::from(&[(6 * SECOND, 9 * SECOND)]);
+        h.versions = vec![(6 * SECOND, 3)];
+    };
+    story.with(swapped).breaks(&[Rule::Version]);
+}
+
+#[test]
+fn every_frame_is_one_of_the_document() {
+    ready(AMT).wire(4.0, 4.1, Told::Bad([0xFF, 0x14, 0x20, 0x14, 0x21])).breaks(&[Rule::Frame]);
+}
+
+#[test]
+fn a_limit_that_is_passed_has_its_action() {
+    let story = |tenths, egt, standby| {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 41.0, HALF)
+            .ramp(41.0, 500, tenths)
+            .wire(if tenths == 500 { 41.05 } else { 42.1 }, 60.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 100_000.0, egt)
+            .with(move |h| h.rules.limit_egt = Some((600.0, standby)))
+    };
+    story(0, 640.0, false).is_kept();
+    story(500, 560.0, false).is_kept();
+    story(500, 640.0, false).breaks(&[Rule::Limit]);
+    story(500, 640.0, true).breaks(&[Rule::Limit]);
+    let rpm = |h: &mut History| {
+        h.rules.limit_egt = None;
+        h.rules.limit_rpm = Some((80_000.0, false));
+        for sample in h.samples.iter_mut().filter(|sample| sample.at < 40 * SECOND) {
+            sample.rpm = 70_000.0;
+        }
+    };
+    story(500, 500.0, false).with(rpm).breaks(&[Rule::Limit]);
+    story(0, 500.0, false).with(rpm).is_kept();
+}
+
+#[test]
+fn a_demand_is_reduced_while_another_engine_has_failed() {
+    let story = |tenths| {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .ramp(40.0, 500, tenths)
+            .wire(41.0, 60.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(40 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+    };
+    story(250).is_kept();
+    story(500).breaks(&[Rule::Reduction]);
+}
+
+#[test]
+fn a_source_that_takes_over_is_held_off() {
+    let story = |wait: f64| {
+        flight(ZK5, 60.0)
+            .says(PILOT, 60.0, 70.0, Word::Run(Ask::Throttle(500)))
+            .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+            .wire(60.0, 60.0 + wait, HALF)
+            .wire(60.0 + wait, 70.0, Told::Full(Switch::Run, 200))
+            .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0)
+    };
+    story(2.0).is_kept();
+    story(0.1).breaks(&[Rule::TakeOver]);
+}

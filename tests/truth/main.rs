@@ -1,0 +1,171 @@
+//! Random worlds, judged by the truth: what pilots said, what was on the wires, the power of the ECUs, and what the
+//! simulated turbines did.
+//!
+//! ```sh
+//! cargo test --test truth                                          # some engine-hours
+//! JETLINK_SEED=58 cargo test --test truth replay -- --ignored --nocapture    # one world, with its log
+//! JETLINK_HOURS=100 cargo truth                                    # a hundred; goes on after findings, and counts them
+//! ```
+
+mod cases;
+mod fate;
+mod faults;
+mod history;
+mod judge;
+mod judge_tests;
+mod log;
+mod pilots;
+mod seat;
+mod settings;
+mod wire;
+mod worlds;
+
+use judge::{Rule, Verdict};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Virtual time of one world, s.
+const WORLD: u64 = 1200;
+/// What may be exempt of the time in which the rules for a healthy engine apply, per mille.
+const EXEMPT: u64 = 20;
+
+/// What many worlds came to.
+#[derive(Default)]
+struct Tally {
+    seconds: u64,
+    applied: u64,
+    exempt: BTreeMap<&'static str, u64>,
+    seen: BTreeMap<&'static str, u64>,
+    /// Findings of each rule, and the engines that had any; the first seeds.
+    findings: BTreeMap<Rule, (u64, u64, Vec<u64>)>,
+}
+
+impl Tally {
+    fn add(&mut self, seed: u64, verdict: &Verdict) {
+        self.applied += verdict.applied;
+        for (name, time) in &verdict.exempt {
+            *self.exempt.entry(name).or_default() += time;
+        }
+        for (what, count) in &verdict.seen {
+            *self.seen.entry(what).or_default() += count;
+        }
+        for rule in verdict.rules() {
+            let count = verdict.findings.iter().filter(|found| found.rule == rule).count() as u64;
+            let (all, engines, seeds) = self.findings.entry(rule).or_default();
+            (*all, *engines) = (*all + count, *engines + 1);
+            if seeds.len() < 5 {
+                seeds.push(seed);
+            }
+        }
+    }
+
+    fn per_mille(&self) -> f64 {
+        self.exempt.values().sum::<u64>() as f64 * 1000.0 / self.applied.max(1) as f64
+    }
+
+    fn print(&self) {
+        println!("{:.1} engine-hours", self.seconds as f64 / 3600.0);
+        for (what, count) in &self.seen {
+            println!("  {count:>9} {what}");
+        }
+        println!("the rules for a healthy engine applied for {} s; exempt of it:", self.applied / 1_000_000);
+        for (name, time) in &self.exempt {
+            println!("  {:>6.2} per mille {name}", *time as f64 * 1000.0 / self.applied.max(1) as f64);
+        }
+        println!("  {:>6.2} per mille together", self.per_mille());
+        for rule in Rule::ALL {
+            if let Some((all, engines, seeds)) = self.findings.get(&rule) {
+                println!(
+                    "  {rule:<14?} {all:>6} findings, {engines:>5} engines, for example seeds {seeds:?}"
+                );
+            }
+        }
+    }
+}
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok()?.parse().ok()
+}
+
+/// Plays worlds from this seed on until so many engine-seconds are over, or so many worlds had findings.
+fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, Option<String>) {
+    let (seed, done, failed) = (AtomicU64::new(first), AtomicU64::new(0), AtomicU64::new(0));
+    let (total, text) = (Mutex::new(Tally::default()), Mutex::new(None));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while done.load(Ordering::Relaxed) < engine_seconds && failed.load(Ordering::Relaxed) < enough
+                {
+                    let seed = seed.fetch_add(1, Ordering::Relaxed);
+                    let world = std::panic::catch_unwind(|| worlds::run(seed, WORLD));
+                    let Ok(world) = world else {
+                        failed.fetch_add(enough, Ordering::Relaxed);
+                        *text.lock().unwrap() = Some(format!("seed {seed}: a panic"));
+                        return;
+                    };
+                    done.fetch_add(WORLD * world.engines.len() as u64, Ordering::Relaxed);
+                    let mut total = total.lock().unwrap();
+                    for engine in &world.engines {
+                        total.seconds += WORLD;
+                        total.add(seed, &engine.verdict);
+                    }
+                    if world.engines.iter().any(|engine| !engine.verdict.findings.is_empty()) {
+                        failed.fetch_add(1, Ordering::Relaxed);
+                        text.lock().unwrap().get_or_insert_with(|| world.report(false));
+                    }
+                }
+            });
+        }
+    });
+    (total.into_inner().unwrap(), text.into_inner().unwrap())
+}
+
+/// What the rules are about did happen.
+fn enough_happened(tally: &Tally) {
+    for what in ["ignitions", "starts", "stops", "silences", "resets"] {
+        assert!(tally.seen.get(what).is_some_and(|count| *count >= 3), "too few {what}");
+    }
+}
+
+#[test]
+#[ignore = "needs the rewritten supervision"]
+fn the_truth_is_as_it_should_be_in_random_worlds() {
+    let seconds = number("JETLINK_SECONDS").unwrap_or(6 * 3600);
+    let (tally, text) = play(number("JETLINK_SEED").unwrap_or(1), seconds, 2, 1);
+    tally.print();
+    if let Some(text) = text {
+        panic!("{text}");
+    }
+    enough_happened(&tally);
+}
+
+#[test]
+#[ignore = "one seed, given by JETLINK_SEED"]
+fn replay() {
+    let seed = number("JETLINK_SEED").unwrap_or(1);
+    let world = worlds::run(seed, number("JETLINK_SECONDS").unwrap_or(WORLD));
+    println!("{}", world.report(true));
+    assert!(
+        world.engines.iter().all(|engine| engine.verdict.findings.is_empty()),
+        "seed {seed} has findings"
+    );
+}
+
+#[test]
+#[ignore = "hours; JETLINK_HOURS says how many"]
+fn campaign() {
+    let hours = number("JETLINK_HOURS").unwrap_or(100);
+    let (first, threads) =
+        (number("JETLINK_SEED").unwrap_or(1_000_000), number("JETLINK_THREADS").unwrap_or(2));
+    let began = Instant::now();
+    let (tally, text) = play(first, hours * 3600, threads, number("JETLINK_FINDINGS").unwrap_or(1));
+    tally.print();
+    println!("in {:.0} s of real time", began.elapsed().as_secs_f64());
+    if let Some(text) = text {
+        panic!("{text}");
+    }
+    enough_happened(&tally);
+    assert!(tally.per_mille() <= EXEMPT as f64, "more than {EXEMPT} per mille is exempt");
+}

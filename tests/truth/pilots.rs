@@ -1,0 +1,361 @@
+//! Who commands an engine: people and boxes that know what they see of the turbine, and nothing of what the node thinks.
+
+use crate::history::{Ask, MS, SECOND, Word};
+use sim::turbine::Phase;
+
+/// SplitMix64.
+#[derive(Debug)]
+pub struct Rng(pub u64);
+
+impl Rng {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    pub fn below(&mut self, n: u64) -> u64 {
+        self.next() % n.max(1)
+    }
+
+    pub fn between(&mut self, low: u64, high: u64) -> u64 {
+        low + self.below(high - low)
+    }
+
+    /// Short times as often as long ones.
+    pub fn spread(&mut self, low: u64, high: u64) -> u64 {
+        let part = self.below(1000) as f64 / 1000.0;
+        (low as f64 * (high as f64 / low as f64).powf(part)) as u64
+    }
+
+    pub fn percent(&mut self, percent: u64) -> bool {
+        self.below(100) < percent
+    }
+
+    pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len() as u64) as usize]
+    }
+
+    /// Around this mean, never 0.
+    pub fn wait(&mut self, mean: u64) -> u64 {
+        self.between(mean / 10, mean * 2)
+    }
+}
+
+/// What a pilot sees of the turbine.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    pub now: u64,
+    pub phase: Phase,
+    pub egt: f64,
+    /// Below this exhaust temperature it may be started, °C.
+    pub cool: f64,
+    /// Highest speed, where the ECU takes an rpm demand.
+    pub max_rpm: Option<u32>,
+}
+
+/// What a pilot does for a while.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Program {
+    Silent,
+    /// The same word over and over.
+    Stream(Word),
+    /// From anywhere to a running engine, and down again, as it is documented.
+    Fly(Stage),
+    /// Speaks and falls silent, over and over: so long each.
+    Flap(Ask, u64, u64),
+    /// A ground station: one word at a time.
+    OneWord(u8),
+    /// Standby, and services.
+    Service,
+    /// Standby, and then a hand-over to the PWM input.
+    Pwm(u8),
+    /// A stop, and later its release, disarm, arm.
+    Stop(u8),
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Stage {
+    /// Standby until it is cool; ready since.
+    Standby(Option<u64>),
+    /// Run at idle, since.
+    Start(u64),
+    /// Run with the stick where it is, until.
+    Flight(u64),
+    /// Standby, until.
+    Down(u64),
+}
+
+/// What a pilot is like.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Habit {
+    /// Flies.
+    Flies,
+    /// Says the same all day below somebody else.
+    Below,
+    /// Anything.
+    Restless,
+}
+
+#[derive(Debug)]
+pub struct Pilot {
+    /// 0 is the highest.
+    pub source: usize,
+    habit: Habit,
+    /// From word to word.
+    period: u64,
+    pub next: u64,
+    program: Program,
+    until: u64,
+    stick: Ask,
+    next_stick: u64,
+    armed: bool,
+    /// Keeps the stick where it is when the engine goes out.
+    stubborn: bool,
+    /// Moves the stick seldom.
+    calm: bool,
+    /// Can this source say that it wants nothing.
+    next_arm: u64,
+}
+
+impl Pilot {
+    pub fn new(rng: &mut Rng, source: usize, habit: Habit) -> Self {
+        // Some speak at the very instant of a slot.
+        let grain = if rng.percent(20) { 50 * MS } else { 1 };
+        let first = rng.below(3 * SECOND) / grain * grain;
+        Self {
+            source,
+            habit,
+            period: rng.pick(&[20, 50, 100, 100, 200]) * MS,
+            next: first,
+            program: Program::Silent,
+            until: 0,
+            stick: Ask::Throttle(0),
+            next_stick: 0,
+            armed: false,
+            stubborn: rng.percent(30),
+            calm: rng.percent(40),
+            next_arm: 0,
+        }
+    }
+
+    fn choose(&mut self, rng: &mut Rng, view: &View) {
+        let now = view.now;
+        let ask = demand(rng, view);
+        self.until = now + rng.wait(60 * SECOND);
+        self.program = match (self.habit, rng.below(100)) {
+            (Habit::Flies, 0..70) | (Habit::Restless, 0..15) => {
+                self.until = now + rng.between(100, 500) * SECOND;
+                match view.phase {
+                    Phase::Running => Program::Fly(Stage::Flight(now + rng.wait(90 * SECOND))),
+                    _ => Program::Fly(Stage::Standby(None)),
+                }
+            }
+            (Habit::Flies, 70..82) | (Habit::Restless, 15..40) => {
+                self.until = now + rng.spread(300 * MS, 100 * SECOND);
+                Program::Silent
+            }
+            (Habit::Flies, 82..88) => {
+                Program::Flap(ask, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
+            }
+            (Habit::Flies, 88..92) | (Habit::Restless, 40..46) => Program::Stop(0),
+            (Habit::Flies, 92..96) | (Habit::Restless, 46..52) => Program::Service,
+            (Habit::Flies, 96..97) | (Habit::Restless, 52..54) => Program::Pwm(0),
+            (Habit::Flies, _) => Program::OneWord(0),
+            (Habit::Below, 0..45) => {
+                Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
+            }
+            (Habit::Below, 45..80) => Program::Stream(Word::Standby),
+            (Habit::Below, _) => Program::Silent,
+            (Habit::Restless, 54..64) => Program::OneWord(0),
+            (Habit::Restless, 64..76) => {
+                Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
+            }
+            (Habit::Restless, 76..86) => Program::Stream(Word::Standby),
+            (Habit::Restless, 86..94) => {
+                // One stray word.
+                self.until = now;
+                Program::Stream(if rng.percent(50) { Word::Standby } else { Word::Run(ask) })
+            }
+            (Habit::Restless, _) => {
+                Program::Flap(ask, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
+            }
+        };
+    }
+
+    /// What this pilot says now, and when next.
+    pub fn speak(&mut self, rng: &mut Rng, view: &View) -> Vec<Word> {
+        let now = view.now;
+        if now < self.next {
+            return Vec::new();
+        }
+        let mut words = Vec::new();
+        if now >= self.until {
+            self.choose(rng, view);
+        }
+        self.next = now + self.period;
+        // An arming switch that is sent along with the stick.
+        if self.armed && now >= self.next_arm && !matches!(self.program, Program::Silent) {
+            self.next_arm = now + rng.wait(4 * SECOND);
+            words.push(Word::Arm);
+        }
+        match &mut self.program {
+            Program::Silent => self.next = self.until.max(now + MS),
+            Program::Stream(word) => words.push(*word),
+            Program::Flap(ask, on, off) => {
+                words.push(Word::Run(*ask));
+                if now % (*on + *off) < *off {
+                    self.next = now + *off;
+                }
+            }
+            Program::OneWord(step) => {
+                let word = match *step {
+                    0 => Word::Arm,
+                    1 => Word::Standby,
+                    2 => Word::Run(Ask::Throttle(0)),
+                    3 => Word::Run(demand(rng, view)),
+                    _ if rng.percent(50) => Word::ShutDown,
+                    _ => Word::Standby,
+                };
+                *step += 1;
+                words.push(word);
+                self.next = now + rng.spread(300 * MS, 20 * SECOND);
+                if *step == 5 {
+                    self.until = now;
+                }
+            }
+            Program::Service => {
+                words.push(Word::Standby);
+                if rng.percent(3) {
+                    words.push(Word::Service(rng.pick(&[1, 2, 3, 4, 5, 6, 12, 12, 13, 10])));
+                }
+                if rng.percent(1) {
+                    words.push(if rng.percent(60) { Word::Arm } else { Word::Disarm });
+                }
+            }
+            Program::Pwm(step) => {
+                *step += 1;
+                words.push(match *step {
+                    1 => Word::Arm,
+                    2..=20 => Word::Standby,
+                    21 => Word::Pwm,
+                    _ => {
+                        self.next = self.until.max(now + MS);
+                        return words;
+                    }
+                });
+            }
+            Program::Stop(step) => {
+                *step += 1;
+                let (word, wait) = match *step {
+                    1 => (Word::Stop, rng.spread(100 * MS, 60 * SECOND)),
+                    2 => (Word::Release, rng.spread(10 * MS, 5 * SECOND)),
+                    3 => (Word::Release, rng.spread(10 * MS, 5 * SECOND)),
+                    4 => (Word::Disarm, rng.spread(10 * MS, 5 * SECOND)),
+                    _ => (Word::Arm, 100 * MS),
+                };
+                self.next = now + wait;
+                self.until = u64::MAX;
+                // Who does not disarm stays as it was: armed in its own eyes.
+                if *step >= 5 || *step == 3 && rng.percent(30) || *step == 1 && rng.percent(5) {
+                    self.armed |= *step == 5;
+                    self.until = now;
+                }
+                words.push(word);
+            }
+            Program::Fly(_) => self.fly(rng, view, &mut words),
+        }
+        words
+    }
+
+    fn fly(&mut self, rng: &mut Rng, view: &View, words: &mut Vec<Word>) {
+        let now = view.now;
+        let Program::Fly(stage) = &mut self.program else { return };
+        if !core::mem::replace(&mut self.armed, true) {
+            if rng.percent(60) {
+                words.extend([Word::Release, Word::Disarm]);
+            }
+            words.push(Word::Arm);
+            self.next_arm = now + rng.wait(4 * SECOND);
+        }
+        if rng.percent(1) && rng.percent(2) {
+            words.push(Word::Disarm);
+            self.next_arm = now + rng.wait(4 * SECOND);
+        }
+        match *stage {
+            Stage::Standby(since) => {
+                words.push(Word::Standby);
+                let ready =
+                    matches!(view.phase, Phase::Standby | Phase::Stopped) && view.egt < view.cool - 5.0;
+                // Some do not wait.
+                let since =
+                    since.filter(|_| ready).or((ready || rng.percent(1) && rng.percent(10)).then_some(now));
+                *stage = match since {
+                    Some(since) if now > since + 2 * SECOND => {
+                        if self.period < 200 * MS && rng.percent(50) {
+                            words.pop();
+                        }
+                        Stage::Start(now)
+                    }
+                    since => Stage::Standby(since),
+                };
+            }
+            Stage::Start(since) => {
+                let up = rng.percent(1) && rng.percent(10);
+                words.push(Word::Run(if up { self.stick } else { Ask::Throttle(0) }));
+                if view.phase == Phase::Running && now > since + 5 * SECOND {
+                    *stage = Stage::Flight(now + rng.wait(90 * SECOND));
+                } else if now > since + 90 * SECOND || !view.phase.is_live() && now > since + 8 * SECOND {
+                    // It did not come: again from the beginning, or not.
+                    self.armed = rng.percent(40);
+                    *stage = if self.stubborn && rng.percent(90) {
+                        Stage::Start(now)
+                    } else {
+                        Stage::Standby(None)
+                    };
+                }
+            }
+            Stage::Flight(until) => {
+                if now >= self.next_stick {
+                    let least = if self.calm { 10 * SECOND } else { 300 * MS };
+                    self.next_stick = now + rng.spread(least, 60 * SECOND);
+                    self.stick = demand(rng, view);
+                }
+                words.push(Word::Run(self.stick));
+                // A link that is lost for a while; at most of the times for as long as a person takes to notice.
+                if rng.below(60 * SECOND) < self.period {
+                    let most = if rng.percent(20) { 200 } else { 20 };
+                    self.next = now + rng.spread(100 * MS, most * SECOND);
+                    return;
+                }
+                if rng.percent(1) && rng.percent(3) {
+                    words.push(Word::Ctf);
+                }
+                let out = view.phase != Phase::Running && !self.stubborn && rng.percent(2);
+                if now >= until || out {
+                    *stage = Stage::Down(now + rng.wait(20 * SECOND));
+                }
+            }
+            Stage::Down(until) => {
+                words.push(Word::Standby);
+                if now >= until {
+                    self.until = now;
+                }
+            }
+        }
+    }
+}
+
+/// A demand, at times one that makes no sense.
+fn demand(rng: &mut Rng, view: &View) -> Ask {
+    if let Some(max) = view.max_rpm
+        && rng.percent(40)
+    {
+        let most = if rng.percent(10) { u64::from(max) * 101 / 100 } else { max.into() };
+        let rpm = rng.between(u64::from(max) / 4, most) as u32;
+        return Ask::Rpm(rpm / 100 * 100);
+    }
+    Ask::Throttle(rng.pick(&[0, 200, 400, 600, 800, 1000, 1000]).min(rng.below(400) as u32 + 600))
+}

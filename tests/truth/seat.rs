@@ -1,0 +1,303 @@
+//! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
+
+use crate::faults::{Disturber, Fault, Weather};
+use crate::history::{History, Kind, MS, Mark, SECOND, Said, Sample, Spans, Word};
+use crate::judge::judge;
+use crate::pilots::{Habit, Pilot, Rng, View};
+use crate::settings::{self, Setup};
+use crate::wire::Reader;
+use crate::worlds::{Judged, LOOK, now};
+use jetlink::channels::Handle;
+use jetlink::command::Origin;
+use sim::any::AnyEcu;
+use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use sim::zk::{Ruler, state};
+use std::collections::VecDeque;
+
+/// One engine, its ECU, its pilots.
+pub struct Seat {
+    pub setup: Setup,
+    pub plug: Plug<AnyEcu>,
+    reader: Reader,
+    pub history: History,
+    pilots: Vec<Pilot>,
+    disturber: Disturber,
+    notes: Vec<(u64, String)>,
+    /// Ignitions and losses of control that are in the history already.
+    ignitions: usize,
+    given_up: u64,
+    /// It ran or was started since its ECU was powered up.
+    lived: bool,
+    pwm_since: Option<u64>,
+    next_swap: u64,
+    script: Script,
+}
+
+/// What a case does with an engine, and when.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Act {
+    /// The source repeats this from now on, every 0.1 s; `None`: it is silent.
+    Stream(usize, Option<Word>),
+    /// The source says this once.
+    Once(usize, Word),
+    /// This goes wrong for so long, µs.
+    Fault(Fault, u64),
+    /// Another ECU, of this version, is plugged in; without power for so long, µs.
+    Swap(u8, u64),
+}
+
+/// A case: acts at times, and what the sources repeat.
+#[derive(Debug, Default)]
+struct Script {
+    acts: VecDeque<(u64, Act)>,
+    streams: [Option<Word>; 4],
+    next_words: u64,
+}
+
+impl Script {
+    fn next(&self) -> u64 {
+        let act = self.acts.front().map_or(u64::MAX, |(at, _)| *at);
+        let words = self.streams.iter().any(Option::is_some).then_some(self.next_words);
+        act.min(words.unwrap_or(u64::MAX))
+    }
+}
+
+impl Seat {
+    pub fn random(rng: &mut Rng, setup: Setup, weather: Weather) -> (Self, (WireRx, WireTx)) {
+        let mut sources = [0, 1, 2, 3];
+        for last in (1..4).rev() {
+            sources.swap(last, rng.below(last as u64 + 1) as usize);
+        }
+        let count = rng.pick(&[1, 1, 2, 2, 3]);
+        let habit = |index: usize, rng: &mut Rng| match index {
+            0 => Habit::Flies,
+            _ => rng.pick(&[Habit::Below, Habit::Restless, Habit::Flies]),
+        };
+        let pilots = (0..count).map(|index| {
+            let habit = habit(index, rng);
+            Pilot::new(rng, sources[index], habit)
+        });
+        let pilots = pilots.collect();
+        let mut disturber = Disturber::new(rng, weather);
+        disturber.signals = rng.percent(15);
+        let next_swap = rng.wait(3000 * SECOND);
+        let (mut seat, halves) = Self::new(setup, rng.next(), disturber);
+        (seat.pilots, seat.next_swap) = (pilots, next_swap);
+        (seat, halves)
+    }
+
+    /// With nothing but what a case says.
+    pub fn scripted(setup: Setup, acts: Vec<(u64, Act)>) -> (Self, (WireRx, WireTx)) {
+        let (mut seat, halves) = Self::new(setup, 1, Disturber::idle());
+        seat.script.acts = acts.into();
+        (seat, halves)
+    }
+
+    fn new(setup: Setup, seed: u64, disturber: Disturber) -> (Self, (WireRx, WireTx)) {
+        let (rx, tx, plug) = connect_with(setup.ecu(), Settings::new(setup.line, seed));
+        plug.record(true);
+        let seat = Self {
+            reader: Reader::new(setup.rules.kind == Kind::Amt),
+            history: History::new(setup.rules),
+            plug,
+            pilots: Vec::new(),
+            disturber,
+            notes: Vec::new(),
+            ignitions: 0,
+            given_up: 0,
+            lived: false,
+            pwm_since: None,
+            next_swap: u64::MAX,
+            script: Script::default(),
+            setup,
+        };
+        (seat, (rx, tx))
+    }
+
+    pub fn is_live(&self) -> bool {
+        self.history.samples.last().is_some_and(|sample| sample.phase.is_live())
+    }
+
+    /// Until when no pilot says anything.
+    pub fn silent_until(&self) -> u64 {
+        self.pilots.iter().map(|pilot| pilot.next).min().unwrap_or(0)
+    }
+
+    /// When anybody here wants something next.
+    pub fn next(&self) -> u64 {
+        self.silent_until()
+            .max(u64::from(self.pilots.is_empty()) * u64::MAX)
+            .min(self.disturber.next())
+            .min(self.script.next())
+    }
+
+    /// Everything here but the node does what it does, once.
+    pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+        let at = now();
+        let notes = self.disturber.disturb(rng, &self.plug, &mut self.history, at);
+        for text in notes {
+            self.note(text);
+        }
+        if at >= self.next_swap {
+            self.next_swap = at + rng.wait(3000 * SECOND);
+            let version = rng.between(1, 7) as u8;
+            let off = rng.spread(50 * MS, 60 * SECOND);
+            self.swap(rng, version, off);
+        }
+        self.play_script(rng, handle);
+        self.speak(rng, handle);
+    }
+
+    fn play_script(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+        let at = now();
+        while let Some((_, act)) = self.script.acts.pop_front_if(|(when, _)| *when <= at) {
+            match act {
+                Act::Stream(source, word) => {
+                    self.script.streams[source] = word;
+                    self.script.next_words = at;
+                }
+                Act::Once(source, word) => self.say(handle, source, word),
+                Act::Fault(fault, length) => {
+                    self.disturber.begin(rng, &self.plug, &mut self.history, fault, at, at + length);
+                    self.note(format!("{fault:?} for {} ms", length / MS));
+                }
+                Act::Swap(version, off) => self.swap(rng, version, off),
+            }
+        }
+        if at >= self.script.next_words {
+            self.script.next_words = at + 100 * MS;
+            for (source, word) in self.script.streams.into_iter().enumerate() {
+                if let Some(word) = word {
+                    self.say(handle, source, word);
+                }
+            }
+        }
+    }
+
+    /// The ECU loses its power until then, together with the node.
+    pub fn power_off(&mut self, rng: &mut Rng, until: u64) {
+        self.disturber.begin(rng, &self.plug, &mut self.history, Fault::PowerOff, now(), until);
+    }
+
+    pub fn note(&mut self, text: String) {
+        self.notes.push((now(), text));
+    }
+
+    /// The turbine and the wire, as they are now.
+    pub fn look(&mut self) {
+        let at = now();
+        let frames = self.reader.read(&self.plug.take_log());
+        self.history.frames.extend(frames);
+        let powered = !self.history.unpowered.contains(at);
+        let (seen, lived, before) = (self.ignitions, self.lived, self.given_up);
+        let (sample, ignitions, restart, given_up, pwm) = self.plug.ecu(|ecu| {
+            let ecu = &*ecu;
+            let turbine = ecu.turbine();
+            let (fault, restart, given_up, pwm) = match ecu {
+                AnyEcu::Amt(ecu) => (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false),
+                AnyEcu::Zk(ecu) => {
+                    let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
+                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm)
+                }
+            };
+            let phase = turbine.phase();
+            let lit = turbine.thrust() > 0.0;
+            let sample = Sample {
+                at,
+                phase,
+                lit,
+                rpm: turbine.rpm(),
+                egt: turbine.egt(),
+                flow: turbine.fuel_flow(),
+                fault,
+            };
+            let ignitions: Vec<u64> =
+                turbine.history().ignitions.iter().skip(seen).map(|at| at / 1000).collect();
+            (sample, ignitions, restart, given_up, pwm)
+        });
+        self.ignitions += ignitions.len();
+        for when in ignitions {
+            let mark = if restart && lived { Mark::Relight } else { Mark::Ignition };
+            self.history.marks.push((when.min(at), mark));
+            self.lived = true;
+        }
+        if given_up > before {
+            self.given_up = given_up;
+            self.history.marks.push((at, Mark::GivenUp));
+        }
+        self.lived &= powered;
+        match (pwm, self.pwm_since) {
+            (true, None) => self.pwm_since = Some(at.saturating_sub(LOOK)),
+            (false, Some(since)) => {
+                self.history.pwm.push(since, at + SECOND);
+                self.pwm_since = None;
+            }
+            _ => {}
+        }
+        self.history.samples.push(sample);
+    }
+
+    fn view(&self) -> View {
+        let at = now();
+        let (phase, egt) = self.plug.ecu(|ecu| (ecu.turbine().phase(), ecu.turbine().egt()));
+        let takes_rpm = self.history.version(at) >= 4;
+        let rules = &self.history.rules;
+        View { now: at, phase, egt, cool: rules.egt_max, max_rpm: takes_rpm.then_some(rules.max_rpm as u32) }
+    }
+
+    /// What the pilots say now reaches the node, if there is one.
+    fn speak(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+        let at = now();
+        if self.pilots.iter().all(|pilot| pilot.next > at) {
+            return;
+        }
+        let view = self.view();
+        for index in 0..self.pilots.len() {
+            let words = self.pilots[index].speak(rng, &view);
+            let source = self.pilots[index].source;
+            for word in words {
+                self.say(handle, source, word);
+            }
+        }
+    }
+
+    fn say(&mut self, handle: Option<&Handle<'_>>, source: usize, word: Word) {
+        let (Some(handle), Some(command)) = (handle, settings::command(word, self.setup.is_amt())) else {
+            return;
+        };
+        // What is answered is not looked at.
+        let _ = handle.command(command, Origin::SOURCES[source]);
+        self.history.said.push(Said { at: now(), source, word });
+    }
+
+    /// Another ECU of the kind, of this version, is plugged in, and has no power for so long.
+    fn swap(&mut self, rng: &mut Rng, version: u8, off: u64) {
+        let at = now();
+        let Kind::Zk(_) = self.setup.rules.kind else { return };
+        self.look();
+        let ecu = self.setup.another(version);
+        drop(self.plug.replace_ecu(ecu));
+        (self.ignitions, self.given_up, self.lived) = (0, 0, false);
+        self.power_off(rng, at + off);
+        self.history.versions.push((at, version));
+        self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
+    }
+
+    pub fn finish(&mut self, failed: Spans, down: Spans) -> Judged {
+        let at = now();
+        self.look();
+        self.disturber.finish(&mut self.history, at);
+        if let Some(since) = self.pwm_since.take() {
+            self.history.pwm.push(since, at);
+        }
+        self.history.end = at;
+        (self.history.other_failed, self.history.other_down) = (failed, down);
+        let verdict = judge(&self.history);
+        Judged {
+            name: self.setup.name(),
+            history: core::mem::replace(&mut self.history, History::new(self.setup.rules)),
+            verdict,
+            notes: core::mem::take(&mut self.notes),
+        }
+    }
+}

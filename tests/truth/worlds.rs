@@ -1,0 +1,253 @@
+//! Random worlds: one to three engines with simulated ECUs of every temper on a node that is reset now and then, and
+//! pilots that command them well and badly. Everything comes from one seed.
+
+use crate::fate::{Blow, Fate};
+use crate::faults::Weather;
+use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
+use crate::judge::{Verdict, failed_for_sure};
+use crate::log;
+use crate::pilots::Rng;
+use crate::seat::{Act, Seat};
+use crate::settings::{self, Setup};
+use embassy_time::{Duration, Ticker};
+use jetlink::channels::Handle;
+use jetlink::config::EngineConfig;
+use jetlink::engine::keep::{self, Memory};
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use sim::clock;
+use sim::turbine::Phase;
+use sim::wire::{WireRx, WireTx};
+use std::future::{Future, poll_fn};
+use std::pin::{Pin, pin};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::task::Poll;
+
+/// From look to look at the turbines.
+pub const LOOK: u64 = 50 * MS;
+
+/// One engine of a world, judged.
+pub struct Judged {
+    pub name: String,
+    pub history: History,
+    pub verdict: Verdict,
+    pub notes: Vec<(u64, String)>,
+}
+
+/// A world that was played.
+pub struct World {
+    pub seed: u64,
+    pub engines: Vec<Judged>,
+}
+
+impl World {
+    /// What happened, for a reader; around the findings only, unless the whole is wanted.
+    pub fn report(&self, whole: bool) -> String {
+        log::report(self, whole)
+    }
+}
+
+/// How long this thread's clock has run, µs.
+pub fn now() -> u64 {
+    clock::now_ns() / 1000
+}
+
+/// The words behind a record, to write them as a loss of power would leave them.
+fn words(memory: &Memory) -> &[AtomicU32] {
+    const { assert!(size_of::<Memory>() % 4 == 0 && align_of::<Memory>() % 4 == 0) };
+    // SAFETY: a `Memory` is atomic words and nothing else, and those may be shared and take any value.
+    unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<Memory>() / 4) }
+}
+
+/// Plays one world of so many seconds.
+pub fn run(seed: u64, seconds: u64) -> World {
+    let mut rng = Rng(seed);
+    match rng.below(10) {
+        0..7 => random::<1>(seed, &mut rng, seconds),
+        7..9 => random::<2>(seed, &mut rng, seconds),
+        _ => random::<3>(seed, &mut rng, seconds),
+    }
+}
+
+fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
+    clock::reset();
+    let weather = rng.pick(&[Weather::Calm, Weather::Fair, Weather::Fair, Weather::Rough]);
+    let mut setups = settings::setups(rng, N);
+    let seats = setups.drain(..).map(|setup| Seat::random(rng, setup, weather)).collect();
+    let fate = Fate::random(rng, weather);
+    play::<N>(seed, rng, seats, fate, seconds * SECOND)
+}
+
+/// Plays a case: what happens to each engine, and to the node.
+pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
+    clock::reset();
+    let seats = engines.into_iter().map(|(setup, acts)| Seat::scripted(setup, acts)).collect();
+    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), seconds * SECOND)
+}
+
+type Wired = (Seat, (WireRx, WireTx));
+
+fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: Fate, end: u64) -> World {
+    let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
+    let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
+    let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
+    let (mut other_settings, mut before) = (false, Cause::PowerOn);
+    // It outlives every node, as memory does; a few bytes for each world.
+    let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+    loop {
+        let configs = if other_settings { &others } else { &configs };
+        let ended = boot(rng, &mut seats, &mut halves, configs, memory, before, &mut fate, end);
+        let Some(Blow { down, cause, with_ecu, .. }) = ended else { break };
+        before = cause;
+        other_settings ^= ended.is_some_and(|blow| blow.other_settings);
+        let down_at = now();
+        for seat in &mut seats {
+            if with_ecu {
+                seat.power_off(rng, down_at + down);
+            }
+            let with = if with_ecu { ", and the ECU loses its power, too" } else { "" };
+            seat.note(format!("the node is reset ({cause:?}), {} ms without it{with}", down / MS));
+        }
+        if cause == Cause::PowerOn {
+            for word in memory.iter().flat_map(words) {
+                word.store(rng.next() as u32, Ordering::Relaxed);
+            }
+        }
+        halves = down_for(rng, &mut seats, down_at + down, end);
+        for seat in &mut seats {
+            seat.history.resets.push(Reset { down: down_at, up: now(), cause });
+        }
+    }
+    let ends: Vec<Spans> = seats.iter().map(|seat| may_have_failed(&seat.history)).collect();
+    let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
+    let engines = (0..N).map(|port| {
+        let others = |of: &[Spans]| {
+            let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
+            others.fold(Spans::default(), |all, spans| all.union(spans))
+        };
+        seats[port].finish(others(&ends), others(&sure))
+    });
+    World { seed, engines: engines.collect() }
+}
+
+/// When another engine may count as failed: at rest after it ran, with a fault, or not heard.
+fn may_have_failed(history: &History) -> Spans {
+    let mut ran = false;
+    let mut spans = Spans::default();
+    for pair in history.samples.windows(2) {
+        ran |= pair[0].phase == Phase::Running;
+        if ran && !pair[0].runs() || pair[0].fault {
+            spans.push(pair[0].at, pair[1].at);
+        }
+    }
+    let unheard = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
+    spans.union(&unheard).longer(5 * SECOND)
+}
+
+type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
+
+/// What always goes on: the wires and the ECUs.
+#[expect(clippy::disallowed_methods, reason = "time passes, whether or not anybody waits")]
+fn nature(seats: &[Seat]) -> Tasks<'static> {
+    let mut tasks: Tasks<'static> = Vec::new();
+    for seat in seats {
+        let plug = seat.plug.clone();
+        tasks.push(Box::pin(async move { match plug.run().await {} }));
+    }
+    // An ECU without power wants nothing.
+    tasks.push(Box::pin(async {
+        let mut ticker = Ticker::every(Duration::from_secs(1));
+        loop {
+            ticker.next().await;
+        }
+    }));
+    tasks
+}
+
+async fn poll_all(tasks: &mut Tasks<'_>) {
+    poll_fn(|cx| {
+        for task in tasks.iter_mut() {
+            let _ = task.as_mut().poll(cx);
+        }
+        Poll::<()>::Pending
+    })
+    .await;
+}
+
+/// Everything but the node does what it does, once.
+fn everybody(rng: &mut Rng, seats: &mut [Seat], handles: &[Handle<'_>], look: bool) {
+    for (port, seat) in seats.iter_mut().enumerate() {
+        seat.act(rng, handles.get(port));
+        if look {
+            seat.look();
+        }
+    }
+}
+
+/// When anybody wants something next.
+fn next(seats: &[Seat], look_at: u64) -> u64 {
+    let at = now();
+    seats.iter().map(|seat| seat.next().max(at + MS)).chain([look_at]).min().unwrap_or(look_at)
+}
+
+/// The rest of the world, while there is no node.
+fn down_for(rng: &mut Rng, seats: &mut [Seat], until: u64, end: u64) -> Vec<(WireRx, WireTx)> {
+    let mut tasks = nature(seats);
+    let mut all = pin!(poll_all(&mut tasks));
+    let mut look_at = now();
+    while now() < until.min(end) {
+        let look = now() >= look_at;
+        everybody(rng, seats, &[], look);
+        if look {
+            look_at = now() + LOOK;
+        }
+        let next = next(seats, look_at).min(until);
+        clock::run_for(all.as_mut(), Duration::from_micros(next - now()));
+    }
+    seats.iter().map(|seat| seat.plug.reset_node()).collect()
+}
+
+/// The node runs until it is reset; `None`: until the end.
+fn boot<const N: usize>(
+    rng: &mut Rng,
+    seats: &mut [Seat],
+    halves: &mut Vec<(WireRx, WireTx)>,
+    configs: &[EngineConfig; N],
+    memory: &'static [Memory; N],
+    cause: Cause,
+    fate: &mut Fate,
+    end: u64,
+) -> Option<Blow> {
+    static ERRORS: LineErrors = LineErrors::new();
+    let reset = match cause {
+        Cause::Watchdog => keep::Reset::Warm,
+        Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
+    };
+    let node = Node::with_memory(configs, memory, reset).expect("valid");
+    let handles = node.handles();
+    let mut tasks: Tasks<'_> = nature(seats);
+    for (runner, (rx, tx)) in node.runners().into_iter().zip(halves.drain(..)) {
+        tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
+    }
+    let mut all = pin!(poll_all(&mut tasks));
+    let mut blow = fate.next(rng);
+    let mut look_at = now();
+    loop {
+        let at = now();
+        if at >= end {
+            return None;
+        }
+        let reset_at = blow.map_or(u64::MAX, |blow| blow.at);
+        if at >= reset_at {
+            return blow;
+        }
+        let look = at >= look_at;
+        everybody(rng, seats, &handles, look);
+        if look {
+            look_at = at + LOOK;
+            blow = fate.sooner(rng, seats, reset_at).or(blow);
+        }
+        let next = next(seats, look_at).min(reset_at).max(at + 1);
+        clock::run_for(all.as_mut(), Duration::from_micros(next - at));
+    }
+}
