@@ -771,7 +771,7 @@ impl Oracle {
     }
 
     fn run_word(&mut self, at: u64, origin: Origin, demand: Demand, answer: Result<Accepted, Rejected>) {
-        // Nothing changes when a demand is refused because the ECU cannot do it, but the permission is used up.
+        // A demand that is refused because the ECU cannot do it is not taken over, and the permission is used up.
         if let Err(
             Rejected::NeedsVersion { .. }
             | Rejected::NoSpeedControl
@@ -779,6 +779,15 @@ impl Oracle {
             | Rejected::AboveMaxRpm { .. },
         ) = answer
         {
+            if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
+                // It is there, and wants what it wanted.
+                let before = self.sources[slot(origin)];
+                self.speak(at, origin, before.map_or(Word::Nothing, |before| before.word));
+                if let Some(source) = &mut self.sources[slot(origin)] {
+                    source.standby_at = before.and_then(|before| before.standby_at);
+                }
+                self.look();
+            }
             if let Some(source) = &mut self.sources[slot(origin)] {
                 source.permitted = None;
             }
@@ -972,6 +981,8 @@ impl Oracle {
             Kept::Lost => {
                 self.latched = None;
                 self.armed = false;
+                self.said_arm = [false; 4];
+                self.must_disarm = [false; 4];
             }
         }
         self.armed &= self.latched.is_none();
@@ -986,8 +997,6 @@ impl Oracle {
             self.sources[slot(origin)] = Some(source);
         }
         self.wanted_until += down + CARRIED;
-        self.said_arm = [false; 4];
-        self.must_disarm = [false; 4];
         self.attempts.clear();
         self.in_force = None;
         self.waiting = None;

@@ -744,7 +744,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
                     let record = memory.load(rig.config.fingerprint(), Reset::Warm);
                     let demand = record.and_then(|record| match record.order {
                         Order::Run(demand) if record.ran => {
-                            Some((record.origin, demand, record.loss != LossStage::None))
+                            Some((record.origin, demand, record.loss >= LossStage::FailSafe))
                         }
                         _ => None,
                     });
