@@ -133,7 +133,6 @@ fn every_ecu() -> Vec<(Setup, Ask)> {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn ecu_dips_end_the_run() {
     for (setup, demand) in every_ecu() {
         for dip in [200, 3000, 180_000] {
@@ -156,7 +155,6 @@ fn ecu_dips_end_the_run() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn an_engine_goes_on_over_resets_one_second_apart() {
     for (setup, demand) in every_ecu() {
         let mut blows = vec![reset(AT * 1000, 100, Cause::Watchdog)];
@@ -171,7 +169,6 @@ fn an_engine_goes_on_over_resets_one_second_apart() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn a_loop_of_resets_does_not_keep_a_dead_sources_demand() {
     for (setup, demand) in every_ecu() {
         let mut acts = flight(demand);
@@ -183,7 +180,6 @@ fn a_loop_of_resets_does_not_keep_a_dead_sources_demand() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn a_brown_out_of_the_node_costs_no_engine() {
     for error in [false, true] {
         for (setup, demand) in every_ecu() {
@@ -200,7 +196,6 @@ fn a_brown_out_of_the_node_costs_no_engine() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() {
     for (setup, demand) in every_ecu() {
         for fault in [Fault::CutToNode, Fault::CutToEcu] {
@@ -231,7 +226,6 @@ fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() 
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn two_seconds_of_framing_noise_cost_no_engine() {
     for (setup, demand) in every_ecu() {
         // Every byte, and one in six: then most sets are damaged, and nearly all of them have their head.
@@ -253,7 +247,6 @@ fn two_seconds_of_framing_noise_cost_no_engine() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn a_start_that_waits_ends_when_its_source_is_lost() {
     let second = vec![
         at(500, Act::Once(RC, Word::Arm)),
@@ -272,7 +265,6 @@ fn a_start_that_waits_ends_when_its_source_is_lost() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn rc_is_lost_for_two_seconds_above_a_source_that_streams_standby() {
     for (setup, demand) in every_ecu() {
         let mut acts = flight(demand);
@@ -288,7 +280,6 @@ fn rc_is_lost_for_two_seconds_above_a_source_that_streams_standby() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn rc_is_lost_for_two_seconds_above_a_source_that_streams_run() {
     for setup in [Setup::amt_case(), Setup::zk_case(3), Setup::zk_case(5)] {
         let mut acts = flight(Ask::Throttle(DEMAND));
@@ -308,7 +299,6 @@ fn rc_is_lost_for_two_seconds_above_a_source_that_streams_run() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn a_flame_out_with_error_sets_is_not_relit_when_the_fault_clears() {
     let setup = Setup::amt_case();
     let mut acts = flight(Ask::Throttle(DEMAND));
@@ -320,7 +310,6 @@ fn a_flame_out_with_error_sets_is_not_relit_when_the_fault_clears() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn after_an_emergency_stop_a_source_has_to_disarm_before_it_arms() {
     for setup in [Setup::zk_case(5), Setup::amt_case()] {
         for disarms in [false, true] {
@@ -344,7 +333,6 @@ fn after_an_emergency_stop_a_source_has_to_disarm_before_it_arms() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn another_ecu_is_plugged_in_while_the_link_is_down() {
     for (old, new, demand) in
         [(5, 3, Ask::Rpm(120_000)), (5, 3, Ask::Throttle(DEMAND)), (3, 5, Ask::Throttle(DEMAND))]
@@ -359,7 +347,6 @@ fn another_ecu_is_plugged_in_while_the_link_is_down() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn one_of_two_engines_fails_in_flight() {
     for setup in [Setup::zk_case(5), Setup::amt_case()] {
         let mut first = flight(Ask::Throttle(DEMAND));
@@ -378,7 +365,6 @@ fn one_of_two_engines_fails_in_flight() {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn a_start_by_one_word_of_a_ground_station_that_is_then_lost() {
     for stream_of in [throttle(0), throttle(300)] {
         for setup in [Setup::zk_case(5), Setup::zk_case(3), Setup::amt_case()] {

@@ -130,7 +130,6 @@ fn enough_happened(tally: &Tally) {
 }
 
 #[test]
-#[ignore = "needs the rewritten supervision"]
 fn the_truth_is_as_it_should_be_in_random_worlds() {
     let seconds = number("JETLINK_SECONDS").unwrap_or(6 * 3600);
     let (tally, text) = play(number("JETLINK_SEED").unwrap_or(1), seconds, 2, 1);
