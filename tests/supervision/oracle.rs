@@ -212,7 +212,7 @@ pub struct Oracle {
     silent: Option<(u64, u16, u32)>,
     /// The order to run has to be over by then, for this reason.
     over: Option<(u64, String)>,
-    /// A reason for standby came then: a source's, in doubt whether it is the one in control.
+    /// A reason for standby came then: a source's, in doubt whether it is the one in control, or the last stage of loss.
     standby_reason: Option<u64>,
     /// It rises at its set rate, since then and from there.
     rising: Option<(u64, u16)>,
@@ -393,6 +393,9 @@ impl Oracle {
             if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
                 self.wanted_until_least = to;
             }
+        }
+        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to)) {
+            self.standby_reason = Some(to);
         }
         self.at = to;
     }
@@ -1105,9 +1108,7 @@ impl Oracle {
         {
             self.tally.healthy_ends += 1;
             let reason = self.over.is_some()
-                || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run)
-                || self.ended_by_loss(at)
-                || self.ended_by_lower(at);
+                || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
             if !reason {
                 return Err(format!("(5) {frame:?} to an engine that runs, and nobody ended its run"));
             }
