@@ -56,8 +56,6 @@ pub(super) struct Arbitration<'a> {
     pub config: &'a Supervision,
     /// The ECU reports a running engine, and nothing puts that in doubt.
     pub living: bool,
-    /// All sources had time to speak since the node started.
-    pub settled: bool,
 }
 
 impl Run {
@@ -70,10 +68,9 @@ impl Run {
         }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
-            // Of an engine that was found running nobody knows whose it is until all sources had time to speak.
+            // Of an engine that was found running nobody knows whose it is: any source may be the lower one.
             Some((origin, Intent::Standby))
-                if origin.priority() >= self.ruler.priority()
-                    && (by.settled || self.ruler != Origin::Node) =>
+                if origin.priority() >= self.ruler.priority() && self.ruler != Origin::Node =>
             {
                 Some(origin)
             }
@@ -215,6 +212,13 @@ impl Shaper {
             rising: true,
             was_reduced: false,
             at: now,
+        }
+    }
+
+    /// It goes on from a lower demand: what has not gone out before a gap does not jump after it.
+    pub fn fall_back(&mut self, now: Instant, sent: Demand) {
+        if sent.is_below(self.moving.demand()) {
+            self.moving = Moving::new(now, sent);
         }
     }
 
