@@ -78,12 +78,13 @@ impl Run {
                 Some(origin)
             }
             Some((origin, Intent::Run(demand))) => {
-                // It was never lost, or for a moment only.
-                if origin == self.ruler && (self.fail_safe_at.is_none() || !sources.was_lost(origin)) {
-                    self.taking_over = None;
-                    if self.fail_safe_at.take().is_some() {
+                // It was never away, or for a moment only. It was also away where another one was about to take over.
+                let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
+                if origin == self.ruler && !(away && sources.was_lost(origin)) {
+                    if away {
                         self.shaper.rise();
                     }
+                    (self.taking_over, self.fail_safe_at) = (None, None);
                     self.demand = demand;
                     self.stage(LossStage::None, told);
                     return None;

@@ -1107,8 +1107,8 @@ impl Oracle {
             && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND)
         {
             self.tally.healthy_ends += 1;
-            let reason = self.over.is_some()
-                || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
+            let reason =
+                self.over.is_some() || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
             if !reason {
                 return Err(format!("(5) {frame:?} to an engine that runs, and nobody ended its run"));
             }

@@ -9,6 +9,8 @@ pub struct Voices {
     ages: [u64; 4],
     /// The words of each source that came after a gap.
     gaps: [Vec<u64>; 4],
+    /// When the node began, after each reset.
+    ups: Vec<u64>,
     /// When the engine was armed, and was not any more.
     armed: Vec<(u64, bool)>,
 }
@@ -30,7 +32,13 @@ impl Voices {
                 }
             }
         }
-        Self { words, ages: h.rules.ages, gaps, armed: armed(h) }
+        Self {
+            words,
+            ages: h.rules.ages,
+            gaps,
+            ups: h.resets.iter().map(|reset| reset.up).collect(),
+            armed: armed(h),
+        }
     }
 
     /// The words of a source up to an instant.
@@ -101,7 +109,9 @@ impl Voices {
     pub fn in_control_for_sure(&self, source: usize, at: u64, for_so_long: u64) -> Option<u64> {
         let gaps = &self.gaps[source];
         self.until(source, at).iter().rev().take(4000).find_map(|&(when, word)| {
-            let since = gaps[..gaps.partition_point(|after| *after <= when)].last()?;
+            // After a reset a source that was lost has to speak anew.
+            let reset = self.ups[..self.ups.partition_point(|up| *up <= when)].last().copied().unwrap_or(0);
+            let since = gaps[..gaps.partition_point(|after| *after <= when)].last()?.max(&reset);
             (matches!(word, Word::Run(_)) && when >= since + for_so_long).then_some(when)
         })
     }
