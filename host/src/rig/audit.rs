@@ -180,6 +180,8 @@ pub struct Audit {
     /// The demand may still be on its way up to the commanded one, until then.
     rises_until: Option<Nanos>,
     heard: Heard,
+    /// The last gap that a rise was allowed for.
+    gap_seen: Option<Nanos>,
     /// When run was ordered after something else.
     started_at: Nanos,
     /// When the engine was last seen to stop, and whether it was live when it was last seen.
@@ -246,6 +248,7 @@ impl Audit {
                 whole: None,
                 gap: None,
             },
+            gap_seen: None,
             started_at: 0,
             stopped_at: None,
             was_live: false,
@@ -408,7 +411,9 @@ impl Audit {
         self.frames_unheard += u64::from(!self.ecu_spoke);
         let start = self.frame_start;
         self.heard.find_gap(start);
-        if let Some(gap) = self.heard.gap {
+        if let Some(gap) = self.heard.gap
+            && self.gap_seen.replace(gap) != Some(gap)
+        {
             self.may_rise(gap + RISE_WITHIN);
         }
         self.measure_cadence(start, &frame);
