@@ -17,8 +17,10 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const LAYOUT: u32 = 0x4A4C_0004;
 const WORDS: usize = 8;
 /// Silence is retained in steps of this, so that a record does not change with every frame.
-const SILENCE_STEP: Duration = Duration::from_millis(200);
+const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u64 = 0xFFFF;
+/// Steps of 0.2 s, while a source has spoken since the last reset.
+const COARSE: u32 = 10;
 
 /// What the reset was that the node comes out of.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -53,7 +55,7 @@ pub struct Record {
     pub by_id6: bool,
     /// A service command may have opened the fuel pump, and it was not closed.
     pub pump_open: bool,
-    /// How long every source has been silent, resets included. In steps of 0.2 s, 3.6 h at most.
+    /// How long every source has been silent, resets included. In steps of 20 ms, 21 min at most.
     pub silent: Duration,
     /// Resets in a row in which no source has spoken.
     pub resets: u8,
@@ -103,6 +105,12 @@ impl Record {
     /// Silence in the steps in which it is retained.
     pub(super) fn steps(silent: Duration) -> Duration {
         SILENCE_STEP * silence_steps(silent)
+    }
+
+    /// The same, coarse: the record of a source that speaks does not change with every word.
+    pub(super) fn coarse_steps(silent: Duration) -> Duration {
+        let steps = silence_steps(silent);
+        SILENCE_STEP * (steps - steps % COARSE)
     }
 }
 
@@ -294,7 +302,7 @@ mod tests {
                         by_id6: flag(4),
                         pump_open: flag(5),
                         loss,
-                        silent: Duration::from_millis(200 * flags as u64),
+                        silent: Duration::from_millis(20 * flags as u64),
                         resets: flags as u8,
                         said_arm: flags as u8 & 31,
                         must_disarm: flags as u8 >> 1,

@@ -13,7 +13,7 @@ use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
 /// What a reset takes at least: a loop of resets that is too short to be measured still counts.
-const RESET_TAKES: Duration = Duration::from_millis(200);
+const RESET_TAKES: Duration = Duration::from_millis(20);
 /// A throttle that the ECU reported longer ago is not what it obeys now.
 const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
@@ -130,7 +130,9 @@ impl Engine {
             Mode::Standby => Record::new(Order::Standby, by),
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
-                let silent = Record::steps(self.silent(run));
+                let silent = self.silent(run);
+                let spoken = self.sources.any_spoken();
+                let silent = if spoken { Record::coarse_steps(silent) } else { Record::steps(silent) };
                 Record { limited, loss, ran, silent, ..Record::new(self.run_to_keep(run), run.ruler) }
             }
             Mode::Pwm { life, .. } => Record { ran: life.reached(), ..Record::new(Order::Pwm, by) },

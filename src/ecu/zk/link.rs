@@ -368,6 +368,8 @@ impl ZkLink {
             self.identity = Agreed::new(None);
             self.identities = 0;
             self.idle = Agreed::new(None);
+            (self.phase, self.switch, self.error) = (Agreed::new(None), Agreed::new(None), Agreed::new(None));
+            self.report.phase = None;
             self.report.version = None;
             self.report.max_rpm = None;
             self.report.idle_rpm = None;
@@ -631,8 +633,14 @@ impl ZkLink {
         let knows_it = knows(self.agreed_version(), 4);
         match order {
             Order::EmergencyStop => self.switch_by_id6 || knows_it || self.agreed_version().is_none(),
-            // An ECU that two reports say is older has never heard of ID 6: another one was plugged in.
-            Order::Standby if self.agreed_version().is_some() && !knows_it => false,
+            // An ECU at rest that two reports say is older has never heard of ID 6: another one was plugged in.
+            Order::Standby
+                if self.agreed_version().is_some()
+                    && !knows_it
+                    && self.phase.get().is_some_and(Phase::is_stopped) =>
+            {
+                false
+            }
             Order::Standby => {
                 self.switch_by_id6 || ((self.config.split_switch || self.wants_id6) && knows_it)
             }
