@@ -1898,7 +1898,10 @@ fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
     bench.run_to(10_623_456);
     assert_eq!((bench.frames().len(), bench.event_kinds()), (200, vec![]));
     bench.receive(&zk::state(STATE_STANDBY));
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+    assert_eq!(
+        (bench.machine.state(), bench.event_kinds()),
+        (LinkState::Up, vec![Event::LinkUp, Event::Phase(Phase::Standby)])
+    );
 }
 
 /// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are kept.
