@@ -45,6 +45,7 @@ const SUPERVISION: Duration = Duration::from_millis(250);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    board::guard::arm();
     let mut board = board::init(LINES);
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {}",

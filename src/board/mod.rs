@@ -16,6 +16,7 @@ mod crash;
 #[cfg(feature = "stm32")]
 mod early;
 
+pub mod guard;
 #[cfg(feature = "board-matek-h743")]
 mod matek_h743;
 #[cfg(feature = "board-pixracer")]

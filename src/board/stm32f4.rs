@@ -65,7 +65,7 @@ pub fn write_backup_register(word: u32) {
     use embassy_stm32::pac::RTC;
     RCC.apb1enr().modify(|w| w.set_pwren(true));
     PWR.cr1().modify(|w| w.set_dbp(true));
-    while !PWR.cr1().read().dbp() {}
+    cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
     RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
 

@@ -67,7 +67,7 @@ pub fn freeze_watchdog_while_halted() {
 pub fn write_backup_register(word: u32) {
     RCC.apb4enr().modify(|w| w.set_rtcapben(true));
     PWR.cr1().modify(|w| w.set_dbp(true));
-    while !PWR.cr1().read().dbp() {}
+    cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
     // The bootloader resets the backup domain, and the word with it, if the clock of the RTC is another one than its
     // own, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is chosen, here as in the
     // board's `Config`, and the RTC is turned on without one, as ArduPilot's set_rtc_backup() does.

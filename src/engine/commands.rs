@@ -133,7 +133,10 @@ impl Engine {
                 }
                 self.standby(now, origin);
             }
-            Mode::Pwm { .. } if above.is_none() && in_control => self.standby(now, origin),
+            // Where nothing runs yet, one word of whoever it is ends it.
+            Mode::Pwm { life, .. } if above.is_none() && (in_control || !life.reached()) => {
+                self.standby(now, origin);
+            }
             // Of whom it is obeyed, and when, is found for all sources alike.
             Mode::Run(_) => self.update(now),
             _ => {}

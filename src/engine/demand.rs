@@ -56,8 +56,6 @@ pub(super) struct Arbitration<'a> {
     pub config: &'a Supervision,
     /// The ECU reports a running engine, and nothing puts that in doubt.
     pub living: bool,
-    /// All sources had time to speak since the node started.
-    pub settled: bool,
 }
 
 impl Run {
@@ -70,20 +68,20 @@ impl Run {
         }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
-            // Of an engine that was found running nobody knows whose it is until all sources had time to speak.
+            // Of an engine that was found running nobody knows whose it is: any source may be the lower one.
             Some((origin, Intent::Standby))
-                if origin.priority() >= self.ruler.priority()
-                    && (by.settled || self.ruler != Origin::Node) =>
+                if origin.priority() >= self.ruler.priority() && self.ruler != Origin::Node =>
             {
                 Some(origin)
             }
             Some((origin, Intent::Run(demand))) => {
-                // It was never lost, or for a moment only.
-                if origin == self.ruler && (self.fail_safe_at.is_none() || !sources.was_lost(origin)) {
-                    self.taking_over = None;
-                    if self.fail_safe_at.take().is_some() {
+                // It was never away, or for a moment only. It was also away where another one was about to take over.
+                let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
+                if origin == self.ruler && !(away && sources.was_lost(origin)) {
+                    if away {
                         self.shaper.rise();
                     }
+                    (self.taking_over, self.fail_safe_at) = (None, None);
                     self.demand = demand;
                     self.stage(LossStage::None, told);
                     return None;
@@ -214,6 +212,13 @@ impl Shaper {
             rising: true,
             was_reduced: false,
             at: now,
+        }
+    }
+
+    /// It goes on from a lower demand: what has not gone out before a gap does not jump after it.
+    pub fn fall_back(&mut self, now: Instant, sent: Demand) {
+        if sent.is_below(self.moving.demand()) {
+            self.moving = Moving::new(now, sent);
         }
     }
 

@@ -651,7 +651,14 @@ impl Engine {
                 let doubted = life.in_doubt().is_some();
                 match life.gap(now) {
                     Some(end) => self.life_over(now, end),
-                    None => self.tell_doubt(doubted, true),
+                    None => {
+                        self.tell_doubt(doubted, true);
+                        if let Mode::Run(run) = &mut self.mode
+                            && let Some(sent) = run.sent
+                        {
+                            run.shaper.fall_back(now, sent);
+                        }
+                    }
                 }
             }
             Mode::Listen(finding) => finding.gap(),
@@ -762,10 +769,10 @@ impl Engine {
 
     /// Finds whose demand is in force, and how far a loss has gone.
     fn rule(&mut self, now: Instant) {
-        let (living, settled) = (self.lives(), self.settled(now));
+        let living = self.lives();
         let Mode::Run(run) = &mut self.mode else { return };
         let mut told: Deque<Event, 4> = Deque::new();
-        let by = Arbitration { sources: &self.sources, config: &self.config, living, settled };
+        let by = Arbitration { sources: &self.sources, config: &self.config, living };
         let standby_by = run.rule(now, by, &mut told);
         for event in &told {
             self.event(*event);
@@ -952,8 +959,8 @@ impl Engine {
         let of_mode = match &self.mode {
             Mode::Listen(finding) => self.listened_out(now, *finding),
             Mode::Run(run) => {
-                let (living, settled) = (self.lives(), self.settled(now));
-                let by = Arbitration { sources: &self.sources, config: &self.config, living, settled };
+                let living = self.lives();
+                let by = Arbitration { sources: &self.sources, config: &self.config, living };
                 let take_over = run.taking_over.map(|(_, at)| at);
                 [run.loss_deadline(&by), take_over, run.next, self.life_deadline(&run.life, run.start_by)]
                     .into_iter()

@@ -114,8 +114,10 @@ impl Sources {
             // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
                 Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
-                // The first word after a reset: what was lost before it stays lost, and nothing else does.
-                Some(source) if !source.spoken => (now, source.was_lost),
+                // The first word after a reset, within a short gap: what was lost before it stays lost, and nothing else is.
+                Some(source) if !source.spoken && now < source.lost_at(age) + return_within => {
+                    (now, source.was_lost)
+                }
                 // A steady stream with one short gap goes on.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);

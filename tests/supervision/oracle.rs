@@ -81,6 +81,8 @@ pub struct Truth {
     pub running: bool,
     /// It says that the engine runs, as the document has it: a ZK ECU also where it learns.
     pub says_running: bool,
+    /// With a fault it says an exhaust temperature that nothing but a fire makes.
+    pub says_burning: bool,
     /// It says standby, as the document has it.
     pub standby: bool,
     pub faulty: bool,
@@ -210,7 +212,7 @@ pub struct Oracle {
     silent: Option<(u64, u16, u32)>,
     /// The order to run has to be over by then, for this reason.
     over: Option<(u64, String)>,
-    /// A reason for standby came then: a source's, in doubt whether it is the one in control.
+    /// A reason for standby came then: a source's, in doubt whether it is the one in control, or the last stage of loss.
     standby_reason: Option<u64>,
     /// It rises at its set rate, since then and from there.
     rising: Option<(u64, u16)>,
@@ -391,6 +393,9 @@ impl Oracle {
             if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
                 self.wanted_until_least = to;
             }
+        }
+        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to)) {
+            self.standby_reason = Some(to);
         }
         self.at = to;
     }
@@ -769,7 +774,7 @@ impl Oracle {
     }
 
     fn run_word(&mut self, at: u64, origin: Origin, demand: Demand, answer: Result<Accepted, Rejected>) {
-        // Nothing changes when a demand is refused because the ECU cannot do it, but the permission is used up.
+        // A demand that is refused because the ECU cannot do it is not taken over, and the permission is used up.
         if let Err(
             Rejected::NeedsVersion { .. }
             | Rejected::NoSpeedControl
@@ -777,6 +782,15 @@ impl Oracle {
             | Rejected::AboveMaxRpm { .. },
         ) = answer
         {
+            if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
+                // It is there, and wants what it wanted.
+                let before = self.sources[slot(origin)];
+                self.speak(at, origin, before.map_or(Word::Nothing, |before| before.word));
+                if let Some(source) = &mut self.sources[slot(origin)] {
+                    source.standby_at = before.and_then(|before| before.standby_at);
+                }
+                self.look();
+            }
             if let Some(source) = &mut self.sources[slot(origin)] {
                 source.permitted = None;
             }
@@ -899,8 +913,8 @@ impl Oracle {
             );
         }
         // With a fault an AMT ECU says neither what its engine does nor what it obeys: without memory there is nothing to
-        // go on from.
-        let untold = self.amt && truth.faulty && !self.wire_run && self.memory_lost;
+        // go on from, and with it a burning exhaust that can be read.
+        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || !truth.says_burning);
         if !truth.live || truth.odd || untold {
             self.guard = false;
         }
@@ -970,6 +984,8 @@ impl Oracle {
             Kept::Lost => {
                 self.latched = None;
                 self.armed = false;
+                self.said_arm = [false; 4];
+                self.must_disarm = [false; 4];
             }
         }
         self.armed &= self.latched.is_none();
@@ -984,8 +1000,6 @@ impl Oracle {
             self.sources[slot(origin)] = Some(source);
         }
         self.wanted_until += down + CARRIED;
-        self.said_arm = [false; 4];
-        self.must_disarm = [false; 4];
         self.attempts.clear();
         self.in_force = None;
         self.waiting = None;
@@ -1093,10 +1107,8 @@ impl Oracle {
             && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND)
         {
             self.tally.healthy_ends += 1;
-            let reason = self.over.is_some()
-                || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run)
-                || self.ended_by_loss(at)
-                || self.ended_by_lower(at);
+            let reason =
+                self.over.is_some() || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
             if !reason {
                 return Err(format!("(5) {frame:?} to an engine that runs, and nobody ended its run"));
             }
@@ -1279,7 +1291,9 @@ impl Oracle {
         self.opened = at;
         self.last_run = at;
         self.last_asked = self.last_asked.max(self.before_reset.0);
-        self.rising = Some((at, self.before_reset.0.max(self.truth.obeyed)));
+        // What was asked a moment before may have been reached when the engine was confirmed.
+        let steady = self.ruler(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
+        self.rising = steady.then_some((at, self.before_reset.0.max(self.truth.obeyed)));
         Ok(())
     }
 

@@ -91,6 +91,8 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 // Its document has no state for cooling: a shaft that stands is all there is.
                 standby: !live && turbine.rpm() < 1000.0,
                 faulty: ecu.errors() != 0,
+                // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
+                says_burning: ecu.errors() & 1 << 3 == 0 && turbine.egt() > 310.0,
                 obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
                 obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
                 gave_up: ecu.stats.serial_delay_stops,
@@ -742,7 +744,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
                     let record = memory.load(rig.config.fingerprint(), Reset::Warm);
                     let demand = record.and_then(|record| match record.order {
                         Order::Run(demand) if record.ran => {
-                            Some((record.origin, demand, record.loss != LossStage::None))
+                            Some((record.origin, demand, record.loss >= LossStage::FailSafe))
                         }
                         _ => None,
                     });

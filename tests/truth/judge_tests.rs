@@ -147,7 +147,7 @@ impl Story {
     }
 
     #[track_caller]
-    fn is_kept(self) {
+    fn passes(self) {
         self.breaks(&[]);
     }
 }
@@ -192,7 +192,7 @@ fn an_ordinary_flight_keeps_every_rule() {
             .says(PILOT, 60.0, 70.0, Word::Standby)
             .wire(60.1, 70.0, STANDBY)
             .turbine(60.0, 70.0, Phase::Cooling, 5000.0, 300.0)
-            .is_kept();
+            .passes();
     }
 }
 
@@ -201,7 +201,7 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     let ends = |story: Story| story.turbine(5.0, 8.0, Phase::Ignition, 5000.0, 20.0).wire(4.0, 8.0, IDLE);
     let run = Word::Run(Ask::Throttle(0));
     let says = |story: Story| ends(story.says(PILOT, 4.0, 8.0, run).mark(5.0, Mark::Ignition));
-    says(ready(ZK5)).is_kept();
+    says(ready(ZK5)).passes();
     // Not armed: the word goes to the wire all the same.
     says(ready(ZK5).with(|h| h.said.retain(|said| said.word != Word::Arm)))
         .breaks(&[Rule::Ignition, Rule::RunAtRest]);
@@ -235,7 +235,7 @@ fn a_pair_of_words_gives_one_ignition() {
     };
     story().mark(42.0, Mark::Ignition).breaks(&[Rule::Ignition]);
     // One that the ECU begins by itself is not an ignition by the node.
-    story().mark(42.0, Mark::Relight).is_kept();
+    story().mark(42.0, Mark::Relight).passes();
 }
 
 #[test]
@@ -252,7 +252,7 @@ fn a_withdrawn_start_does_not_ignite() {
     };
     story(Word::Disarm).breaks(&[Rule::Ignition]);
     story(Word::ShutDown).breaks(&[Rule::Ignition]);
-    story(Word::Arm).is_kept();
+    story(Word::Arm).passes();
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn an_emergency_stop_disarms_until_who_said_armed_says_disarmed() {
             .mark(5.0, Mark::Ignition)
             .turbine(5.0, 8.0, Phase::Ignition, 5000.0, 20.0)
     };
-    story(true).is_kept();
+    story(true).passes();
     story(false).breaks(&[Rule::Ignition, Rule::RunAtRest]);
 }
 
@@ -283,7 +283,7 @@ fn an_engine_that_went_out_is_not_told_run_for_long() {
             .wire(40.0, told_until, HALF)
             .wire(told_until, 50.0, STANDBY)
     };
-    story(41.0).is_kept();
+    story(41.0).passes();
     story(45.0).breaks(&[Rule::RunAtRest]);
 }
 
@@ -297,7 +297,7 @@ fn an_ecu_that_was_powered_up_is_not_told_run() {
             .wire(50.4, 50.5, told)
             .wire(50.5, 55.0, STANDBY)
     };
-    story(STANDBY).is_kept();
+    story(STANDBY).passes();
     story(HALF).breaks(&[Rule::RunAtRest]);
 }
 
@@ -311,7 +311,7 @@ fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
             .wire(40.0, until, HALF)
             .wire(until, 50.0, Told::Nothing)
     };
-    story(40.0).is_kept();
+    story(40.0).passes();
     story(45.0).breaks(&[Rule::RunAtRest]);
 }
 
@@ -325,7 +325,7 @@ fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
             false => story.wire(40.0, 60.0, HALF),
         }
     };
-    silent(true).is_kept();
+    silent(true).passes();
     silent(false).breaks(&[Rule::SilentWire]);
 }
 
@@ -352,7 +352,7 @@ fn resets_do_not_keep_a_lost_demand_alive() {
             480.0,
         )
     };
-    story(46).is_kept();
+    story(46).passes();
     story(60).breaks(&[Rule::SilentWire]);
 }
 
@@ -369,7 +369,7 @@ fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_stand
             false => story.turbine(52.0, 90.0, Phase::Running, 100_000.0, 500.0),
         }
     };
-    story(true).is_kept();
+    story(true).passes();
     story(false).breaks(&[Rule::SilentTurbine]);
 }
 
@@ -384,7 +384,7 @@ fn a_stop_is_in_every_frame_until_its_release() {
             .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
     };
     for kind in [AMT, ZK5] {
-        story(kind, STOP).is_kept();
+        story(kind, STOP).passes();
         story(kind, STANDBY).breaks(&[Rule::Stop]);
     }
     // One frame to close the pump is a stop, two of them after each other are not.
@@ -395,7 +395,7 @@ fn a_stop_is_in_every_frame_until_its_release() {
         };
         story(ZK5, STOP).wire(45.0, 45.0 + times * 0.05, Told::Action(13)).with(gone)
     };
-    close(1.0).is_kept();
+    close(1.0).passes();
     close(3.0).breaks(&[Rule::Stop]);
 }
 
@@ -408,26 +408,26 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
             .wire(42.0 + gap, 50.0, STOP)
             .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
     };
-    story(ZK5, 0.05, 0.0).is_kept();
+    story(ZK5, 0.05, 0.0).passes();
     story(ZK5, 0.4, 0.0).breaks(&[Rule::Stop]);
     story(ZK5, 0.05, 1.0).breaks(&[Rule::Stop]);
     story(AMT, 0.1, 1.0).breaks(&[Rule::Stop]);
     // A ZK ECU that is not heard is told all the same; an AMT ECU that says nothing cannot be answered.
     let mute = |h: &mut History| h.mute = Spans::from(&[(41 * SECOND, 44 * SECOND)]);
     story(ZK5, 0.05, 1.0).with(mute).breaks(&[Rule::Stop]);
-    story(AMT, 0.1, 1.0).with(mute).is_kept();
+    story(AMT, 0.1, 1.0).with(mute).passes();
     // After a reset, too.
     let reset = |h: &mut History| {
         h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause: Cause::Watchdog });
     };
-    story(ZK5, 0.05, 0.6).with(reset).is_kept();
+    story(ZK5, 0.05, 0.6).with(reset).passes();
     story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
 }
 
 #[test]
 fn no_fuel_flows_into_a_hot_engine_at_rest() {
     let story = |egt| Story::new(ZK5).turbine(0.0, 10.0, Phase::Cooling, 5000.0, egt).fuel(4.0, 6.0);
-    story(60.0).is_kept();
+    story(60.0).passes();
     story(300.0).breaks(&[Rule::HotFuel]);
 }
 
@@ -435,7 +435,7 @@ fn no_fuel_flows_into_a_hot_engine_at_rest() {
 fn services_that_move_fuel_are_asked_for_in_standby_cold_and_armed() {
     let pump = Told::Action(5);
     let story = |word| ready(ZK5).once(PILOT, 2.0, word).wire(2.05, 2.06, pump).wire(4.0, 5.0, STANDBY);
-    story(Word::Service(5)).is_kept();
+    story(Word::Service(5)).passes();
     story(Word::Service(4)).breaks(&[Rule::Service]);
     let disarmed = |h: &mut History| h.said.retain(|said| said.word != Word::Arm);
     story(Word::Service(5)).with(disarmed).breaks(&[Rule::Service]);
@@ -458,9 +458,9 @@ fn an_open_pump_is_closed_when_its_source_falls_silent_and_at_a_disarm() {
             .turbine(0.0, 60.0, Phase::Standby, 0.0, 15.0)
             .fuel(2.1, flows)
     };
-    story(20.0, 21.0).is_kept();
+    story(20.0, 21.0).passes();
     story(5.0, 20.0).breaks(&[Rule::Pump]);
-    story(20.0, 12.0).once(PILOT, 10.0, Word::Disarm).is_kept();
+    story(20.0, 12.0).once(PILOT, 10.0, Word::Disarm).passes();
     story(20.0, 16.0).once(PILOT, 10.0, Word::Disarm).breaks(&[Rule::Pump]);
     // Its bound in time.
     story(50.0, 50.0).breaks(&[Rule::Pump]);
@@ -481,7 +481,7 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
             false => story.ramp(31.0, 0, 800).wire(32.8, 40.0, Told::Full(Switch::Run, 800)),
         }
     };
-    up(false).is_kept();
+    up(false).passes();
     up(true).breaks(&[Rule::Rate]);
     // A pilot who moves it, with and without a slew.
     let moved = || {
@@ -491,7 +491,7 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
             .wire(31.0, 40.0, Told::Full(Switch::Run, 800))
             .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
     };
-    moved().is_kept();
+    moved().passes();
     moved().with(|h| h.rules.slew_up = Some(500)).breaks(&[Rule::Rate]);
 }
 
@@ -507,8 +507,8 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
         }
         story.says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
     };
-    story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).is_kept();
-    story(&[(40.2, Word::ShutDown)]).is_kept();
+    story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).passes();
+    story(&[(40.2, Word::ShutDown)]).passes();
     story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[]).breaks(&[Rule::ShutDown]);
@@ -526,7 +526,7 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
             .turbine(40.0, standby + 0.1, Phase::Running, 60_000.0, 480.0)
             .turbine(standby + 0.1, 60.0, Phase::Cooling, 5000.0, 300.0)
     };
-    story(48.0).is_kept();
+    story(48.0).passes();
     story(43.0).breaks(&[Rule::ShutDown]);
 }
 
@@ -542,7 +542,7 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
             .turbine(46.1, 60.0, Phase::Cooling, 5000.0, 300.0)
     };
     story().breaks(&[Rule::ShutDown]);
-    story().with(|h| h.rules.standby_after = Some(4 * SECOND)).is_kept();
+    story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
 }
 
 #[test]
@@ -573,7 +573,7 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         story(kind).breaks(&[Rule::GivenUp]);
         // A wire that is cut is exempt.
         let cut = |h: &mut History| h.deaf = Spans::from(&[(37_500 * MS, 41 * SECOND)]);
-        story(kind).with(cut).is_kept();
+        story(kind).with(cut).passes();
     }
     // A gap of the node that the ECU has to put up with is none.
     let reset = |length: u64| {
@@ -581,7 +581,7 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
-    story(AMT).with(reset(2100)).is_kept();
+    story(AMT).with(reset(2100)).passes();
 }
 
 #[test]
@@ -592,7 +592,7 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
             .wire(40.0, 60.0, Told::Full(Switch::Run, tenths))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
     };
-    story(500).is_kept();
+    story(500).passes();
     story(480).breaks(&[Rule::HeldDown]);
     // Nothing of it on the wire.
     flight(ZK5, 40.0)
@@ -606,7 +606,7 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
 fn the_pwm_input_is_given_the_engine_when_a_pilot_says_so() {
     let pwm = Told::Full(Switch::Pwm, 0);
     let story = || ready(ZK5).wire(4.0, 10.0, pwm).turbine(5.0, 10.0, Phase::Standby, 0.0, 15.0);
-    story().once(PILOT, 4.0, Word::Pwm).is_kept();
+    story().once(PILOT, 4.0, Word::Pwm).passes();
     story().breaks(&[Rule::Pwm]);
     story().once(2, 4.0, Word::Pwm).breaks(&[Rule::Pwm]);
     let disarmed = |h: &mut History| h.said.retain(|said| said.word != Word::Arm);
@@ -620,10 +620,10 @@ fn the_pwm_input_is_given_the_engine_when_a_pilot_says_so() {
 fn nothing_is_sent_that_the_ecus_version_does_not_know() {
     let story = |kind, told| ready(kind).wire(4.0, 5.0, told);
     let by_id6 = |switch| Told::Mode(Some(switch), 0);
-    story(Kind::Zk(4), by_id6(Switch::Standby)).is_kept();
-    story(Kind::Zk(3), by_id6(Switch::Standby)).is_kept();
+    story(Kind::Zk(4), by_id6(Switch::Standby)).passes();
+    story(Kind::Zk(3), by_id6(Switch::Standby)).passes();
     for told in [Told::Rpm(60_000), Told::Mode(None, 3)] {
-        story(Kind::Zk(4), told).is_kept();
+        story(Kind::Zk(4), told).passes();
         story(Kind::Zk(3), told).breaks(&[Rule::Version]);
     }
     // Another ECU was plugged in while the line was dead.
@@ -652,8 +652,8 @@ fn a_limit_that_is_passed_has_its_action() {
             .turbine(40.0, 60.0, Phase::Running, 100_000.0, egt)
             .with(move |h| h.rules.limit_egt = Some((600.0, standby)))
     };
-    story(0, 640.0, false).is_kept();
-    story(500, 560.0, false).is_kept();
+    story(0, 640.0, false).passes();
+    story(500, 560.0, false).passes();
     story(500, 640.0, false).breaks(&[Rule::Limit]);
     story(500, 640.0, true).breaks(&[Rule::Limit]);
     let rpm = |h: &mut History| {
@@ -664,7 +664,7 @@ fn a_limit_that_is_passed_has_its_action() {
         }
     };
     story(500, 500.0, false).with(rpm).breaks(&[Rule::Limit]);
-    story(0, 500.0, false).with(rpm).is_kept();
+    story(0, 500.0, false).with(rpm).passes();
 }
 
 #[test]
@@ -681,7 +681,7 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
                 h.other_failed = h.other_down.clone();
             })
     };
-    story(250).is_kept();
+    story(250).passes();
     story(500).breaks(&[Rule::Reduction]);
 }
 
@@ -695,6 +695,6 @@ fn a_source_that_takes_over_is_held_off() {
             .wire(60.0 + wait, 70.0, Told::Full(Switch::Run, 200))
             .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0)
     };
-    story(2.0).is_kept();
+    story(2.0).passes();
     story(0.1).breaks(&[Rule::TakeOver]);
 }

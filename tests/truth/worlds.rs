@@ -54,7 +54,7 @@ pub fn now() -> u64 {
 
 /// The words behind a record, to write them as a loss of power would leave them.
 fn words(memory: &Memory) -> &[AtomicU32] {
-    const { assert!(size_of::<Memory>() % 4 == 0 && align_of::<Memory>() % 4 == 0) };
+    const { assert!(size_of::<Memory>().is_multiple_of(4) && align_of::<Memory>().is_multiple_of(4)) };
     // SAFETY: a `Memory` is atomic words and nothing else, and those may be shared and take any value.
     unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<Memory>() / 4) }
 }
@@ -208,6 +208,7 @@ fn down_for(rng: &mut Rng, seats: &mut [Seat], until: u64, end: u64) -> Vec<(Wir
 }
 
 /// The node runs until it is reset; `None`: until the end.
+#[expect(clippy::too_many_arguments, reason = "all that a node consists of")]
 fn boot<const N: usize>(
     rng: &mut Rng,
     seats: &mut [Seat],

@@ -1,8 +1,8 @@
 //! Where the image lies in the part's memory, and how deep its stack gets.
 
-use crate::support::{on_each_board, symbol};
+use crate::support::{Task, hijack, on_each_board, symbol};
 use emulation::{Bench, Image, Run};
-use sim::ecu::SECOND;
+use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
 
 /// Of the stack while the firmware runs, and while it starts.
@@ -72,5 +72,47 @@ fn what_is_kept_over_a_reset_has_a_place_of_its_own() {
             assert!(kept.end > kept.start && kept.end <= kept.start + 1024, "{image:?} {kept:x?}");
             assert_eq!((kept.start % 8, kept.end % 8), (0, 0), "{image:?} {kept:x?}");
         }
+    });
+}
+
+/// The task's code is replaced by one that uses more stack than there is.
+#[test]
+fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() {
+    on_each_board(|board| {
+        let statics_end = symbol(board, Image::Release, "_stack_end");
+        let guard = statics_end.next_multiple_of(16 * 1024);
+        let (sender, receiver) = mpsc::channel();
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .at(1500 * MILLIS, move |bench| {
+                // What lies below the guard is marked.
+                (statics_end..guard).step_by(4).for_each(|at| bench.set_word(at, 0x600D_600D));
+                // push {r0-r7, lr}, over and over. It lies below the guard, too.
+                let code = statics_end;
+                bench.set_word(code, 0xE7FD_B5FF);
+                hijack(bench, board, Image::Release, Task::Supervisor, code);
+            })
+            .at(2 * SECOND, move |bench| {
+                let below: Vec<_> = (statics_end + 4..guard).step_by(4).map(|at| bench.word(at)).collect();
+                sender.send(below).expect("the test waits");
+            })
+            .resets(1)
+            .with_errors()
+            .until(3 * SECOND)
+            .go_unchecked()
+            .0;
+        let below = receiver.recv().expect("the run came by");
+        assert!(
+            !below.is_empty() && below.iter().all(|word| *word == Some(0x600D_600D)),
+            "{:x?}",
+            below.last()
+        );
+        assert_eq!(report.resets.len(), 1, "{:?}", report.resets);
+        assert!(
+            report.logged("hard fault at") && report.logged("last reset: Software"),
+            "{}",
+            report.log_text()
+        );
+        assert!(report.lines("left: LinkUp").next_back().expect("up again").at > report.resets[0].0);
     });
 }

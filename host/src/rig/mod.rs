@@ -180,7 +180,7 @@ pub fn run(args: Args) -> ExitCode {
 
 fn list_scenarios() -> ExitCode {
     let text: String =
-        scenario::ALL.iter().map(|scenario| format!("{:<16}  {}\n", scenario.name, scenario.line)).collect();
+        scenario::ALL.iter().map(|scenario| format!("{:<22}  {}\n", scenario.name, scenario.line)).collect();
     match io::stdout().write_all(text.as_bytes()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -11,7 +11,7 @@ mod wires;
 pub use self::cockpit::{Check, Cockpit};
 use super::audit::{Said, Spoken};
 use embassy_time::Duration;
-use sim::ecu::{MILLIS, Nanos};
+use sim::ecu::{MILLIS, Nanos, SECOND};
 use std::pin::Pin;
 
 /// An AMT engine and a ZK engine whose ECU goes on by itself.
@@ -251,6 +251,21 @@ const fn is_run(said: Said) -> bool {
 /// Standby, or what says nothing of switch and demand.
 const fn is_standby(said: Said) -> bool {
     matches!(said, Said::Standby | Said::Nothing)
+}
+
+/// No throttle on the wire rises by more than 50 % a second.
+fn rises_slowly(frames: &[Spoken]) -> bool {
+    let mut runs = frames.iter().filter_map(|frame| match frame.said {
+        Said::Run(tenths) => Some((frame.from, tenths)),
+        _ => None,
+    });
+    let Some(mut last) = runs.next() else { return false };
+    runs.all(|now| {
+        let before = core::mem::replace(&mut last, now);
+        // The demand moves every 20 ms, and a step of the wire is up to half a percent.
+        let most = (now.0 - before.0 + 20 * MILLIS) * 500 / SECOND + 5;
+        u64::from(now.1.saturating_sub(before.1)) <= most
+    })
 }
 
 fn seconds(nanos: Nanos) -> f64 {

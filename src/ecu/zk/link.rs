@@ -631,6 +631,8 @@ impl ZkLink {
         let knows_it = knows(self.agreed_version(), 4);
         match order {
             Order::EmergencyStop => self.switch_by_id6 || knows_it || self.agreed_version().is_none(),
+            // An ECU that two reports say is older has never heard of ID 6: another one was plugged in.
+            Order::Standby if self.agreed_version().is_some() && !knows_it => false,
             Order::Standby => {
                 self.switch_by_id6 || ((self.config.split_switch || self.wants_id6) && knows_it)
             }

@@ -97,7 +97,7 @@ impl Case<'_> {
         let mut before = None;
         for frame in &h.frames {
             let Some(switch) = frame.told.switch() else { continue };
-            let previous = core::mem::replace(&mut before, Some(switch));
+            let previous = before.replace(switch);
             let stops = matches!(switch, Switch::Stop | Switch::Standby);
             // What shut it down was said before.
             let began = previous.is_none_or(|previous| matches!(previous, Switch::Run | Switch::Pwm));

@@ -16,7 +16,7 @@ use sim::clock;
 use sim::ecu::Nanos;
 use sim::line::Line;
 use sim::turbine::{Phase, Turbine};
-use sim::wire::{Direction, Faults, Plug};
+use sim::wire::{Direction, Faults, FramingAs, Plug};
 use std::cell::{Cell, RefCell};
 
 /// Between two commands of a seat.
@@ -287,8 +287,9 @@ impl<'a> Cockpit<'a> {
         self.plugs[engine].power(on);
     }
 
-    /// What goes wrong at random with what an ECU sends.
-    pub fn noise(&self, engine: usize, faults: Faults) {
+    /// What goes wrong at random with what an ECU sends, and what the node's UART makes of framing errors.
+    pub fn noise(&self, engine: usize, faults: Faults, framing: FramingAs) {
+        self.plugs[engine].framing(framing);
         self.plugs[engine].set_faults(faults, Faults::default());
     }
 

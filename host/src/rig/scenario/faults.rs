@@ -47,7 +47,7 @@ pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
             clear - SECOND,
             |event| matches!(event, Event::Faults(faults) if faults.is_empty()),
         ) >= 1,
-        "left: told that the fault is gone",
+        "left: reported that the fault is gone",
     );
     c.must(
         c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()),
@@ -55,7 +55,7 @@ pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
-        format!("left: the source is told why ({})", c.answer_text(0)),
+        format!("left: the source gets the reason ({})", c.answer_text(0)),
     );
     c.shut_down().await
 }
@@ -80,12 +80,12 @@ pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     c.must(
         c.events_since(1, out, |event| event == Event::OtherFailed(1)) == 1,
-        "right: told once that the other engine has failed",
+        "right: reported once that the other engine has failed",
     );
     c.must(
         c.events_since(1, shut, |event| event == Event::OtherFailed(0)) == 1
             && c.events_since(1, out, |event| event == Event::OtherFailed(0)) == 1,
-        "right: told that none counts as failed any more when left was shut down, and not before",
+        "right: reported that none counts as failed any more when left was shut down, and not before",
     );
     c.must(
         all(&c.spoken(1, out, asked), Said::Run(600))
@@ -95,7 +95,7 @@ pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
     c.must(
         c.seat(1).answer() == Some(Ok(Accepted::InForce)),
-        format!("right: its source rules ({})", c.answer_text(1)),
+        format!("right: its source is in control ({})", c.answer_text(1)),
     );
     c.must(
         !c.spoken(0, out + 6 * SECOND + ON_WIRE, end).iter().any(|frame| is_run(frame.said)),

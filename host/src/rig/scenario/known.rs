@@ -4,7 +4,7 @@ use super::super::audit::Said;
 use super::super::desk::Stage;
 use super::super::node::{Cause, Reset};
 use super::cockpit::{Cockpit, Seat};
-use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, seconds};
+use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::engine::life::End;
@@ -71,6 +71,10 @@ pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
                  ({:.2} s)",
                 c.or_never(again)
             ),
+        );
+        c.must(
+            rises_slowly(&c.spoken(i, silent, end)),
+            format!("{name}: and rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, silent), format!("{name}: the engine runs all the time"));
         for (stage, what) in [

@@ -3,7 +3,7 @@
 use super::super::audit::Said;
 use super::super::node::{Cause, Reset};
 use super::cockpit::{Cockpit, Seat};
-use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only};
+use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::telemetry::Event;
@@ -63,11 +63,11 @@ pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
             );
             c.must(
                 c.events_since(i, off, |event| matches!(event, Event::RunWithdrawn(_))) >= 1,
-                format!("{name}, {what}: told that the run is over"),
+                format!("{name}, {what}: the end of the run is reported"),
             );
             c.must(
                 c.seat(i).answer() == Some(Err(Rejected::StandbyFirst)),
-                format!("{name}, {what}: the source is told why ({})", c.answer_text(i)),
+                format!("{name}, {what}: the source gets the reason ({})", c.answer_text(i)),
             );
         }
         for i in 0..c.count() {
@@ -110,7 +110,7 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
         );
         c.must(
             c.seat(i).answer() == Some(Ok(Accepted::InForce)),
-            format!("{name}: the source rules again ({})", c.answer_text(i)),
+            format!("{name}: the source is in control again ({})", c.answer_text(i)),
         );
     }
 
@@ -187,14 +187,15 @@ pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
             all(&c.spoken(i, back + 5 * SECOND, end), Said::Run(600)),
             format!("{name}: 60 % is on the wire 5 s after it was back"),
         );
+        c.must(rises_slowly(&frames), format!("{name}: the demand rises by 50 % a second at most"));
         c.must(c.ran_from(i, at), format!("{name}: the engine runs all the time"));
         c.must(
             c.events_since(i, at, |event| matches!(event, Event::WentOn(_))) == 1,
-            format!("{name}: told that it went on"),
+            format!("{name}: reported that it went on"),
         );
         c.must(
             c.seat(i).answer() == Some(Ok(Accepted::InForce)),
-            format!("{name}: the source rules again ({})", c.answer_text(i)),
+            format!("{name}: the source is in control again ({})", c.answer_text(i)),
         );
     }
     c.arm();
@@ -266,10 +267,13 @@ pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
             format!("{name}: the engine behind the new ECU is never lit"),
         );
         let version = |event| matches!(event, Event::VersionKnown(version) if version.get() == 3);
-        c.must(c.events_since(i, joined, version) == 1, format!("{name}: told the version of the new ECU"));
+        c.must(
+            c.events_since(i, joined, version) == 1,
+            format!("{name}: reported: the version of the new ECU"),
+        );
         c.must(
             matches!(c.seat(i).answer(), Some(Err(_))),
-            format!("{name}: the source is told why ({})", c.answer_text(i)),
+            format!("{name}: the source gets the reason ({})", c.answer_text(i)),
         );
     }
     c.shut_down().await

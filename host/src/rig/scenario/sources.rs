@@ -3,7 +3,7 @@
 use super::super::audit::Said;
 use super::super::desk::{Lever, Stage};
 use super::cockpit::{Cockpit, Seat, percent};
-use super::{ON_WIRE, all, is_run, is_standby, only};
+use super::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::telemetry::Event;
 use sim::ecu::{MILLIS, SECOND};
@@ -37,7 +37,7 @@ pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(
         ended.is_some_and(|at| (silent..=silent + SECOND).contains(&at)),
         format!(
-            "right: told within 1 s that the start is refused ({:.2} s)",
+            "right: reported within 1 s that the start is refused ({:.2} s)",
             c.or_never(ended.map(|at| at.saturating_sub(silent)))
         ),
     );
@@ -86,6 +86,10 @@ pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
             all(&c.spoken(i, lost, lost + 1400 * MILLIS), Said::Run(600)),
             format!("{name}, above standby: 60 % stays for 0.5 s (age limit) and 1 s (hold)"),
         );
+        c.must(
+            rises_slowly(&c.spoken(i, lost, end)),
+            format!("{name}, above standby: the demand rises by 50 % a second at most"),
+        );
         c.must(c.ran_from(i, lost), format!("{name}, above standby: the engine runs all the time"));
         c.must(
             all(&c.spoken(i, back + 4500 * MILLIS, end), Said::Run(600)),
@@ -117,6 +121,10 @@ pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
         c.must(
             all(&c.spoken(i, lost - 2 * SECOND, lost + 400 * MILLIS), Said::Run(600)),
             format!("{name}, above run at 40 %: while RC is fresh, its 60 % is on the wire"),
+        );
+        c.must(
+            rises_slowly(&c.spoken(i, lost, end)),
+            format!("{name}, above run at 40 %: the demand rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, lost), format!("{name}, above run at 40 %: the engine runs all the time"));
         c.must(
@@ -255,15 +263,10 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
         "left: idle is on the wire until the engine runs",
     );
     let frames = c.spoken(0, runs - SECOND, end);
-    let rises = frames.windows(2).all(|pair| match (pair[0].said, pair[1].said) {
-        (Said::Run(before), Said::Run(after)) => {
-            // Half a percent is the step of the wire, and 20 ms that of the demand.
-            let most = (pair[1].from - pair[0].from + 20 * MILLIS) * 500 / SECOND + 5;
-            (before..=300).contains(&after) && u64::from(after - before) <= most
-        }
-        _ => false,
-    });
-    c.must(rises, "left: then the demand rises at 50 % a second at most, and not above 30 %");
+    c.must(
+        rises_slowly(&frames) && only(&frames, 40, |said| matches!(said, Said::Run(0..=300))),
+        "left: then the demand rises by 50 % a second at most, and not above 30 %",
+    );
     c.must(
         all(&c.spoken(0, runs + 3 * SECOND, end), Said::Run(300)) && c.runs(0),
         "left: the source beside it is in control then: 30 %",
