@@ -95,6 +95,8 @@ pub enum Habit {
     Flies,
     /// Says the same all day below somebody else.
     Below,
+    /// Silent for long, then the same demand for a while: takes over.
+    Relieves,
     /// Anything.
     Restless,
 }
@@ -116,6 +118,8 @@ pub struct Pilot {
     stubborn: bool,
     /// Moves the stick seldom.
     calm: bool,
+    /// Does not wait for a cool engine.
+    hasty: bool,
     /// Can this source say that it wants nothing.
     next_arm: u64,
 }
@@ -137,6 +141,7 @@ impl Pilot {
             armed: false,
             stubborn: rng.percent(30),
             calm: rng.percent(40),
+            hasty: rng.percent(15),
             next_arm: 0,
         }
     }
@@ -164,6 +169,14 @@ impl Pilot {
             (Habit::Flies, 92..96) | (Habit::Restless, 46..52) => Program::Service,
             (Habit::Flies, 96..97) | (Habit::Restless, 52..54) => Program::Pwm(0),
             (Habit::Flies, _) => Program::OneWord(0),
+            (Habit::Relieves, 0..50) => {
+                self.until = now + rng.between(20, 60) * SECOND;
+                Program::Silent
+            }
+            (Habit::Relieves, _) => {
+                self.until = now + rng.between(10, 40) * SECOND;
+                Program::Stream(Word::Run(Ask::Throttle(rng.pick(&[200, 400, 600, 800]))))
+            }
             (Habit::Below, 0..45) => {
                 Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
             }
@@ -289,6 +302,7 @@ impl Pilot {
                 words.push(Word::Standby);
                 let ready =
                     matches!(view.phase, Phase::Standby | Phase::Stopped) && view.egt < view.cool - 5.0;
+                let ready = ready || self.hasty && !view.phase.is_live();
                 // Some do not wait.
                 let since =
                     since.filter(|_| ready).or((ready || rng.percent(1) && rng.percent(10)).then_some(now));

@@ -71,7 +71,7 @@ impl Seat {
         let count = rng.pick(&[1, 1, 2, 2, 3]);
         let habit = |index: usize, rng: &mut Rng| match index {
             0 => Habit::Flies,
-            _ => rng.pick(&[Habit::Below, Habit::Restless, Habit::Flies]),
+            _ => rng.pick(&[Habit::Below, Habit::Restless, Habit::Flies, Habit::Relieves]),
         };
         let pilots = (0..count).map(|index| {
             let habit = habit(index, rng);

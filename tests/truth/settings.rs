@@ -160,7 +160,7 @@ fn supervision(rng: &mut Rng) -> Supervision {
     if rng.percent(8) {
         all.limits.ecu_fault = rng.pick(&[Action::FailSafe, Action::Standby]);
     }
-    if rng.percent(8) {
+    if rng.percent(12) {
         let at = Some(Celsius::from_tenths(rng.pick(&[6200, 6800])));
         all.limits.over_temperature = Limit { at, action: rng.pick(&[Action::FailSafe, Action::Standby]) };
     }
@@ -168,7 +168,7 @@ fn supervision(rng: &mut Rng) -> Supervision {
         let action = rng.pick(&[Action::FailSafe, Action::Standby]);
         all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action };
     }
-    if rng.percent(20) {
+    if rng.percent(30) {
         all.when_other_fails = Some(500);
     }
     all

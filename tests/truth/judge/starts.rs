@@ -229,6 +229,20 @@ impl Case<'_> {
                 if unreported {
                     continue;
                 }
+                // With error sets in a start nothing says that it failed, if the exhaust is not believed: the start's time.
+                let failed_start = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
+                    self.is_amt()
+                        && went_out.is_some_and(|out| {
+                            out >= start.at
+                                && !self.runs.touches(start.at, at)
+                                && h.samples(out + 100 * MS, at).iter().all(|sample| sample.fault)
+                        })
+                        && anew.is_none_or(|anew| anew < start.at)
+                        && self.not_by(start, at).is_none()
+                });
+                if failed_start {
+                    continue;
+                }
                 // The engine went out: two reports have to say so.
                 let unseen = |from: u64| {
                     anew.is_none_or(|anew| anew < from || anew < from + self.gap() + h.rules.boot)
