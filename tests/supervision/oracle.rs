@@ -414,17 +414,16 @@ impl Oracle {
                 }
                 // Another one may have taken over meanwhile, by being close.
                 let certain = self.waiting.is_none() || !self.maybe_close;
-                // It was never lost, or came back after a short gap.
-                if self.in_force == Some(origin) && certain && (!self.lost || !source.was_lost) {
+                // It was never away, or for a short gap only; away also where another one was about to take over.
+                let away = self.lost || self.waiting.is_some();
+                if self.in_force == Some(origin) && certain && !(away && source.was_lost) {
                     self.last_asked = self.as_throttle(demand);
                     self.ruled_peak = self.ruled_peak.max(self.last_asked);
-                    if core::mem::take(&mut self.lost) {
+                    if away {
+                        // The demand was held until now.
+                        (self.lost, self.waiting) = (false, None);
                         self.settled = at;
                         self.rise(at);
-                    }
-                    if self.waiting.take().is_some() {
-                        // The demand was held until now.
-                        self.settled = at;
                     }
                     self.may_have_risen(at, demand);
                     return;
@@ -989,17 +988,19 @@ impl Oracle {
             }
         }
         self.armed &= self.latched.is_none();
-        // Its silence goes on over the reset; it counts from the reset on only where the source has just spoken.
+        // The silence of all goes on over the reset; it counts from the reset on only where one has just spoken.
+        let wanting = self.each().filter(|(_, source)| source.word != Word::Nothing);
+        let last_word = wanting.map(|(_, source)| source.heard).max().unwrap_or(0) + down + CARRIED;
+        self.wanted_until += down + CARRIED;
         let resumed = self.kept.map(|(origin, demand, was_lost)| {
-            let silent_from = self.sources[slot(origin)].map_or(0, |source| source.silent_from);
-            let silent_from = (silent_from + down + CARRIED).min(at + self.age(origin));
+            let silent_from = (last_word + self.age(origin)).min(at + self.age(origin));
+            self.wanted_until = self.wanted_until.max(silent_from);
             (origin, Source { silent_from, was_lost, ..Source::new(at, Word::Run(demand)) })
         });
         self.sources = [None; 4];
         if let Some((origin, source)) = resumed {
             self.sources[slot(origin)] = Some(source);
         }
-        self.wanted_until += down + CARRIED;
         self.attempts.clear();
         self.in_force = None;
         self.waiting = None;
@@ -1191,7 +1192,11 @@ impl Oracle {
         {
             return Err("(1) run, and every source is silent for longer than the time to standby".into());
         }
+        // Where that is not configured, it takes the silence of all sources.
+        let silent =
+            loss.standby_after.is_some() || self.each().all(|(_, source)| at > source.silent_from + TOL);
         if !self.reached
+            && silent
             && at > fail_safe + loss.standby_after.map_or(RUN_OUT, |after| after.as_micros()) + TOL
         {
             return Err("(1) run to an engine that does not run yet, and every source is silent".into());
