@@ -4,7 +4,7 @@
 //!
 //! - An emergency stop is latched until it is released with the engine stopped. It disarms.
 //! - A start is a permission that is used once: one source's own standby, then its own `Run` at idle, armed, with every
-//!   interlock true at that instant. A refusal uses it up ([`commands`]).
+//!   interlock true at that instant. A refusal uses it up (`commands.rs`).
 //! - A run belongs to one life of an engine ([`life`]). In doubt nothing goes out that could start one; when the life is
 //!   over, the order ends.
 //! - The highest source that is fresh is in control. When none is, the stages of loss begin: hold, fail-safe throttle, and
