@@ -49,6 +49,8 @@ struct Retained {
     memory: &'static Memory,
     fingerprint: u32,
     reset: Reset,
+    /// The number of the next write.
+    sequence: AtomicU32,
 }
 
 impl core::fmt::Debug for Channel {
@@ -75,7 +77,8 @@ impl Channel {
     /// out of: after a loss of power nothing is believed that could start or raise an engine.
     pub fn with_memory(config: &EngineConfig, memory: &'static Memory, reset: Reset) -> Self {
         let fingerprint = config.fingerprint();
-        let retained = Retained { memory, fingerprint, reset };
+        let sequence = AtomicU32::new(memory.next_sequence());
+        let retained = Retained { memory, fingerprint, reset, sequence };
         let channel = Self { memory: Some(retained), ..Self::new(config) };
         channel.engine.lock(|engine| engine.borrow_mut().keep(memory.load(fingerprint, reset)));
         channel
@@ -116,7 +119,10 @@ impl Channel {
             if let Some(kept) = &self.memory
                 && let Some(record) = engine.to_keep()
             {
-                kept.memory.store(&record, kept.fingerprint);
+                // Not an add-and-fetch: whoever is here holds the lock.
+                let sequence = kept.sequence.load(Ordering::Relaxed);
+                kept.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
+                kept.memory.store_next(&record, kept.fingerprint, sequence);
             }
             result
         })

@@ -148,10 +148,24 @@ impl Memory {
 
     /// Retains a record of the engine with this fingerprint, over the older copy.
     pub fn store(&self, record: &Record, fingerprint: u32) {
-        let (place, sequence) = match self.newest() {
-            Some((place, words)) => (1 - place, words[1].wrapping_add(1)),
-            None => (0, 0),
-        };
+        self.store_next(record, fingerprint, self.next_sequence());
+    }
+
+    /// The number of the next write. Its lowest bit is the place of the copy that is written.
+    pub(crate) fn next_sequence(&self) -> u32 {
+        match self.newest() {
+            Some((place, words)) => {
+                let next = words[1].wrapping_add(1);
+                // Never over the newer copy.
+                if next & 1 == place as u32 { next.wrapping_add(1) } else { next }
+            }
+            None => 0,
+        }
+    }
+
+    /// The same, by a writer that counts its writes: the copies are not looked at.
+    pub(crate) fn store_next(&self, record: &Record, fingerprint: u32, sequence: u32) {
+        let place = (sequence & 1) as usize;
         let words = pack(record, sequence, fingerprint);
         if let Some(copy) = self.copies.get(place) {
             for (slot, word) in copy.iter().zip(words) {
