@@ -801,7 +801,10 @@ impl Oracle {
         };
         let ruled = self.ruler(at);
         self.speak(at, origin, Word::Run(demand));
-        if self.uncertain(at) {
+        // One that was lost before the reset has to speak for a while first.
+        let lost_before = self.kept.is_some_and(|(kept, _, was_lost)| kept == origin && was_lost);
+        let back = self.sources[slot(origin)].is_some_and(|source| self.steady(&source));
+        if self.uncertain(at) && (!lost_before || back) {
             self.uncertain_throttle = self.uncertain_throttle.max(self.as_throttle(demand));
             if let Demand::Rpm(rpm) = demand {
                 self.uncertain_rpm = self.uncertain_rpm.max(rpm.get());
