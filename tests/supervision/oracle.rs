@@ -782,12 +782,14 @@ impl Oracle {
         ) = answer
         {
             if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
-                // It is there, and wants what it wanted.
-                let before = self.sources[slot(origin)];
-                self.speak(at, origin, before.map_or(Word::Nothing, |before| before.word));
+                // It is there, and wants what it wanted, if it was there all along.
+                let (before, ruled) = (self.sources[slot(origin)], self.ruler(at));
+                let fresh = before.filter(|before| at < before.silent_from);
+                self.speak(at, origin, fresh.map_or(Word::Nothing, |before| before.word));
                 if let Some(source) = &mut self.sources[slot(origin)] {
                     source.standby_at = before.and_then(|before| before.standby_at);
                 }
+                self.ruled_until_now(ruled);
                 self.look();
             }
             if let Some(source) = &mut self.sources[slot(origin)] {
