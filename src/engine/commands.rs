@@ -185,8 +185,8 @@ impl Engine {
         let can = self.can(now, demand);
         match can {
             Ok(()) => self.sources.heard(now, origin, Intent::Run(demand)),
-            // The ECU has not given its version again: no reason to lose the source.
-            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.stays(now, origin),
+            // The ECU has not given its version yet: no reason to lose the source, which wants the engine to run.
+            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.stays(now, origin, demand),
             Err(_) => {}
         }
         let result = match &self.mode {

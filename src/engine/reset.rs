@@ -166,7 +166,13 @@ impl Engine {
         // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring the rest
         // back. A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
         // source takes over, is none to jump to.
-        let behind = run.shaped.is_below(run.demand);
+        let behind = match (run.shaped, run.demand) {
+            (Demand::Throttle(_), Demand::Throttle(_)) | (Demand::Rpm(_), Demand::Rpm(_)) => {
+                run.shaped.is_below(run.demand)
+            }
+            // A governor makes a throttle of an rpm. Otherwise what is commanded now is of the other kind, and not in force.
+            _ => run.own_speed_control || matches!(run.shaped, Demand::Rpm(_)),
+        };
         let shaped = run.stage != LossStage::None || run.limited || behind;
         let demand = if shaped { run.shaped } else { run.demand };
         // What has not gone out yet is for its source to say again: after a reset a demand rises, and does not jump.

@@ -75,10 +75,10 @@ impl Sources {
         }
     }
 
-    /// A source says something that cannot be done just now: it is there, and wants what it wanted.
-    pub fn stays(&mut self, now: Instant, origin: Origin) {
-        let intent = self.intent(origin).unwrap_or(Intent::Nothing);
-        self.speak(now, origin, intent);
+    /// A source asks for a run that cannot be done just now: it is there, and its run of before goes on.
+    pub fn stays(&mut self, now: Instant, origin: Origin, demand: Demand) {
+        let before = self.intent(origin).filter(|intent| matches!(intent, Intent::Run(_)));
+        self.heard(now, origin, before.unwrap_or(Intent::Run(demand)));
     }
 
     /// A source says standby. To an engine that has reached running the first of two words changes nothing.
