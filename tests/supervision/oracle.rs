@@ -782,13 +782,11 @@ impl Oracle {
         ) = answer
         {
             if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
-                // It is there, and wants what it wanted, if it was there all along.
+                // It is there, and its run of before goes on, if it was there all along.
                 let (before, ruled) = (self.sources[slot(origin)], self.ruler(at));
                 let fresh = before.filter(|before| at < before.silent_from);
-                self.speak(at, origin, fresh.map_or(Word::Nothing, |before| before.word));
-                if let Some(source) = &mut self.sources[slot(origin)] {
-                    source.standby_at = before.and_then(|before| before.standby_at);
-                }
+                let runs = fresh.map(|before| before.word).filter(|word| matches!(word, Word::Run(_)));
+                self.speak(at, origin, runs.unwrap_or(Word::Run(demand)));
                 self.ruled_until_now(ruled);
                 self.look();
             }
