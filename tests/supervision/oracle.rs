@@ -782,12 +782,12 @@ impl Oracle {
         ) = answer
         {
             if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
-                // It is there, and wants what it wanted.
-                let before = self.sources[slot(origin)];
-                self.speak(at, origin, before.map_or(Word::Nothing, |before| before.word));
-                if let Some(source) = &mut self.sources[slot(origin)] {
-                    source.standby_at = before.and_then(|before| before.standby_at);
-                }
+                // It is there, and its run of before goes on, if it was there all along.
+                let (before, ruled) = (self.sources[slot(origin)], self.ruler(at));
+                let fresh = before.filter(|before| at < before.silent_from);
+                let runs = fresh.map(|before| before.word).filter(|word| matches!(word, Word::Run(_)));
+                self.speak(at, origin, runs.unwrap_or(Word::Run(demand)));
+                self.ruled_until_now(ruled);
                 self.look();
             }
             if let Some(source) = &mut self.sources[slot(origin)] {
@@ -801,7 +801,10 @@ impl Oracle {
         };
         let ruled = self.ruler(at);
         self.speak(at, origin, Word::Run(demand));
-        if self.uncertain(at) {
+        // One that was lost before the reset has to speak for a while first.
+        let lost_before = self.kept.is_some_and(|(kept, _, was_lost)| kept == origin && was_lost);
+        let back = self.sources[slot(origin)].is_some_and(|source| self.steady(&source));
+        if self.uncertain(at) && (!lost_before || back) {
             self.uncertain_throttle = self.uncertain_throttle.max(self.as_throttle(demand));
             if let Demand::Rpm(rpm) = demand {
                 self.uncertain_rpm = self.uncertain_rpm.max(rpm.get());
