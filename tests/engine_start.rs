@@ -310,8 +310,9 @@ fn the_exhaust_has_to_be_cool() {
     // An old temperature is none.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.silent();
-    for _ in 0..4 {
-        let t = scenario.now() + 300_000;
+    // Without a gap in the beat.
+    for _ in 0..24 {
+        let t = scenario.now() + EVERY;
         scenario.bench.rx(t, &zk_frames::idle(5, false));
         scenario.command(Command::Standby).unwrap();
     }

@@ -403,7 +403,8 @@ impl Engine {
         }
         let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
         // A gap that has begun is not yet a loss, and a start in it would end at once.
-        if self.link.state() != LinkState::Up || !stable || self.link.gap_at().is_none() {
+        let steady = self.last_gap.is_none_or(|gap| now >= gap + rules.link_stable);
+        if self.link.state() != LinkState::Up || !stable || !steady || self.link.gap_at().is_none() {
             return Err(Interlock::Link);
         }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {

@@ -84,6 +84,8 @@ enum Beginning {
     Found {
         /// Two reports say so; otherwise the exhaust does.
         confirmed: bool,
+        /// Since when no source has wanted anything.
+        silent_since: Instant,
     },
     /// After a reset of the node, with an order in force: in doubt until two reports confirm it.
     Reset(Record),
@@ -162,6 +164,8 @@ pub struct Engine {
     start_wait: Option<StartWait>,
     /// When the last start was asked for.
     last_start: Option<Instant>,
+    /// When the ECU was last not heard for three expected frames: it may have restarted.
+    last_gap: Option<Instant>,
     pump: Option<OpenPump>,
     /// The last stage of loss brought it to standby.
     ended_by_loss: bool,
@@ -223,6 +227,7 @@ impl Engine {
             must_disarm: [false; Origin::ALL.len()],
             start_wait: None,
             last_start: None,
+            last_gap: None,
             pump: None,
             ended_by_loss: false,
             failed: false,
@@ -484,8 +489,8 @@ impl Engine {
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
-            Beginning::Found { confirmed: true } => Life::found_running(),
-            Beginning::Found { confirmed: false } | Beginning::Reset(_) => Life::after_reset(now),
+            Beginning::Found { confirmed: true, .. } => Life::found_running(),
+            Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
         let (limited, stage, carried, resumed_low) = match beginning {
             Beginning::Reset(record) => {
@@ -499,6 +504,13 @@ impl Engine {
             LossStage::None | LossStage::Hold => None,
             // It had begun before the reset, and does not begin anew.
             LossStage::FailSafe | LossStage::Standby => Some(now),
+        };
+        let fail_safe_at = match beginning {
+            // The stages of loss go on where they were when the order was given up.
+            Beginning::Found { silent_since, .. } if silent_since < now => {
+                Some(silent_since + self.config.loss.hold)
+            }
+            _ => fail_safe_at,
         };
         let started = beginning == Beginning::FromStandby;
         self.mode = Mode::Run(Run {
@@ -646,6 +658,7 @@ impl Engine {
             return;
         }
         self.link.gap();
+        self.last_gap = Some(now);
         match &mut self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();

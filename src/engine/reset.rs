@@ -194,7 +194,12 @@ impl Engine {
             (Found::Running | Found::Burning, throttle) => {
                 let demand = Demand::Throttle(throttle.unwrap_or(Throttle::IDLE));
                 let confirmed = found == Found::Running;
-                self.begin(now, demand, Origin::Node, Beginning::Found { confirmed });
+                // After a start of the node nobody has been waited for yet.
+                let silent_since = match &self.mode {
+                    Mode::Listen(finding) if finding.silent_since < finding.since => finding.silent_since,
+                    _ => now,
+                };
+                self.begin(now, demand, Origin::Node, Beginning::Found { confirmed, silent_since });
                 if let Mode::Run(run) = &mut self.mode {
                     run.life.answer();
                 }
