@@ -18,8 +18,20 @@ const HEAD: &str = "jetlink rig   ";
 const LEAVE_ALTERNATE_SCREEN: &str = "\u{1b}[?1049l";
 const SHOW_CURSOR: &str = "\u{1b}[?25h";
 
+/// With the signals that a terminal's shell would give it: whoever runs the tests may ignore some, as `nohup` does and a
+/// shell for what it starts in the background.
 fn jetlink(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_jetlink"));
+    let program = env!("CARGO_BIN_EXE_jetlink");
+    let defaults = ["--default-signal=HUP,INT,TERM"];
+    let can_reset =
+        Command::new("env").args(defaults).arg("true").output().is_ok_and(|run| run.status.success());
+    let mut command = if can_reset {
+        let mut command = Command::new("env");
+        command.args(defaults).arg(program);
+        command
+    } else {
+        Command::new(program)
+    };
     command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
     command
 }
