@@ -77,7 +77,8 @@ impl Sources {
 
     /// A source asks for a run that cannot be done just now: it is there, and its run of before goes on.
     pub fn stays(&mut self, now: Instant, origin: Origin, demand: Demand) {
-        let before = self.intent(origin).filter(|intent| matches!(intent, Intent::Run(_)));
+        let before = self.source(origin).filter(|source| now < source.silent_from);
+        let before = before.map(|source| source.intent).filter(|intent| matches!(intent, Intent::Run(_)));
         self.heard(now, origin, before.unwrap_or(Intent::Run(demand)));
     }
 
@@ -227,7 +228,7 @@ impl Sources {
 
     /// Whether a source has spoken since the node started.
     pub fn has_spoken(&self, origin: Origin) -> bool {
-        self.source(origin).is_some_and(|source| source.spoken)
+        self.source(origin).is_some_and(|source| source.spoken && source.intent != Intent::Nothing)
     }
 
     /// The next instant at which a source is lost. One comes to be in control only when it speaks, or when that happens.
