@@ -165,8 +165,6 @@ pub trait Link {
     fn release(&mut self, released: bool);
     /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
-    /// When the ECU last kept its beat, with a frame or with a damaged one.
-    fn last_beat(&self) -> Option<Instant>;
     /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
     fn answers_frames(&self) -> bool;
     /// When a life that has been in doubt since then loses its order, should nothing confirm it.

@@ -188,10 +188,6 @@ impl Link for AnyLink {
         each!(self, link => link.gap_at())
     }
 
-    fn last_beat(&self) -> Option<Instant> {
-        each!(self, link => link.last_beat())
-    }
-
     fn answers_frames(&self) -> bool {
         each!(self, link => link.answers_frames())
     }

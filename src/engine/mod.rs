@@ -451,7 +451,7 @@ impl Engine {
             Mode::Stop(by) if by.priority() > origin.priority() => by,
             _ => origin,
         };
-        self.end(now);
+        self.end();
         self.mode = Mode::Stop(by);
         self.failed = false;
         for (must, said) in self.must_disarm.iter_mut().zip(self.said_arm) {
@@ -464,14 +464,13 @@ impl Engine {
     }
 
     fn standby(&mut self, now: Instant, origin: Origin) {
-        self.end(now);
+        self.end();
         self.mode = Mode::Standby;
         self.order(now, Order::Standby, origin);
     }
 
     /// What a stop and a standby both end: permissions, a start that waits, fuel that a service opened.
-    fn end(&mut self, now: Instant) {
-        let _ = now;
+    fn end(&mut self) {
         self.permitted = [false; Origin::ALL.len()];
         self.start_wait = None;
         self.ended_by_loss = false;

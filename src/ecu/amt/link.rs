@@ -477,10 +477,6 @@ impl Link for AmtLink {
         self.beat.gap_at(SET_INTERVAL)
     }
 
-    fn last_beat(&self) -> Option<Instant> {
-        self.beat.last()
-    }
-
     fn gap(&mut self) {
         self.beat.gap();
     }

@@ -864,10 +864,6 @@ impl Link for ZkLink {
         self.beat.gap_at(rate.interval())
     }
 
-    fn last_beat(&self) -> Option<Instant> {
-        self.beat.last()
-    }
-
     fn gap(&mut self) {
         self.beat.gap();
     }
