@@ -89,6 +89,28 @@ fn zk_8_a_hand_over_lasts() {
     }
 }
 
+/// Whoever handed the engine over takes it back, also below a source that streams run, which has no say in it.
+#[test]
+fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
+    for reached in [false, true] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        assert_eq!(scenario.command_from(Command::Standby, Origin::Bench), Ok(Accepted::Behind(Origin::Rc)));
+        scenario.pass(SECOND);
+        assert_eq!(scenario.command_from(Command::HandOverToPwm, Origin::Bench), Ok(Accepted::InForce));
+        if reached {
+            scenario.says(Says::Starting).says(Says::Running);
+        }
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        for origin in [Origin::Mavlink, Origin::Bench] {
+            for _ in 0..2 {
+                scenario.command(run(50)).unwrap_err();
+                scenario.command_from(Command::Standby, origin).unwrap();
+            }
+            assert_eq!(scenario.wire() == Wire::Standby, origin == Origin::Bench, "{origin:?}");
+        }
+    }
+}
+
 /// Each interlock of a start holds for a hand-over, and a refusal uses the permission up.
 #[test]
 fn zk_8_a_hand_over_counts_as_a_start() {
@@ -112,6 +134,19 @@ fn zk_8_a_hand_over_counts_as_a_start() {
 // ---------------------------------------------------------------------------------------------
 // Service commands and refusals
 // ---------------------------------------------------------------------------------------------
+
+/// An ECU that was not heard for three frames may be another one when it comes back.
+#[test]
+fn zk_13_nothing_that_moves_fuel_goes_to_an_ecu_that_is_in_a_gap() {
+    for service in MOVE_FUEL {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.silent().pass(140_000);
+        assert!(scenario.would_answer(action(service)).is_ok(), "{service:?} before the gap");
+        scenario.pass(20_000);
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        assert_eq!(scenario.command(action(service)), Err(Rejected::NoLink), "{service:?}");
+    }
+}
 
 /// A service command needs an engine that is heard and stopped; a rate does not. One that moves fuel or heats needs one that
 /// is cold, armed, and no longer cooling as well.

@@ -128,11 +128,13 @@ impl Engine {
         let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
         match &self.mode {
             Mode::Listen(_) if above.is_none() => {
-                if !self.settled(now) {
+                if !self.settled(now) || self.run_of_a_higher_one(now, origin) {
                     return Ok(Accepted::Held);
                 }
                 self.standby(now, origin);
             }
+            // Whoever handed it over takes it back.
+            Mode::Pwm { .. } if origin == self.ordered.origin => self.standby(now, origin),
             // Where nothing runs yet, one word of whoever it is ends it.
             Mode::Pwm { life, .. } if above.is_none() && (in_control || !life.reached()) => {
                 self.standby(now, origin);
@@ -157,6 +159,19 @@ impl Engine {
         self.ended_by_loss = false;
         self.order(now, Order::Standby, origin);
         Ok(Accepted::InForce)
+    }
+
+    /// Nothing is in force, but it is known whose demand was: a lower source's standby counts when that one has been lost for
+    /// as long as it takes to end its run.
+    fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
+        let Mode::Listen(finding) = &self.mode else { return false };
+        if finding.ruler.priority() <= origin.priority() {
+            return false;
+        }
+        let lost_at = self.sources.silent_from(finding.ruler).unwrap_or(finding.since);
+        let after = self.config.loss.hold + self.config.loss.lower_standby_after;
+        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks()));
+        lost_at.checked_add(left).is_none_or(|at| now < at)
     }
 
     fn permit_in_standby(&mut self, origin: Origin) {
@@ -303,6 +318,10 @@ impl Engine {
         }
         if service.moves_fuel() {
             self.require_cold()?;
+            // It may be another ECU that comes back, which may know the command as another one.
+            if self.link.gap_at().is_none() {
+                return Err(Rejected::NoLink);
+            }
         }
         if service.closes_pump() && self.pump.is_some() {
             self.close_pump();

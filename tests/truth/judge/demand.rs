@@ -28,7 +28,14 @@ impl Case<'_> {
         self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
             let Word::Run(ask) = said.word else { return false };
             let words = self.voices.until(said.source, said.at.saturating_sub(1));
-            let Some(&(when, Word::Run(before))) = words.last() else { return false };
+            // One word of standby between two of run changes nothing.
+            let (last, single) = match words {
+                [.., run @ (_, Word::Run(_)), (when, Word::Standby)] => (run, Some(*when)),
+                [.., run] => (run, None),
+                [] => return false,
+            };
+            let &(when, Word::Run(before)) = last else { return false };
+            let when = single.filter(|single| *single <= when + self.voices.age(said.source)).unwrap_or(when);
             // One after the other: a source that was away has to rise at the rate.
             let fresh = said.at <= when + self.voices.age(said.source);
             let in_force = from + STEP >= self.share(before);
