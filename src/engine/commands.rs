@@ -319,9 +319,7 @@ impl Engine {
         if service.moves_fuel() {
             self.require_cold()?;
             // It may be another ECU that comes back, which may know the command as another one.
-            if self.link.gap_at().is_none() {
-                return Err(Rejected::NoLink);
-            }
+            self.steady_link(now).map_err(Rejected::Start)?;
         }
         if service.closes_pump() && self.pump.is_some() {
             self.close_pump();
@@ -420,12 +418,7 @@ impl Engine {
         if !self.is_idle(demand) {
             return Err(Interlock::NotIdle);
         }
-        let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
-        // A gap that has begun is not yet a loss, and a start in it would end at once.
-        let steady = self.last_gap.is_none_or(|gap| now >= gap + rules.link_stable);
-        if self.link.state() != LinkState::Up || !stable || !steady || self.link.gap_at().is_none() {
-            return Err(Interlock::Link);
-        }
+        self.steady_link(now)?;
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
             return Err(Interlock::Fault);
         }
@@ -446,6 +439,16 @@ impl Engine {
             return Err(Interlock::OtherStarting);
         }
         Ok(())
+    }
+
+    /// Whether the ECU has been heard for a while without a gap.
+    fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
+        let time = self.config.start.link_stable;
+        let stable = self.link.up_since().is_some_and(|since| now >= since + time);
+        // A gap that has begun is not yet a loss.
+        let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
+        let heard = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
+        if stable && steady && heard { Ok(()) } else { Err(Interlock::Link) }
     }
 
     /// Whether the exhaust is known to be cool, in two values in a row: AMT frames carry no checksum.

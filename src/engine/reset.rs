@@ -199,9 +199,11 @@ impl Engine {
                 let wanted = matches!(self.sources.ruler(now), Some((_, Intent::Run(_))));
                 let silent_since = match &self.mode {
                     Mode::Listen(finding) if !wanted => {
-                        // Whose demand was in force may have fallen silent since. After a start of the node nobody has been
-                        // waited for yet.
-                        let lost = self.sources.silent_from(finding.ruler).unwrap_or(now).min(now);
+                        // Whose demand was in force may have fallen silent since; or whoever spoke. After a start of the node
+                        // nobody has been waited for yet.
+                        let spoke = || self.sources.all_silent_from(now).flatten();
+                        let lost =
+                            self.sources.silent_from(finding.ruler).or_else(spoke).unwrap_or(now).min(now);
                         if finding.silent_since < finding.since {
                             finding.silent_since.min(lost)
                         } else {

@@ -6,7 +6,7 @@ use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, W
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
 /// After a disturbance that is over, until everything goes its way again.
-const SETTLES: u64 = 2 * SECOND;
+const SETTLES: u64 = 1500 * MS;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
