@@ -47,7 +47,7 @@ pub enum End {
     GapInStart,
     /// The ECU reports faults only, and the exhaust is cold or cools.
     NotBurning,
-    /// The ECU reports faults only in a start, and no exhaust says that the engine burns.
+    /// The ECU reports faults only, in a start.
     FaultInStart,
     /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
     /// reports what it does.
@@ -210,19 +210,18 @@ impl Life {
             Sign::State { .. } => None,
             _ => self.restarting,
         };
-        let end = end.or_else(|| self.fault_ends(exhaust));
+        let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
         end
     }
 
-    /// With faults in place of a state the exhaust is the evidence. A start has to show one that burns: the ECU would else
-    /// start the engine anew when its fault clears.
-    fn fault_ends(&self, exhaust: Burning) -> Option<End> {
-        match exhaust {
-            _ if !self.only_faults() => None,
-            Burning::No if self.reached() => Some(End::NotBurning),
-            Burning::No | Burning::NotKnown if !self.reached() => Some(End::FaultInStart),
-            _ => None,
+    /// With faults in place of a state the exhaust is the evidence of an engine that runs. A start ends: its ECU could start
+    /// the engine anew when the fault clears.
+    fn fault_end(&self, exhaust: Burning) -> Option<End> {
+        match (self.only_faults(), self.reached()) {
+            (false, _) => None,
+            (true, false) => Some(End::FaultInStart),
+            (true, true) => (exhaust == Burning::No).then_some(End::NotBurning),
         }
     }
 

@@ -164,7 +164,7 @@ pub struct Engine {
     start_wait: Option<StartWait>,
     /// When the last start was asked for.
     last_start: Option<Instant>,
-    /// When the ECU was last not heard for three expected frames: it may have restarted.
+    /// When the ECU was last not heard for three expected frames, or said that it was powered up: it has, or may have, restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
     /// The last stage of loss brought it to standby.
@@ -554,6 +554,9 @@ impl Engine {
 
     /// One frame, before its reply is handed out: what it says about the life of the engine.
     fn judge(&mut self, now: Instant, sign: Sign) {
+        if sign == Sign::PowerUp {
+            self.last_gap = Some(now);
+        }
         self.see_exhaust(now, sign);
         let exhaust = self.exhaust.burning();
         let answers = self.link.answers_frames();
@@ -852,7 +855,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
-            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_spoken(run.ruler)),
+            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,

@@ -1,7 +1,7 @@
 //! How fast a demand may rise.
 
 use super::{Case, Rule};
-use crate::history::{Ask, MS, SECOND, Told, Word};
+use crate::history::{Ask, MS, SECOND, Said, Told, Word};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
 const STEP: f64 = 7.0;
@@ -27,13 +27,14 @@ impl Case<'_> {
         let reach = 3 * self.h.rules.period + 50 * MS;
         self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
             matches!(said.word, Word::Run(ask) if self.share(ask) + STEP >= to)
-                && self.was_in_force(said.source, said.at, at.saturating_sub(reach), from)
+                && matches!(said.word, Word::Run(ask) if self.was_in_force(*said, ask, at.saturating_sub(reach), from))
         })
     }
 
     /// The words of a source just before this one, with no gap between them, say a demand that was on the wire. Several may
     /// come in one slot, and one word of standby between two of run changes nothing.
-    fn was_in_force(&self, source: usize, at: u64, since: u64, from: f64) -> bool {
+    fn was_in_force(&self, said: Said, ask: Ask, since: u64, from: f64) -> bool {
+        let Said { source, at, .. } = said;
         let mut next = at;
         let mut standby = 0;
         for &(when, word) in self.voices.until(source, at.saturating_sub(1)).iter().rev() {
@@ -43,6 +44,10 @@ impl Case<'_> {
             }
             match word {
                 Word::Run(before) if from + STEP >= self.share(before) => return true,
+                // A throttle and a speed do not compare.
+                Word::Run(before) if core::mem::discriminant(&before) != core::mem::discriminant(&ask) => {
+                    return true;
+                }
                 Word::Run(_) if when < since => return false,
                 Word::Run(_) => standby = 0,
                 Word::Standby if standby == 0 => standby = 1,
