@@ -1622,6 +1622,36 @@ fn amt_8_two_error_sets_end_a_start() {
     }
 }
 
+/// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
+/// end it. One that had reached running before the reset is an engine in flight.
+#[test]
+fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
+    for (reached, faults) in [(false, false), (false, true), (true, true)] {
+        let config = Ecu::Amt.config();
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        if reached {
+            scenario.says(Says::Running).fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        let mut scenario = scenario.reset(config);
+        scenario.values.egt = 500;
+        scenario.says(Says::Unknown).fly(run(20), Origin::Rc, SECOND);
+        let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
+        assert_eq!(scenario.order(), order, "{reached}");
+        if faults {
+            scenario.values.fault = 1;
+            scenario.fly(run(20), Origin::Rc, 2 * EVERY);
+        } else {
+            // The time of a start.
+            scenario.fly(run(20), Origin::Rc, 118 * SECOND);
+            assert_eq!(scenario.order(), order);
+            scenario.fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        assert_eq!(scenario.order() == Order::Standby, !reached, "{reached} {faults}");
+    }
+}
+
 // ---------------------------------------------------------------------------------------------
 // Orders that were given up
 // ---------------------------------------------------------------------------------------------

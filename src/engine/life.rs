@@ -112,6 +112,11 @@ impl Life {
         }
     }
 
+    /// Goes on with a start that is under way.
+    pub const fn found_starting(stage: Stage) -> Self {
+        Self { progress: Progress::Starting(stage), ..Self::ordered() }
+    }
+
     /// Goes on with an engine that two reports said to be running.
     pub const fn found_running() -> Self {
         Self { progress: Progress::Reached, ..Self::ordered() }
@@ -342,6 +347,8 @@ pub(super) struct Finding {
     pub ruler: Origin,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
+    /// The record says that it was started, and had not reached running.
+    pub started: bool,
     alive: u8,
     ending: u8,
     throttle: Option<crate::units::Throttle>,
@@ -369,6 +376,7 @@ impl Finding {
             carried: Duration::from_ticks(0),
             ruler: Origin::Node,
             ran,
+            started: false,
             alive: 0,
             ending: 0,
             throttle: None,
@@ -378,6 +386,11 @@ impl Finding {
     /// The same, with sources that fell silent earlier.
     pub const fn silent_since(self, silent_since: Instant) -> Self {
         Self { silent_since, ..self }
+    }
+
+    /// The same, in a start that a reset has cut short.
+    pub const fn in_a_start(self) -> Self {
+        Self { started: true, ..self }
     }
 
     /// The same, where this source's demand was in force before.

@@ -37,7 +37,7 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origi
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
-use crate::link::{Link, Output, Sign, earlier};
+use crate::link::{Link, Output, Sign, Stage, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -84,6 +84,8 @@ enum Beginning {
     Found {
         /// Two reports say so; otherwise the exhaust does.
         confirmed: bool,
+        /// It is in a start, this far.
+        starting: Option<Stage>,
         /// Since when no source has wanted anything.
         silent_since: Instant,
     },
@@ -488,6 +490,7 @@ impl Engine {
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
+            Beginning::Found { starting: Some(stage), .. } => Life::found_starting(stage),
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
             Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
@@ -515,7 +518,7 @@ impl Engine {
         self.mode = Mode::Run(Run {
             began: now,
             life,
-            start_by: started.then(|| now + self.start_time()),
+            start_by: (!life.reached()).then(|| now + self.start_time()),
             ruler: origin,
             demand,
             shaped: demand,

@@ -134,8 +134,10 @@ impl Seat {
     /// Everything here but the node does what it does, once.
     pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
-        if at >= self.disturber.next() {
-            // As it was just before.
+        let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
+        let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
+        if at >= self.disturber.next() || starts && !seen {
+            // As it was just before something goes wrong.
             self.look();
         }
         let notes = self.disturber.disturb(rng, &self.plug, &mut self.history, at);

@@ -268,8 +268,9 @@ impl Case<'_> {
         let h = self.h;
         let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         // The fail-safe of a limit holds until standby.
-        let ran = h.samples(since.saturating_sub(60 * SECOND), at);
-        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
+        let start = since.saturating_sub(60 * SECOND);
+        let ran = h.samples(start, at);
+        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(start, at);
         let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
         let limit_rpm = matches!(h.rules.limit_rpm, Some((rpm, false)) if ran.iter().any(|sample| sample.rpm > rpm - 1500.0));
         let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);

@@ -263,8 +263,10 @@ impl Case<'_> {
                     let noise = h.noise.within(out, at);
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
-                    let time = if self.is_amt() && fault { 45 * SECOND } else { self.two_states() };
-                    (out, out + time + noise.min(10 * SECOND) + down)
+                    // With faults in place of a state the exhaust has to be cold.
+                    let hot = h.samples(out, at).iter().find(|sample| sample.egt < 290.0);
+                    let hot = if self.is_amt() && fault { hot.map_or(at, |cold| cold.at) - out } else { 0 };
+                    (out, out + hot + self.two_states() + noise.min(10 * SECOND) + down)
                 });
                 // With error sets only the exhaust tells.
                 let by_exhaust = |out| {
