@@ -16,6 +16,8 @@ pub enum Fault {
     /// Nothing comes through to the ECU.
     CutToEcu,
     CutBoth,
+    /// The node's transmitter stands still.
+    Stall,
     /// Every byte of a direction is damaged: both, to the node, to the ECU.
     Damage(bool, bool),
     /// Some bytes are, on the way to the node; and to the ECU, too.
@@ -107,8 +109,9 @@ impl Disturber {
             0..14 => (Fault::PowerOff, power),
             14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),
             24..32 => (Fault::CutToNode, cut),
-            32..40 => (Fault::CutToEcu, cut),
+            32..36 | 37..40 => (Fault::CutToEcu, cut),
             40..45 => (Fault::CutBoth, cut),
+            36..37 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
             // Just what the ECU puts up with.
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
@@ -219,6 +222,7 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
         Fault::CutToNode => plug.cut_one(Direction::ToNode, true),
         Fault::CutToEcu => plug.cut_one(Direction::ToEcu, true),
         Fault::CutBoth => plug.cut(true),
+        Fault::Stall => plug.stall_tx(true),
         Fault::Damage(to_node, to_ecu) => {
             plug.framing(FramingAs::Error);
             let damaged = |damaged| if damaged { all } else { Faults::default() };
@@ -262,6 +266,7 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     match fault {
         Fault::PowerOff => plug.power(true),
         Fault::CutToNode | Fault::CutToEcu | Fault::CutBoth => plug.cut(false),
+        Fault::Stall => plug.stall_tx(false),
         Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) => {
             plug.set_faults(Faults::default(), Faults::default())
         }
@@ -288,6 +293,10 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
         Fault::CutBoth => {
             add(&mut history.mute);
             add(&mut history.deaf);
+        }
+        Fault::Stall => {
+            add(&mut history.deaf);
+            history.stalls.push(to);
         }
         Fault::Damage(to_node, to_ecu) => {
             add(&mut history.noise);

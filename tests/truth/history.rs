@@ -243,6 +243,8 @@ pub struct Rules {
     pub limit_egt: Option<(f64, bool)>,
     pub limit_rpm: Option<(f64, bool)>,
     pub limit_fault: Option<bool>,
+    /// A limit of how values change has an action: standby, or the fail-safe. No turbine passes it in order.
+    pub limit_change: Option<bool>,
     /// Share in thousandths to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
@@ -349,6 +351,8 @@ pub struct History {
     pub garbled: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
+    /// When a transmitter that stood still went on: what was on its way then is old.
+    pub stalls: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
@@ -378,6 +382,7 @@ impl History {
             noise_to_ecu: Spans::default(),
             garbled: Spans::default(),
             forged: Vec::new(),
+            stalls: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
             other_failed: Spans::default(),

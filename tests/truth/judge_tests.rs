@@ -51,6 +51,7 @@ fn rules(kind: Kind) -> Rules {
         limit_egt: None,
         limit_rpm: None,
         limit_fault: None,
+        limit_change: None,
         when_other_fails: None,
     }
 }

@@ -180,10 +180,13 @@ impl Pilot {
             (Habit::Below, 0..45) => {
                 Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
             }
-            (Habit::Below, 45..80) => Program::Stream(Word::Standby),
+            (Habit::Below, 45..75) => Program::Stream(Word::Standby),
+            (Habit::Below, 75..88) => Program::Stream(Word::Nothing),
             (Habit::Below, _) => Program::Silent,
             (Habit::Restless, 54..64) => Program::OneWord(0),
-            (Habit::Restless, 64..76) => {
+            // A transmitter that is on, and commands nothing.
+            (Habit::Restless, 64..68) => Program::Stream(Word::Nothing),
+            (Habit::Restless, 68..76) => {
                 Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
             }
             (Habit::Restless, 76..86) => Program::Stream(Word::Standby),

@@ -9,6 +9,7 @@ use crate::wire::Reader;
 use crate::worlds::{Judged, LOOK, now};
 use jetlink::channels::Handle;
 use jetlink::command::Origin;
+use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{Ruler, state};
@@ -262,6 +263,11 @@ impl Seat {
             return;
         }
         let view = self.view();
+        if let Some(handle) = handle.filter(|_| rng.percent(1))
+            && let Ok(pressure) = Hectopascals::new(rng.between(300, 1100) as u16)
+        {
+            handle.pressure(pressure);
+        }
         for index in 0..self.pilots.len() {
             let words = self.pilots[index].speak(rng, &view);
             let source = self.pilots[index].source;
@@ -301,6 +307,13 @@ impl Seat {
             self.history.pwm.push(since, at);
         }
         self.history.end = at;
+        // One frame may have been on its way when a transmitter stood still.
+        for &stall in &self.history.stalls {
+            let first = self.history.frames.partition_point(|frame| frame.at < stall.saturating_sub(MS));
+            if self.history.frames.get(first).is_some_and(|frame| frame.at < stall + 5 * MS) {
+                self.history.frames.remove(first);
+            }
+        }
         (self.history.other_failed, self.history.other_down) = (failed, down);
         let verdict = judge(&self.history);
         Judged {

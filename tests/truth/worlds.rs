@@ -93,14 +93,22 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
     let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
     let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
-    let (mut other_settings, mut before) = (false, Cause::PowerOn);
+    let (mut other_settings, mut other_engine, mut before) = (false, false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
     loop {
-        let configs = if other_settings { &others } else { &configs };
-        let ended = boot(rng, &mut seats, &mut halves, configs, memory, before, &mut fate, end);
-        let Some(Blow { down, cause, with_ecu, .. }) = ended else { break };
+        let mut configs = if other_settings { others } else { configs };
+        if other_engine {
+            configs.iter_mut().for_each(|config| config.name = "other");
+        }
+        let ended = boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, end);
+        let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
+        other_engine ^= other;
+        if other && cause == Cause::Watchdog {
+            // As much is left of another engine's memory as of one that a loss of power spared.
+            cause = Cause::BrownOut;
+        }
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
         for seat in &mut seats {

@@ -59,6 +59,10 @@ impl Case<'_> {
             let over = h.times(|sample| sample.runs() && sample.rpm > rpm - 1500.0);
             all.push(("a limit whose action is standby", over.longer(SETTLES)));
         }
+        if h.rules.limit_change == Some(true) {
+            // What no turbine does is seen where values are damaged, or a thermocouple breaks.
+            all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
+        }
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);
             all.push(("a limit whose action is standby", fault.longer(SETTLES)));
@@ -277,7 +281,9 @@ impl Case<'_> {
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
-        limit_egt || limit_rpm || limit_fault || other || ctf
+        let limit_change = h.rules.limit_change == Some(false)
+            && (h.noise.touches(start, at) || h.sensor.touches(start, at) || !self.live.contains(at));
+        limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
     }
 
     pub(super) fn held_down(&mut self) {
