@@ -1586,6 +1586,59 @@ fn an_engine_in_doubt_keeps_no_other_from_a_start() {
     }
 }
 
+/// One odd report of a start moves it on no more than one odd report ends it: the reports at rest around it still fit.
+#[test]
+fn one_odd_report_of_starting_begins_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Standby);
+        let values = scenario.values;
+        for _ in 0..3 {
+            scenario.odd(Says::Starting, values);
+            scenario.fly(run(0), Origin::Rc, 4 * EVERY);
+        }
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
+        // Two that agree do, and rest ends it then.
+        scenario.says(Says::Starting).says(Says::Standby);
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "{ecu:?}");
+    }
+}
+
+/// Every end says something of its own.
+#[test]
+fn ends_have_names() {
+    let ends = [
+        End::PowerUp,
+        End::AtRest,
+        End::StartsAgain,
+        End::GapInStart,
+        End::NotBurning,
+        End::FaultInStart,
+        End::Unconfirmed,
+    ];
+    let names: std::collections::BTreeSet<_> = ends.map(End::name).into_iter().collect();
+    assert_eq!(names.len(), ends.len());
+    assert!(names.iter().all(|name| name.len() > 10));
+}
+
+/// A source whose rpm waits for the ECU's version is there: its run goes on, and the stages of loss do not begin.
+#[test]
+fn a_source_whose_rpm_waits_for_the_version_is_heard() {
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+    // The line is cut for long enough that the version is forgotten, and comes back without it.
+    scenario.silent().fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.says(Says::Running).fly(run(50), Origin::Rc, SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)));
+    let waits = Rejected::NeedsVersion { needed: 4, known: None };
+    assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(waits));
+    scenario.bench.events();
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)), "its throttle stays");
+    assert_eq!(stages(&mut scenario), []);
+}
+
 // ---------------------------------------------------------------------------------------------
 // Faults in a start
 // ---------------------------------------------------------------------------------------------
