@@ -1705,6 +1705,51 @@ fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
     }
 }
 
+/// A start is ended by one word of its source, also where that has been silent for longer than its age limit.
+#[test]
+fn one_word_of_a_source_that_was_lost_ends_a_start() {
+    for ecu in BOTH {
+        for (says, origin, ended) in [
+            (Says::Standby, Origin::Rc, true),
+            (Says::Starting, Origin::Rc, true),
+            (Says::Running, Origin::Rc, false),
+            (Says::Starting, Origin::Mavlink, true),
+        ] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            scenario.says(says).pass(2 * AGE);
+            let _ = scenario.command_from(Command::Standby, origin);
+            assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {says:?} {origin:?}");
+        }
+        // Below a source that is there it changes nothing.
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        assert_eq!(
+            scenario.command_from(Command::Standby, Origin::Mavlink),
+            Ok(Accepted::Behind(Origin::Rc))
+        );
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// With error sets only a demand rises while the exhaust burns, and not while it cools, however slowly.
+#[test]
+fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
+    let table: [(Egt, u16); 3] =
+        [(|_| 500, 800), (|t| 500 - (t / 200_000) as i32, 500), (|t| 500 + (t / 200_000) as i32, 800)];
+    for (egt, tenths) in table {
+        let mut scenario = with_faults(10 * SECOND, 1, run(50), egt);
+        let from = scenario.now();
+        while scenario.now() < from + 10 * SECOND {
+            scenario.values.egt = egt(10 * SECOND + scenario.now() - from);
+            let _ = scenario.command(run(80));
+            scenario.pass(EVERY);
+        }
+        assert_eq!(scenario.wire(), Wire::Run(tenths));
+    }
+}
+
 // ---------------------------------------------------------------------------------------------
 // Orders that were given up
 // ---------------------------------------------------------------------------------------------

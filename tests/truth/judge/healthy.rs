@@ -151,7 +151,10 @@ impl Case<'_> {
         let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
             return false;
         };
-        let lost = sure + self.voices.age(higher);
+        // Who is present and wants nothing is silent from that word on.
+        let later = self.voices.until(higher, at).iter().find(|(when, _)| *when > sure);
+        let nothing = later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when);
+        let lost = nothing.unwrap_or(u64::MAX).min(sure + self.voices.age(higher));
         // Or another one has taken over since, with a run of its own.
         let took_over = (0..4).filter(|other| *other != higher).any(|other| {
             let words = self.voices.until(other, at).iter().rev();

@@ -265,7 +265,9 @@ impl Case<'_> {
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
                     // With faults in place of a state the exhaust has to be cold.
                     let hot = h.samples(out, at).iter().find(|sample| sample.egt < 290.0);
-                    let hot = if self.is_amt() && fault { hot.map_or(at, |cold| cold.at) - out } else { 0 };
+                    // It is not asked within 5 s after a lower demand.
+                    let hot = hot.map_or(at, |cold| cold.at + 5 * SECOND) - out;
+                    let hot = if self.is_amt() && fault { hot } else { 0 };
                     (out, out + hot + self.two_states() + noise.min(10 * SECOND) + down)
                 });
                 // With error sets only the exhaust tells.
