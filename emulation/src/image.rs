@@ -34,9 +34,26 @@ impl Image {
         }
     }
 
+    /// Those of a board: all of them for the first board of a part, what is flashed for the others.
+    pub fn of(board: &Board) -> impl Iterator<Item = Self> {
+        let every = board.is_first_of_its_part();
+        let has_bootloader = board.behind_bootloader.is_some();
+        Self::ALL.into_iter().filter(move |image| match image {
+            Self::Release => true,
+            Self::Ardupilot => has_bootloader,
+            _ => every,
+        })
+    }
+
     /// Where in the flash it begins.
+    ///
+    /// # Panics
+    /// If it is to be behind a bootloader that the board does not have.
     pub fn start(self, board: &Board) -> u64 {
-        if self == Self::Ardupilot { board.behind_bootloader } else { board.flash.start }
+        match self {
+            Self::Ardupilot => board.behind_bootloader.expect("a bootloader"),
+            _ => board.flash.start,
+        }
     }
 
     /// Its file, whether it is there or not.
