@@ -1,4 +1,4 @@
-//! CubePilot Cube Orange (not Orange+, which has another chip) on its standard carrier board.
+//! CubePilot Cube Orange (not Orange+, which has another chip) on a carrier board with five serial sockets.
 //!
 //! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/CubeOrange/hwdef.inc` and `hwdef-bl.inc`. Older bootloaders
 //! (`hwdef-bl.dat` of 2019) listen on UART7 only, and leave the other TX pins floating.
@@ -17,7 +17,7 @@ pub static BOARD: Board = Board {
         Port::new("SERIAL2", "USART3", ["PD8", "PD9"], "TELEM2", Listens),
         Port::new("SERIAL3", "UART4", ["PA0", "PA1"], "GPS1", Floats),
         Port::new("SERIAL4", "UART8", ["PE1", "PE0"], "GPS2", Floats),
-        Port::new("SERIAL5", "UART7", ["PE8", "PE7"], "CONS", Listens),
+        Port::new("SERIAL5", "UART7", ["PE8", "PE7"], "CONS (ADS-B carriers: their receiver)", Listens),
     ],
     // CTS is PD3, RTS is PD4.
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),

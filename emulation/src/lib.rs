@@ -40,7 +40,7 @@ pub mod run;
 pub mod turnaround;
 mod wire;
 
-pub use board::{BOARDS, Board, MATEK_H743, PIXRACER};
+pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};
 pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;

@@ -12,7 +12,7 @@ cargo emu [TEST ...]       builds all images, runs the tests on them (all, or th
 cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-C, with an ECU on every port
                            that has an engine, and the log on the terminal
     BOARD                  matek-h743, pixracer, pixhawk-6c, cube-orange or nucleo-h743zi2
-    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge,
+    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
                            ardupilot-bootloader (behind a bootloader, as far as it can tell)
     --tcp PORT             TCP port of the telemetry UART on this machine; 5760 unless told";
 

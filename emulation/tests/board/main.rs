@@ -14,6 +14,7 @@ mod harness;
 mod line_errors;
 mod memory_map;
 mod other_boards;
+mod play_ecu;
 mod power;
 mod repeat;
 mod reply_time;
