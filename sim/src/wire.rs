@@ -305,9 +305,9 @@ impl<E: Ecu> Plug<E> {
         })
     }
 
-    /// A UART whose transmitter hangs: while `true`, no write and no flush of the node ever ends.
+    /// A UART whose transmitter hangs: while `true`, no flush of the node ever ends, and no write that finds the ring full.
     ///
-    /// The byte in the shifter still goes out; the ring stays as it is.
+    /// The byte in the shifter still goes out. What is written meanwhile waits in the ring, as it does in a driver with a buffer.
     pub fn stall_tx(&self, stalled: bool) {
         self.change(|wire| {
             wire.not_before = clock::now_ns();

@@ -731,14 +731,14 @@ impl Engine {
     /// Nothing has confirmed the life in time: permission and order are gone, the engine is not. Should the ECU report a
     /// running engine, however late, it goes on as one that was found running. A start ends.
     fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm, silent_since) = match &self.mode {
+        let (reached, pwm, silent_since, ruler) = match &self.mode {
             Mode::Run(run) => {
                 let hold = self.config.loss.hold;
                 let since = run.fail_safe_at.map(|at| at.checked_sub(hold).unwrap_or(Instant::MIN));
-                (run.life.reached(), false, since)
+                (run.life.reached(), false, since, run.ruler)
             }
             // ID 0 leaves the PWM input in charge for as long as it takes.
-            Mode::Pwm { life, .. } => (life.reached(), true, None),
+            Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
             _ => return,
         };
         if pwm && reached {
@@ -751,7 +751,7 @@ impl Engine {
         self.failed = true;
         // The stages of loss go on where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since));
+        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since).ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         self.event(Event::RunWithdrawn(End::Unconfirmed));
     }
@@ -852,6 +852,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
+            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_spoken(run.ruler)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,

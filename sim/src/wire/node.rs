@@ -210,7 +210,7 @@ impl Write for WireTx {
         poll_fn(|cx| {
             let mut port = self.port.borrow_mut();
             let space = port.tx_ring - port.tx.len();
-            if port.stalled || space == 0 {
+            if space == 0 {
                 register(&mut port.writer, cx);
                 return Poll::Pending;
             }

@@ -26,14 +26,31 @@ impl Case<'_> {
     fn moved_to(&self, at: u64, from: f64, to: f64) -> bool {
         let reach = 3 * self.h.rules.period + 50 * MS;
         self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
-            let Word::Run(ask) = said.word else { return false };
-            let words = self.voices.until(said.source, said.at.saturating_sub(1));
-            let Some(&(when, Word::Run(before))) = words.last() else { return false };
-            // One after the other: a source that was away has to rise at the rate.
-            let fresh = said.at <= when + self.voices.age(said.source);
-            let in_force = from + STEP >= self.share(before);
-            fresh && in_force && self.share(ask) + STEP >= to
+            matches!(said.word, Word::Run(ask) if self.share(ask) + STEP >= to)
+                && self.was_in_force(said.source, said.at, at.saturating_sub(reach), from)
         })
+    }
+
+    /// The words of a source just before this one, with no gap between them, say a demand that was on the wire. Several may
+    /// come in one slot, and one word of standby between two of run changes nothing.
+    fn was_in_force(&self, source: usize, at: u64, since: u64, from: f64) -> bool {
+        let mut next = at;
+        let mut standby = 0;
+        for &(when, word) in self.voices.until(source, at.saturating_sub(1)).iter().rev() {
+            // A source that was away has to rise at the rate.
+            if next > when + self.voices.age(source) {
+                return false;
+            }
+            match word {
+                Word::Run(before) if from + STEP >= self.share(before) => return true,
+                Word::Run(_) if when < since => return false,
+                Word::Run(_) => standby = 0,
+                Word::Standby if standby == 0 => standby = 1,
+                _ => return false,
+            }
+            next = when;
+        }
+        false
     }
 
     pub(super) fn rate(&mut self) {

@@ -6,7 +6,7 @@ use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, W
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
 /// After a disturbance that is over, until everything goes its way again.
-const SETTLES: u64 = 2 * SECOND;
+const SETTLES: u64 = 1500 * MS;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
@@ -16,7 +16,11 @@ impl Case<'_> {
         let cut = h.mute.union(&h.deaf).longer(SETTLES);
         // Up for less than it takes to find out, again and again, is as good as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
-        let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
+        let silent = if self.is_amt() { down.union(&h.noise) } else { down.clone() };
+        let silent = silent.at_least(patience.saturating_sub(300 * MS));
+        let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
+        let gap = Spans::from(&silent).longer(SETTLES);
         // What is damaged for longer than the ECU waits is as good as cut.
         // Damage on the way to the node costs an AMT ECU its replies, a ZK ECU nothing.
         let damage = if self.is_amt() { &h.noise } else { &h.noise_to_ecu };
@@ -178,10 +182,17 @@ impl Case<'_> {
         if run.is_some() && self.voices.run_in_control(at.saturating_sub(30 * MS)).is_some() {
             return false;
         }
-        // A source that speaks now and then is not in control, and the stages go on.
+        // A source that speaks now and then is not in control, and the stages go on. So they do while it waits to take over from
+        // a higher one that was lost.
         let sure = |source| {
             let spoken = rules.recover_after + rules.takeover + slack;
-            self.voices.in_control_for_sure(source, at, spoken)
+            self.voices.in_control_for_sure(source, at, spoken).filter(|when| {
+                let mut above =
+                    (0..source).filter_map(|above| self.voices.last(above, *when).map(|word| (above, word)));
+                above.all(|(above, (last, word))| {
+                    word == Word::Nothing || *when >= last + self.voices.age(above) + rules.takeover
+                })
+            })
         };
         let sure = (0..4).filter_map(sure).max();
         let last = self.voices.last_run(at).unwrap_or(0);
@@ -221,7 +232,20 @@ impl Case<'_> {
             let since = at.saturating_sub(h.rules.gives_up_after + 500 * MS);
             let run = |at| self.voices.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
-            if mark == Mark::GivenUp && ran && run(at) && run(since) && !exempt && self.known_to_run(since) {
+            // With nothing retained, and error sets only, nobody knows that it ran.
+            let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
+            let unknown = power.is_some_and(|reset| {
+                self.is_amt()
+                    && h.samples(reset.up, at.saturating_sub(200 * MS)).iter().all(|sample| sample.fault)
+            });
+            if mark == Mark::GivenUp
+                && !unknown
+                && ran
+                && run(at)
+                && run(since)
+                && !exempt
+                && self.known_to_run(since)
+            {
                 // Nothing but a gap within the ECU's patience is allowed to a node.
                 let hidden = self.down.within(since, at) + h.noise.within(since, at);
                 let text = format!(
@@ -259,10 +283,15 @@ impl Case<'_> {
         let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
         // A node that was reset, or did not hear the ECU, has to find out what its engine does.
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
+        // With error sets only an AMT engine whose exhaust falls may be any: its demand is not raised.
+        let dumb =
+            if self.is_amt() { self.faults.longer(self.two_states() + SECOND) } else { Spans::default() };
+        let hidden = hidden.union(&dumb);
         let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
         let mut since: Option<(u64, usize, Ask)> = None;
         let mut reported = 0;
         let mut frame = 0;
+        let mut low_since = None;
         for sample in &h.samples {
             let at = sample.at;
             let run = self.voices.run_in_control(at).filter(|(source, _)| {
@@ -296,10 +325,12 @@ impl Case<'_> {
             let Some((from, source, ask)) =
                 since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
             else {
+                low_since = None;
                 continue;
             };
             let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
             if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
+                low_since = None;
                 continue;
             }
             // What shut it down is another matter.
@@ -319,7 +350,9 @@ impl Case<'_> {
                 }
                 _ => true,
             };
-            if low {
+            // A reduction begins before its reason shows.
+            low_since = low.then(|| low_since.unwrap_or(at));
+            if low_since.is_some_and(|since| at >= since + SECOND) {
                 let text = format!(
                     "source {source} says run at {ask} since {}, and {} is on the wire",
                     seconds(from),

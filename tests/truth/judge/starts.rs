@@ -128,7 +128,9 @@ impl Case<'_> {
         let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
         let began = first.map_or(at, |frame| frame.at.min(at));
         let longest = |until| self.longest_gap(start.source, start.at, until);
-        if began > start.waits_until.saturating_add(100 * MS) {
+        // Whether it waited shows at the next slot at the earliest.
+        let waited = began > start.at + self.h.rules.period + 100 * MS;
+        if waited && began > start.waits_until.saturating_add(100 * MS) {
             return who("waited, and was withdrawn");
         }
         if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
@@ -261,6 +263,20 @@ impl Case<'_> {
                 };
                 if seen.is_some_and(|(out, until)| at <= until && (unseen(out) || by_exhaust(out + 100 * MS)))
                 {
+                    continue;
+                }
+                // A node that was reset did not hear the power-up, and the first reports still say that the engine runs, with its
+                // shaft turning: a running engine.
+                let stale = anew.is_some_and(|anew| {
+                    let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
+                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 2.0);
+                    h.rules.stale > 0
+                        && self.is_amt()
+                        && at < anew + reports
+                        && turns
+                        && self.down.touches(anew, at)
+                });
+                if stale {
                     continue;
                 }
                 // An order that a start gave is taken back: what was under way is out with the next frames.
