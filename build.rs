@@ -1,6 +1,8 @@
-//! Links the firmware: gives the linker the memory map of the chosen board and the scripts of
-//! cortex-m-rt and defmt. Builds for the host, and of the library alone, need nothing of this.
+//! Prepares the firmware for the chosen board: its part of the table (`boards/`) as typed code, the memory map, and the
+//! linker scripts of cortex-m-rt and defmt. Builds for the host, and of the library alone, need nothing of this.
 
+use boards::{Board, Clock, Family, Hold, Level, Region};
+use std::fmt::Write;
 use std::{env, fs, path::Path};
 
 fn main() {
@@ -12,34 +14,111 @@ fn main() {
         return;
     }
 
-    // Feature `board-matek-h743` reaches us as CARGO_FEATURE_BOARD_MATEK_H743; its map is
-    // memory/matek-h743.x.
-    let boards: Vec<String> = env::vars()
+    // Feature `board-matek-h743` reaches us as CARGO_FEATURE_BOARD_MATEK_H743.
+    let chosen: Vec<String> = env::vars()
         .filter_map(|(name, _)| {
             Some(name.strip_prefix("CARGO_FEATURE_BOARD_")?.to_lowercase().replace('_', "-"))
         })
         .collect();
-    let [board] = boards.as_slice() else {
-        panic!("the firmware needs exactly one board-* feature, not {boards:?}");
+    let [name] = chosen.as_slice() else {
+        panic!("the firmware needs exactly one board-* feature, not {chosen:?}");
     };
+    let behind_bootloader = env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some();
 
     // memory.x in the package root includes board.x, which the linker finds in the folder added
     // here.
     let out = env::var("OUT_DIR").unwrap();
-    // Behind an ArduPilot bootloader the image begins later in the flash.
-    let place = if env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some() { "-ardupilot" } else { "" };
-    let map = format!("memory/{board}{place}.x");
+    let write = |file: &str, text: &str| fs::write(Path::new(&out).join(file), text).unwrap();
     let read = |file: &str| fs::read_to_string(file).unwrap_or_else(|error| panic!("{file}: {error}"));
-    fs::write(Path::new(&out).join("board.x"), read(&map) + &read("memory/kept.x")).unwrap();
+    let map = match Board::by_name(name) {
+        Some(board) => {
+            write("board.rs", &code(board));
+            println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
+            let flash = board.flash(behind_bootloader);
+            map(board, flash.unwrap_or_else(|| panic!("{} has no bootloader to keep", board.title)))
+        }
+        // A board without an STM32 has its own files.
+        None => read(&format!("memory/{name}.x")),
+    };
+    write("board.x", &(map + &read("memory/kept.x")));
     // The chip crate of an STM32 brings the names of its interrupts for cortex-m-rt's script. A board
     // without one fills its vector table by itself and needs no names.
     if env::var_os("CARGO_FEATURE_STM32").is_none() {
-        fs::write(Path::new(&out).join("device.x"), "").unwrap();
+        write("device.x", "");
     }
     println!("cargo:rustc-link-search={out}");
     // --nmagic: no padding of the image to the host's page size.
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
         println!("cargo:rustc-link-arg-examples={argument}");
+    }
+}
+
+/// The memory map, for the linker.
+fn map(board: &Board, flash: Region) -> String {
+    let line = |name: &str, Region { start, kib }: Region| {
+        format!("  {name:5} : ORIGIN = {start:#010x}, LENGTH = {kib}K\n")
+    };
+    let lines = [("FLASH", flash), ("RAM", board.chip.ram), ("KEPT", board.chip.kept)];
+    let lines: String = lines.into_iter().map(|(name, region)| line(name, region)).collect();
+    format!("/* {}, from the table in boards/. */\nMEMORY\n{{\n{lines}}}\n", board.title)
+}
+
+/// The table of the board as a call of the macro `board!` (src/board/table.rs), where names become types.
+fn code(board: &Board) -> String {
+    let (mhz, mode) = match board.clock {
+        Clock::Crystal(mhz) => (mhz, "Oscillator"),
+        Clock::External(mhz) => (mhz, "Bypass"),
+    };
+    // What `clocks` in src/board/stm32h7.rs and stm32f4.rs can make their PLL from.
+    let step = match board.chip.family {
+        Family::F4 => 1,
+        Family::H7 => 8,
+    };
+    assert!(mhz % step == 0, "{}: {mhz} MHz is not a multiple of {step} MHz", board.title);
+    let mut code = String::from("board! {\n");
+    let mut line = |text: String| writeln!(code, "    {text}").unwrap();
+    line(format!("name: {:?},", board.title));
+    line(format!("apj_board_id: {},", board.bootloader.map_or(0, |bootloader| bootloader.board_id)));
+    line(format!("clock: {mhz} {mode},"));
+    line("ports: [".into());
+    for port in board.ports {
+        let (gpio, number) = place(port.tx);
+        assert!(
+            gpio <= "GPIOE".into(),
+            "{}: only GPIO A to E have their clock early (`clock_gpio`)",
+            port.tx
+        );
+        let name = format!("{}, {}, {}", port.name, port.uart, port.label);
+        line(format!("    {name:?} {} {} {} {gpio} {number},", port.uart, port.rx, port.tx));
+    }
+    line("],".into());
+    let telemetry = &board.telemetry;
+    line(format!("telemetry: {:?},", format!("{}, {}, {}", telemetry.name, telemetry.uart, telemetry.label)));
+    let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
+    line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
+    let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));
+    line(format!("hold: [{}],", held.collect::<Vec<_>>().join(" ")));
+    line(format!(
+        "watchdog: {},",
+        match board.chip.family {
+            Family::F4 => "IWDG",
+            Family::H7 => "IWDG1",
+        }
+    ));
+    code + "}\n"
+}
+
+/// `PA9` as `GPIOA` and `9`.
+fn place(pin: &str) -> (String, u8) {
+    let port = pin.strip_prefix('P').and_then(|pin| pin.split_at_checked(1));
+    let place = port.and_then(|(port, number)| Some((format!("GPIO{port}"), number.parse().ok()?)));
+    place.unwrap_or_else(|| panic!("{pin} is not the name of a pin, such as PA9"))
+}
+
+fn level(level: Level) -> &'static str {
+    match level {
+        Level::Low => "Low",
+        Level::High => "High",
     }
 }

@@ -11,8 +11,8 @@ use crate::line::{Line, StopBits};
 use crate::link::Timing;
 use embassy_time::Duration;
 
-/// The engines of this aircraft. `port` counts the board's ECU ports from 0: see the board's file under
-/// `src/board/` for their names and pins.
+/// The engines of this aircraft. `port` counts the board's ECU ports from 0: see
+/// `docs/boards.md` for their names and pins.
 #[cfg(not(feature = "all-ports"))]
 pub const ENGINES: [EngineConfig; 4] = [
     //                name       port  line                    ECU
@@ -24,7 +24,7 @@ pub const ENGINES: [EngineConfig; 4] = [
 
 /// Bench only (feature `all-ports`): an engine on every port of the board, with every kind of line.
 #[cfg(feature = "all-ports")]
-pub const ENGINES: [EngineConfig; if cfg!(feature = "board-pixracer") { 5 } else { 6 }] = {
+pub const ENGINES: [EngineConfig; ports()] = {
     let six = [
         EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
         EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
@@ -38,6 +38,15 @@ pub const ENGINES: [EngineConfig; if cfg!(feature = "board-pixracer") { 5 } else
         None => unreachable!(),
     }
 };
+
+/// How many ports the board has (build.rs); without a board, as many as the table above has engines.
+#[cfg(feature = "all-ports")]
+const fn ports() -> usize {
+    match option_env!("JETLINK_PORTS") {
+        Some(ports) => (ports.as_bytes()[0] - b'0') as usize,
+        None => 6,
+    }
+}
 
 const _: () = check(&ENGINES);
 

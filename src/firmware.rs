@@ -5,6 +5,7 @@
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
 //! | `events`, one for each ECU | thread mode | logs what happens |
 //! | `status` | thread mode | logs a line a second for each engine, drives the LED |
+//! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
 //! After a reset every engine is first listened to: one that runs goes on, one that does not stays in standby. Nothing here
@@ -36,6 +37,11 @@ const LINES: [Option<Line>; PORTS.len()] = {
         assert!(port < PORTS.len(), "an engine sits on a port that this board does not have");
         lines[port] = Some(ENGINES[i].line);
         i += 1;
+    }
+    #[cfg(feature = "play-ecu")]
+    {
+        assert!(lines[PORTS.len() - 1].is_none(), "an engine sits on the port that plays an ECU");
+        lines[PORTS.len() - 1] = Some(crate::play_ecu::LINE);
     }
     lines
 };
@@ -79,6 +85,8 @@ fn main() -> ! {
             let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
             engines.spawn(defmt::unwrap!(engine(runner, port)));
         }
+        #[cfg(feature = "play-ecu")]
+        engines.spawn(defmt::unwrap!(played_ecu(defmt::unwrap!(board.ports[PORTS.len() - 1].take()))));
         // Last: from here on, an engine whose runner is stuck means a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
@@ -215,6 +223,12 @@ impl defmt::Format for StatusLine<'_> {
             );
         }
     }
+}
+
+#[cfg(feature = "play-ecu")]
+#[embassy_executor::task]
+async fn played_ecu(port: EcuPort) {
+    crate::play_ecu::play(port).await
 }
 
 #[cfg(feature = "demo")]

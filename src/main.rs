@@ -12,6 +12,8 @@ mod demo;
 mod firmware;
 #[cfg(all(target_os = "none", any(feature = "demo", feature = "trial")))]
 mod pilot;
+#[cfg(all(target_os = "none", feature = "play-ecu"))]
+mod play_ecu;
 #[cfg(all(target_os = "none", feature = "trial"))]
 mod trial;
 

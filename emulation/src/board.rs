@@ -1,5 +1,5 @@
 //! The boards as their drawings have them: ports, pins and clocks. Written from the boards' documents and not
-//! from `src/board/`, so that one mistake cannot stand on both sides.
+//! from the project's table in `boards/`, so that one mistake cannot stand on both sides; a test compares the two.
 
 use core::ops::Range;
 use sim::line::Line;
@@ -76,19 +76,25 @@ pub struct Board {
     pub title: &'static str,
     /// The part.
     pub part: Part,
-    /// Its crystal in Hz.
+    /// Its crystal in Hz, or what comes in its place.
     pub crystal: u64,
+    /// A clock comes in place of the crystal: the oscillator has to be bypassed.
+    pub bypass: bool,
     /// Core clock in Hz. One instruction a cycle is as fast as the part can be.
     pub core_hz: u64,
     /// The ECU ports, in the order of the firmware's table of engines.
     pub ports: &'static [Port],
     /// The port kept for MAVLink.
     pub telemetry: Port,
+    /// The status LED's pin (GPIO port and number), and the level at which it lights.
+    pub led: (char, u8, bool),
+    /// Pins that the firmware drives from the start on, and their levels.
+    pub held: &'static [(char, u8, bool)],
     /// Flash.
     pub flash: Range<u64>,
     /// Where in it an application begins behind ArduPilot's bootloader (FLASH_BOOTLOADER_LOAD_KB of the board's
-    /// `hwdef-bl.dat`).
-    pub behind_bootloader: u64,
+    /// `hwdef-bl.dat`), if there is one for the board.
+    pub behind_bootloader: Option<u64>,
     /// The RAM that the firmware uses.
     pub ram: Range<u64>,
     /// The RAM above it, of which 1 KiB is kept over a reset.
@@ -119,6 +125,12 @@ impl Board {
         all.find(|port| port.name == name).unwrap_or_else(|| panic!("{} has no port {name}", self.name))
     }
 
+    /// The first board of its part, which runs every image; the others run what is flashed.
+    pub fn is_first_of_its_part(&self) -> bool {
+        let first = BOARDS.into_iter().find(|board| board.part == self.part);
+        first.is_some_and(|first| first.name == self.name)
+    }
+
     /// The board of this name.
     pub fn by_name(name: &str) -> Option<&'static Board> {
         BOARDS.into_iter().find(|board| board.name == name)
@@ -135,12 +147,13 @@ const fn port(name: &'static str, uart: Uart, clock: u64, rx: Pin, tx: Pin) -> P
 
 const MHZ: u64 = 1_000_000;
 
-/// Matek H743-WING.
-pub static MATEK_H743: Board = Board {
+/// What the boards with an H743 share, as the Matek has it.
+const H743: Board = Board {
     name: "matek-h743",
     title: "Matek H743-WING",
     part: Part::H743,
     crystal: 8 * MHZ,
+    bypass: false,
     core_hz: 400 * MHZ,
     ports: &[
         port("SERIAL2", Uart::Usart1, 100 * MHZ, pin('A', 10, 7), pin('A', 9, 7)),
@@ -151,8 +164,10 @@ pub static MATEK_H743: Board = Board {
         port("SERIAL7", Uart::Usart6, 100 * MHZ, pin('C', 7, 7), pin('C', 6, 7)),
     ],
     telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+    led: ('E', 3, false),
+    held: &[],
     flash: 0x0800_0000..0x0820_0000,
-    behind_bootloader: 0x0802_0000,
+    behind_bootloader: Some(0x0802_0000),
     ram: 0x2400_0000..0x2407_E000,
     above: 0x2407_E000..0x2408_0000,
     gpio: 0x5802_0000,
@@ -164,12 +179,16 @@ pub static MATEK_H743: Board = Board {
     transmit_register: 0x28,
 };
 
+/// Matek H743-WING.
+pub static MATEK_H743: Board = H743;
+
 /// mRo Pixracer.
 pub static PIXRACER: Board = Board {
     name: "pixracer",
     title: "mRo Pixracer",
     part: Part::F427,
     crystal: 24 * MHZ,
+    bypass: false,
     core_hz: 168 * MHZ,
     ports: &[
         port("SERIAL2", Uart::Usart3, 42 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
@@ -179,8 +198,11 @@ pub static PIXRACER: Board = Board {
         port("SERIAL6", Uart::Uart7, 42 * MHZ, pin('E', 7, 8), pin('E', 8, 8)),
     ],
     telemetry: port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
+    led: ('B', 1, false),
+    // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST
+    held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false)],
     flash: 0x0800_0000..0x0820_0000,
-    behind_bootloader: 0x0800_4000,
+    behind_bootloader: Some(0x0800_4000),
     ram: 0x2000_0000..0x2002_E000,
     above: 0x2002_E000..0x2003_0000,
     gpio: 0x4002_0000,
@@ -192,5 +214,61 @@ pub static PIXRACER: Board = Board {
     transmit_register: 0x04,
 };
 
-/// All boards.
-pub static BOARDS: [&Board; 2] = [&MATEK_H743, &PIXRACER];
+/// Pixhawk 6C: sockets TELEM1 to TELEM3, GPS1, GPS2, FMU debug.
+pub static PIXHAWK_6C: Board = Board {
+    name: "pixhawk-6c",
+    title: "Holybro Pixhawk 6C",
+    crystal: 16 * MHZ,
+    ports: &[
+        port("SERIAL2", Uart::Uart5, 100 * MHZ, pin('D', 2, 8), pin('C', 12, 8)),
+        port("SERIAL3", Uart::Usart1, 100 * MHZ, pin('A', 10, 7), pin('B', 6, 7)),
+        port("SERIAL4", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
+        port("SERIAL5", Uart::Usart2, 100 * MHZ, pin('A', 3, 7), pin('D', 5, 7)),
+        port("SERIAL6", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+    ],
+    telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+    led: ('D', 11, false),
+    // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN
+    held: &[('C', 10, false), ('E', 2, false), ('B', 9, false)],
+    ..H743
+};
+
+/// Cube Orange: sockets TELEM1, TELEM2, GPS1, GPS2, CONS of the carrier board.
+pub static CUBE_ORANGE: Board = Board {
+    name: "cube-orange",
+    title: "CubePilot Cube Orange",
+    crystal: 24 * MHZ,
+    ports: &[
+        port("SERIAL2", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+        port("SERIAL3", Uart::Uart4, 100 * MHZ, pin('A', 1, 8), pin('A', 0, 8)),
+        port("SERIAL4", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
+        port("SERIAL5", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+    ],
+    telemetry: port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
+    led: ('E', 12, false),
+    // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN
+    held: &[('A', 8, false), ('E', 3, false)],
+    ..H743
+};
+
+/// Nucleo-H743ZI2: Arduino's numbers, TX first.
+pub static NUCLEO_H743ZI2: Board = Board {
+    name: "nucleo-h743zi2",
+    title: "Nucleo-H743ZI2",
+    bypass: true,
+    ports: &[
+        port("D1 D0", Uart::Usart1, 100 * MHZ, pin('B', 7, 7), pin('B', 6, 7)),
+        port("D53 D52", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
+        port("D45 D46", Uart::Uart4, 100 * MHZ, pin('C', 11, 8), pin('C', 10, 8)),
+        port("D47 D48", Uart::Uart5, 100 * MHZ, pin('D', 2, 8), pin('C', 12, 8)),
+        port("D16 D21", Uart::Usart6, 100 * MHZ, pin('C', 7, 7), pin('C', 6, 7)),
+        port("D42 D41", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+    ],
+    telemetry: port("USB", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+    led: ('B', 0, true),
+    behind_bootloader: None,
+    ..H743
+};
+
+/// All boards. The first of each part runs every image.
+pub static BOARDS: [&Board; 5] = [&MATEK_H743, &PIXRACER, &PIXHAWK_6C, &CUBE_ORANGE, &NUCLEO_H743ZI2];

@@ -1,6 +1,6 @@
 //! Which firmware images there are, where they lie, and what a missing one says.
 
-use crate::board::Board;
+use crate::board::{Board, NUCLEO_H743ZI2};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -15,13 +15,16 @@ pub enum Image {
     AllPorts,
     /// With a task that stands still after 5 s (feature `wedge`).
     Wedge,
+    /// With an ECU that the last port plays (feature `play-ecu`); for the Nucleo only.
+    PlayEcu,
     /// Linked behind an ArduPilot bootloader (feature `ardupilot-bootloader`).
     Ardupilot,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::Ardupilot];
+    pub const ALL: [Self; 6] =
+        [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::PlayEcu, Self::Ardupilot];
 
     /// The feature that makes it, besides the board's.
     pub const fn feature(self) -> Option<&'static str> {
@@ -30,13 +33,32 @@ impl Image {
             Self::Demo => Some("demo"),
             Self::AllPorts => Some("all-ports"),
             Self::Wedge => Some("wedge"),
+            Self::PlayEcu => Some("play-ecu"),
             Self::Ardupilot => Some("ardupilot-bootloader"),
         }
     }
 
+    /// Those of a board: all of them for the first board of a part, what is flashed for the others.
+    pub fn of(board: &Board) -> impl Iterator<Item = Self> {
+        let every = board.is_first_of_its_part();
+        let has_bootloader = board.behind_bootloader.is_some();
+        Self::ALL.into_iter().filter(move |image| match image {
+            Self::Release => true,
+            Self::Ardupilot => has_bootloader,
+            Self::PlayEcu => board.name == NUCLEO_H743ZI2.name,
+            _ => every,
+        })
+    }
+
     /// Where in the flash it begins.
+    ///
+    /// # Panics
+    /// If it is to be behind a bootloader that the board does not have.
     pub fn start(self, board: &Board) -> u64 {
-        if self == Self::Ardupilot { board.behind_bootloader } else { board.flash.start }
+        match self {
+            Self::Ardupilot => board.behind_bootloader.expect("a bootloader"),
+            _ => board.flash.start,
+        }
     }
 
     /// Its file, whether it is there or not.

@@ -17,7 +17,7 @@
 //! The image runs instruction by instruction, in virtual time, and the same at every run. [`Run::go`] panics
 //! unless the run passes every check of [`audit`], which no test has to ask for.
 //!
-//! - [`board`]: the two boards, their ports, pins and clocks.
+//! - [`board`]: the boards, their ports, pins and clocks.
 //! - [`bootloader`]: what stands before an image that keeps its board's bootloader.
 //! - [`image`]: which images there are, and where.
 //! - [`run`]: one run, from what it is made of to what it leaves behind.
@@ -40,7 +40,7 @@ pub mod run;
 pub mod turnaround;
 mod wire;
 
-pub use board::{BOARDS, Board, MATEK_H743, PIXRACER};
+pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};
 pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;

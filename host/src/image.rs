@@ -4,7 +4,9 @@
 //! bootloader also `.apj`, with the application descriptor that some bootloaders check.
 
 use base64::Engine as _;
-use clap::{Args as ClapArgs, ValueEnum};
+use boards::{BOARDS, Before, Board, Bootloader};
+use clap::Args as ClapArgs;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use crc::{Algorithm, Crc};
 use std::fs;
 use std::io::Write;
@@ -19,7 +21,8 @@ use std::process::{Command, ExitCode, Stdio};
 #[derive(ClapArgs, Debug)]
 pub struct Args {
     /// The board.
-    board: Board,
+    #[arg(value_parser = PossibleValuesParser::new(BOARDS.map(|board| board.name)).try_map(board))]
+    board: &'static Board,
     /// For a board that keeps its ArduPilot bootloader.
     #[arg(long)]
     ardupilot_bootloader: bool,
@@ -31,39 +34,9 @@ pub struct Args {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Board {
-    MatekH743,
-    Pixracer,
+fn board(name: String) -> Result<&'static Board, String> {
+    Board::by_name(&name).ok_or(name)
 }
-
-impl Board {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::MatekH743 => "matek-h743",
-            Self::Pixracer => "pixracer",
-        }
-    }
-
-    /// ArduPilot's number of the board (hwdef-bl.dat, APJ_BOARD_ID).
-    const fn apj_board_id(self) -> u16 {
-        match self {
-            Self::MatekH743 => 1013,
-            Self::Pixracer => 11,
-        }
-    }
-
-    /// Where an application begins behind the ArduPilot bootloader (hwdef-bl.dat, FLASH_BOOTLOADER_LOAD_KB).
-    const fn behind_bootloader(self) -> u32 {
-        match self {
-            Self::MatekH743 => FLASH + 128 * 1024,
-            Self::Pixracer => FLASH + 16 * 1024,
-        }
-    }
-}
-
-/// Where the flash of an STM32 begins.
-const FLASH: u32 = 0x0800_0000;
 
 /// The first bytes of the application descriptor; src/board/ardupilot.rs has the rest of its layout.
 const SIGNATURE: [u8; 8] = [0x40, 0xA2, 0xE4, 0xF1, 0x64, 0x68, 0x91, 0x06];
@@ -95,18 +68,24 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn build_and_write(args: &Args) -> Result<(), String> {
+    let board = args.board;
+    let bootloader = if args.ardupilot_bootloader {
+        Some(board.bootloader.ok_or_else(|| format!("{} has no bootloader to keep", board.title))?)
+    } else {
+        None
+    };
+    let flash = board.flash(bootloader.is_some()).unwrap_or(board.chip.flash);
     let elf_path = build(args)?;
     let elf = fs::read(&elf_path).map_err(|error| format!("{}: {error}", elf_path.display()))?;
     let (start, mut flat) = flatten(&elf)?;
-    let expected = if args.ardupilot_bootloader { args.board.behind_bootloader() } else { FLASH };
-    if start != expected {
-        return Err(format!("the image begins at {start:#010x} and not at {expected:#010x}"));
+    if start != flash.start {
+        return Err(format!("the image begins at {start:#010x} and not at {:#010x}", flash.start));
     }
-    if args.ardupilot_bootloader {
-        fill_descriptor(&mut flat, args.board.apj_board_id())?;
+    if let Some(bootloader) = bootloader {
+        fill_descriptor(&mut flat, bootloader.board_id)?;
     }
 
-    let mut name = format!("jetlink-{}", args.board.name());
+    let mut name = format!("jetlink-{}", board.name);
     if args.ardupilot_bootloader {
         name += "-ardupilot";
     }
@@ -124,16 +103,44 @@ fn build_and_write(args: &Args) -> Result<(), String> {
     write("elf", &elf)?;
     write("bin", &flat)?;
     write("hex", hex(start, &flat)?.as_bytes())?;
-    if args.ardupilot_bootloader {
-        write("apj", apj(&flat, args.board)?.as_bytes())?;
+    if let Some(bootloader) = &bootloader {
+        write("apj", apj(&flat, board, bootloader)?.as_bytes())?;
     }
     println!("{} bytes of flash from {start:#010x}", flat.len());
+    if bootloader.is_some() {
+        print!("{}", warning(board));
+    }
     Ok(())
+}
+
+/// What the bootloader does to the ports before the image runs. Nothing, if all of them float.
+fn warning(board: &Board) -> String {
+    let ports = |before| -> Vec<String> {
+        let ports = board.ports.iter().filter(|port| port.before == before);
+        ports.map(|port| format!("{} ({})", port.name, port.label)).collect()
+    };
+    let mut text = String::new();
+    let listens = ports(Before::Listens);
+    if !listens.is_empty() {
+        text += &format!(
+            "Connect no ECU to {}: the bootloader listens there, too. It may take the bytes of an ECU for commands, and \
+             then starts nothing, or erases the image.\n",
+            listens.join(", ")
+        );
+    }
+    let driven_low = ports(Before::DrivenLow);
+    if !driven_low.is_empty() {
+        text += &format!(
+            "The bootloader drives TX low on {}, a break of 5 s after power-on: connect no ECU that minds.\n",
+            driven_low.join(", ")
+        );
+    }
+    text
 }
 
 /// Builds the firmware. Gives the path of its ELF file.
 fn build(args: &Args) -> Result<PathBuf, String> {
-    let mut features = format!("board-{}", args.board.name());
+    let mut features = format!("board-{}", args.board.name);
     if args.ardupilot_bootloader {
         features += ",ardupilot-bootloader";
     }
@@ -230,17 +237,17 @@ fn hex(start: u32, flat: &[u8]) -> Result<String, String> {
 }
 
 /// The JSON that ArduPilot's bootloader tools read.
-fn apj(flat: &[u8], board: Board) -> Result<String, String> {
+fn apj(flat: &[u8], board: &Board, bootloader: &Bootloader) -> Result<String, String> {
     let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
     let packed =
         zlib.write_all(flat).and_then(|()| zlib.finish()).map_err(|error| format!("zlib: {error}"))?;
     let json = serde_json::json!({
-        "board_id": board.apj_board_id(),
+        "board_id": bootloader.board_id,
         "magic": "APJFWv1",
-        "description": format!("jetlink for {}", board.name()),
+        "description": format!("jetlink for {}", board.name),
         "image": base64::engine::general_purpose::STANDARD.encode(packed),
         "image_size": flat.len(),
-        "summary": board.name(),
+        "summary": board.name,
         "version": env!("CARGO_PKG_VERSION"),
         "git_identity": git_identity(),
         "board_revision": 0,
@@ -300,6 +307,21 @@ mod tests {
     fn an_image_without_its_descriptor_or_for_another_board_is_refused() {
         assert!(fill_descriptor(&mut vec![0; 4096], 1013).unwrap_err().contains("0 application descriptors"));
         assert!(fill_descriptor(&mut image(), 11).unwrap_err().contains("another board"));
+    }
+
+    #[test]
+    fn ports_that_the_bootloader_uses_are_named() {
+        let warning = |name| super::warning(Board::by_name(name).unwrap());
+        assert_eq!(warning("matek-h743"), "");
+        let pixhawk = warning("pixhawk-6c");
+        assert!(
+            pixhawk.contains("no ECU to SERIAL2 (TELEM2), SERIAL6 (FMU debug): the bootloader listens"),
+            "{pixhawk}"
+        );
+        assert!(
+            pixhawk.contains("TX low on SERIAL3 (GPS1), SERIAL4 (GPS2), SERIAL5 (TELEM3), a break"),
+            "{pixhawk}"
+        );
     }
 
     #[test]

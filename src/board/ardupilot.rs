@@ -2,7 +2,7 @@
 //! and what it wants to be told afterwards.
 
 use super::chip;
-use super::chosen::APJ_BOARD_ID;
+use super::table::APJ_BOARD_ID;
 
 /// ArduPilot's `app_descriptor` (libraries/AP_CheckFirmware/AP_CheckFirmware.h). Bootloaders that check their
 /// application find it by its first eight bytes. `cargo image` fills in the two checksums and the size.

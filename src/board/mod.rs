@@ -1,10 +1,9 @@
 //! The boards: pins, clocks, interrupts, the watchdog. Nothing above this layer names a register or
 //! a pin.
 //!
-//! One feature chooses one board. A board is one file (`matek_h743.rs`, `pixracer.rs`) that says
-//! which of its UARTs are ECU ports. What all boards with an STM32 share is in `stm32.rs` and
-//! `port.rs`, what a family of chips shares is in `stm32h7.rs` and `stm32f4.rs`. To add a board: that
-//! file, its lines below, `memory/<board>.x` and the feature in `Cargo.toml`.
+//! One feature chooses one board. A board with an STM32 is data, in the package `boards`; `table.rs` turns that into code.
+//! What all of them share is in `stm32.rs`, `early.rs` and `port.rs`, what a family of chips shares is in `stm32h7.rs` and
+//! `stm32f4.rs`. `docs/porting.md` says how to add one.
 //!
 //! Every board gives `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`,
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
@@ -17,10 +16,6 @@ mod crash;
 mod early;
 
 pub mod guard;
-#[cfg(feature = "board-matek-h743")]
-mod matek_h743;
-#[cfg(feature = "board-pixracer")]
-mod pixracer;
 #[cfg(feature = "stm32")]
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
@@ -28,24 +23,26 @@ mod qemu_mps2;
 mod start;
 #[cfg(feature = "stm32")]
 mod stm32;
-#[cfg(feature = "board-pixracer")]
+#[cfg(feature = "stm32f4")]
 mod stm32f4;
-#[cfg(feature = "board-matek-h743")]
+#[cfg(feature = "stm32h7")]
 mod stm32h7;
+#[cfg(feature = "stm32")]
+mod table;
 
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;
+#[cfg(feature = "stm32f4")]
+use stm32f4 as chip;
+#[cfg(feature = "stm32h7")]
+use stm32h7 as chip;
 #[cfg(feature = "stm32")]
 pub use {
-    chosen::{NAME, PORTS, TELEMETRY_PORT, init},
     embassy_executor::Executor,
     port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
+    table::{NAME, PORTS, TELEMETRY_PORT, init},
 };
-#[cfg(feature = "board-matek-h743")]
-use {matek_h743 as chosen, stm32h7 as chip};
-#[cfg(feature = "board-pixracer")]
-use {pixracer as chosen, stm32f4 as chip};
 
 use embassy_executor::InterruptExecutor;
 use jetlink::engine::keep::{Memory, Reset};

@@ -5,24 +5,48 @@ use defmt_rtt as _; // the logger
 use embassy_executor::SendSpawner;
 use embassy_stm32::{
     Peri,
-    gpio::{Level, Output, Pin, Speed},
+    gpio::{Flex, Level, Output, Pin, Speed},
     interrupt::{InterruptExt, Priority},
     pac::iwdg::vals::Pr,
 };
 
-/// An LED that lights when its pin is low.
-pub struct Led(Output<'static>);
+/// How a pin drives its LED.
+#[expect(dead_code, reason = "each board has one of them")]
+pub enum Drive {
+    /// High and low.
+    PushPull,
+    /// Low, or not at all.
+    OpenDrain,
+}
+
+/// The status LED.
+pub struct Led {
+    pin: Flex<'static>,
+    lit: Level,
+}
 
 impl Led {
-    /// On this pin, dark.
-    pub fn new(pin: Peri<'static, impl Pin>) -> Self {
-        Self(Output::new(pin, Level::High, Speed::Low))
+    /// On this pin, dark. It lights at the level `lit`.
+    pub fn new(pin: Peri<'static, impl Pin>, lit: Level, drive: Drive) -> Self {
+        let mut led = Self { pin: Flex::new(pin), lit };
+        led.set(false);
+        match drive {
+            Drive::PushPull => led.pin.set_as_output(Speed::Low),
+            Drive::OpenDrain => led.pin.set_as_input_output(Speed::Low),
+        }
+        led
     }
 
     /// Lights the LED, or puts it out.
     pub fn set(&mut self, lit: bool) {
-        self.0.set_level(Level::from(!lit));
+        self.pin.set_level(Level::from(lit == (self.lit == Level::High)));
     }
+}
+
+/// Drives a pin for good.
+#[allow(dead_code, reason = "not every board has such pins")]
+pub fn hold(pin: Peri<'static, impl Pin>, level: Level) {
+    core::mem::forget(Output::new(pin, level, Speed::Low)); // dropped, it would let go of the pin
 }
 
 /// The independent watchdog: its own oscillator (32 kHz, 17 to 47 kHz on a bad day), and nothing

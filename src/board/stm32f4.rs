@@ -1,12 +1,14 @@
 //! What boards with an STM32F427 share: the names and registers that differ from one family of
 //! chips to another.
 
-use super::{ENGINE_EXECUTOR, ResetCause};
+use super::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use embassy_stm32::{
+    Config,
     interrupt, // the module and the attribute
     interrupt::Interrupt,
     pac::{self, DBGMCU, EXTI, FLASH, PWR, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
+    rcc::{AHBPrescaler, APBPrescaler, Hse, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
 };
 use jetlink::line::LineError;
 
@@ -72,6 +74,32 @@ pub fn write_backup_register(word: u32) {
 /// What has to be so before `embassy_stm32::init`: nothing here. Embassy and ArduPilot's bootloader both give the RTC
 /// the LSI, so neither resets the backup domain.
 pub fn before_init() {}
+
+/// 336 MHz PLL from the board's clock, a multiple of 1 MHz, or from the chip's own 16 MHz; 168 MHz core, 42 MHz (APB1) and
+/// 84 MHz (APB2) for UARTs.
+pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
+    let mut config = Config::default();
+    let (source, prediv) = match oscillator {
+        Oscillator::Crystal => {
+            config.rcc.hse = Some(hse);
+            (PllSource::HSE, PllPreDiv::from_bits((hse.freq.0 / 1_000_000) as u8))
+        }
+        Oscillator::Internal => (PllSource::HSI, PllPreDiv::DIV16),
+    };
+    config.rcc.pll_src = source;
+    config.rcc.pll = Some(Pll {
+        prediv,
+        mul: PllMul::MUL336,
+        divp: Some(PllPDiv::DIV2),
+        divq: Some(PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.sys = Sysclk::PLL1_P;
+    config.rcc.ahb_pre = AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = APBPrescaler::DIV4;
+    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    config
+}
 
 /// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,
 /// within 0.1 s.

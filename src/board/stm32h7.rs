@@ -1,8 +1,9 @@
 //! What boards with an STM32H743 share: the names and registers that differ from one family of
 //! chips to another.
 
-use super::{ENGINE_EXECUTOR, ResetCause};
+use super::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use embassy_stm32::{
+    Config,
     interrupt, // the module and the attribute
     interrupt::Interrupt,
     pac::{
@@ -11,6 +12,10 @@ use embassy_stm32::{
         usart::Usart,
     },
     peripherals,
+    rcc::{
+        AHBPrescaler, APBPrescaler, Hse, LsConfig, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
+        VoltageScale,
+    },
 };
 use jetlink::line::LineError;
 
@@ -70,7 +75,7 @@ pub fn write_backup_register(word: u32) {
     cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
     // The bootloader resets the backup domain, and the word with it, if the clock of the RTC is another one than its
     // own, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is chosen, here as in the
-    // board's `Config`, and the RTC is turned on without one, as ArduPilot's set_rtc_backup() does.
+    // configuration, and the RTC is turned on without one, as ArduPilot's set_rtc_backup() does.
     RCC.bdcr().modify(|w| w.set_rtcen(true));
     pac::RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
@@ -82,6 +87,37 @@ pub fn before_init() {
     if RCC.bdcr().read().rtcsel() == Rtcsel::DISABLE {
         RCC.bdcr().modify(|w| w.set_rtcen(false));
     }
+}
+
+/// 800 MHz PLL from the board's clock, a multiple of 8 MHz, or from the chip's own 64 MHz; 400 MHz core, 200 MHz buses,
+/// 100 MHz for UARTs.
+pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
+    let mut config = Config::default();
+    let (source, prediv, mul) = match oscillator {
+        Oscillator::Crystal => {
+            config.rcc.hse = Some(hse);
+            (PllSource::HSE, PllPreDiv::from_bits((hse.freq.0 / 8_000_000) as u8), PllMul::MUL100)
+        }
+        Oscillator::Internal => (PllSource::HSI, PllPreDiv::DIV4, PllMul::MUL50),
+    };
+    config.rcc.pll1 = Some(Pll {
+        source,
+        prediv,
+        mul,
+        fracn: None,
+        divp: Some(PllDiv::DIV2),
+        divq: Some(PllDiv::DIV8),
+        divr: None,
+    });
+    config.rcc.ls = LsConfig::off(); // no clock for the RTC: see `write_backup_register`
+    config.rcc.sys = Sysclk::PLL1_P;
+    config.rcc.ahb_pre = AHBPrescaler::DIV2;
+    config.rcc.apb1_pre = APBPrescaler::DIV2;
+    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    config.rcc.apb3_pre = APBPrescaler::DIV2;
+    config.rcc.apb4_pre = APBPrescaler::DIV2;
+    config.rcc.voltage_scale = VoltageScale::Scale1;
+    config
 }
 
 /// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,

@@ -1,5 +1,5 @@
 //! The aliases of `.cargo/config.toml` that build a firmware image: `cargo fw`, `image`, `flash-*`, `emu`,
-//! `emu-run`, `qemu` and `qemu-test`.
+//! `emu-run`, `qemu` and `qemu-test`. And, for scripts, the list of boards: `cargo run --package xtask -- boards`.
 //!
 //! Every image is built with one pinned Rust, while everything else builds with the Rust that is there. So this
 //! asks for what is needed, reports what is missing and how to install it, and starts `cargo` with the pinned
@@ -15,6 +15,20 @@ use task::Task;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [first, rest @ ..] = arguments.as_slice()
+        && first == "boards"
+    {
+        return match task::list(rest) {
+            Ok(names) => {
+                print!("{names}");
+                ExitCode::SUCCESS
+            }
+            Err(why) => {
+                eprintln!("error: {why}");
+                ExitCode::FAILURE
+            }
+        };
+    }
     match prepare(&arguments) {
         Ok(command) => start(command),
         Err(why) => {

@@ -2,6 +2,7 @@
 
 use crate::environment::Program;
 use crate::pin;
+use boards::{BOARDS, Board};
 
 const QEMU: Program = Program {
     name: "qemu-system-arm",
@@ -14,9 +15,6 @@ const PROBE_RS: Program =
 /// The manifest of the emulator's workspace.
 const EMULATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml");
 
-/// Build, flash and run with a debug probe: the alias's name behind `flash-`, and probe-rs's name of the chip.
-const CHIPS: [(&str, &str); 2] = [("matek-h743", "STM32H743VITx"), ("pixracer", "STM32F427VITx")];
-
 /// What is asked for, with its further arguments.
 #[derive(Debug)]
 pub enum Task<'a> {
@@ -25,7 +23,7 @@ pub enum Task<'a> {
     /// `cargo image BOARD`: write the files to flash.
     Image(&'a [String]),
     /// `cargo flash-BOARD`: build, flash and run with a debug probe.
-    Flash(usize, &'a [String]),
+    Flash(&'static Board, &'a [String]),
     /// `cargo emu`: the tests on emulated boards.
     Emu(&'a [String]),
     /// `cargo emu-run`: one image on an emulated board.
@@ -42,9 +40,8 @@ impl<'a> Task<'a> {
             "fw" => match rest {
                 [features, more @ ..] if !features.starts_with('-') => Self::Fw(features, more),
                 _ => {
-                    return Err("name the board: cargo fw board-matek-h743, cargo fw board-pixracer, \
-                                and further features behind a comma"
-                        .into());
+                    let boards = BOARDS.map(|board| format!("cargo fw board-{}", board.name)).join(", ");
+                    return Err(format!("name the board: {boards}, and further features behind a comma"));
                 }
             },
             "image" => Self::Image(rest),
@@ -53,10 +50,8 @@ impl<'a> Task<'a> {
             "qemu" => Self::Qemu(false, rest),
             "qemu-test" => Self::Qemu(true, rest),
             other => {
-                let chip = other
-                    .strip_prefix("flash-")
-                    .and_then(|board| CHIPS.iter().position(|(name, _)| *name == board));
-                Self::Flash(chip.ok_or_else(usage)?, rest)
+                let board = other.strip_prefix("flash-").and_then(Board::by_name);
+                Self::Flash(board.ok_or_else(usage)?, rest)
             }
         })
     }
@@ -82,9 +77,9 @@ impl<'a> Task<'a> {
             Self::Image(more) => {
                 strings(&["run", "--package", "host", "--bin", "jetlink", "--", "image"], more)
             }
-            Self::Flash(chip, more) => {
-                let (board, chip) = CHIPS[*chip];
-                let features = format!("board-{board}");
+            Self::Flash(board, more) => {
+                let features = format!("board-{}", board.name);
+                let chip = board.chip.probe_rs;
                 let runner = format!("target.{}.runner = 'probe-rs run --chip {chip}'", pin::target());
                 let these = ["--features", &features, "--config", &runner];
                 strings(&[&["run"], &firmware[..], &these].concat(), more)
@@ -103,8 +98,21 @@ fn strings(first: &[&str], more: &[String]) -> Vec<String> {
     first.iter().map(|&argument| argument.to_owned()).chain(more.iter().cloned()).collect()
 }
 
+/// What `boards` prints, one name a line: all boards, or those that CI treats in another way.
+pub fn list(arguments: &[String]) -> Result<String, String> {
+    let wanted: fn(&Board) -> bool = match arguments {
+        [] => |_| true,
+        [option] if option == "--with-bootloader" => |board| board.bootloader.is_some(),
+        [option] if option == "--first-of-each-chip" => Board::is_first_of_its_chip,
+        _ => return Err("boards takes nothing, --with-bootloader or --first-of-each-chip".into()),
+    };
+    Ok(BOARDS.into_iter().filter(|board| wanted(board)).map(|board| format!("{}\n", board.name)).collect())
+}
+
 fn usage() -> String {
-    "this program stands behind cargo fw, image, flash-matek-h743, flash-pixracer, emu, emu-run, qemu and \
-     qemu-test; call those"
-        .into()
+    let flash = BOARDS.map(|board| format!("flash-{}", board.name)).join(", ");
+    format!(
+        "this program stands behind cargo fw, image, {flash}, emu, emu-run, qemu and qemu-test; call those; or let \
+         `boards` print the names of the boards"
+    )
 }

@@ -1,6 +1,7 @@
 //! What `xtask` decides, with a `rustup`, a `cargo` and other programs of the test's own in PATH.
 #![cfg(unix)]
 
+use boards::BOARDS;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
@@ -250,12 +251,34 @@ fn what_is_no_task_is_reported() {
 }
 
 #[test]
+fn the_boards_are_listed_for_scripts_whatever_is_installed() {
+    let computer = Computer::without_rustup("boards");
+    let list = |arguments: &[&str]| {
+        let output = computer.xtask(arguments);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).expect("UTF-8").lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(list(&["boards"]), BOARDS.map(|board| board.name));
+    assert_eq!(list(&["boards", "--first-of-each-chip"]), ["matek-h743", "pixracer"]);
+    let with_bootloader = list(&["boards", "--with-bootloader"]);
+    assert!(
+        with_bootloader.contains(&"pixhawk-6c".into()) && !with_bootloader.contains(&"nucleo-h743zi2".into())
+    );
+    assert!(computer.refuses(&["boards", "--all"]).contains("--with-bootloader"));
+}
+
+#[test]
 fn each_alias_of_cargo_reaches_its_task() {
     let config = include_str!("../../.cargo/config.toml");
     let aliases: Vec<(&str, &str)> =
         config.lines().filter_map(|line| line.split_once(" = \"run --quiet --package xtask -- ")).collect();
-    let names = ["fw", "image", "flash-matek-h743", "flash-pixracer", "emu", "emu-run", "qemu", "qemu-test"];
-    assert_eq!(aliases.iter().map(|(alias, _)| *alias).collect::<Vec<_>>(), names);
+    let flash = BOARDS.map(|board| format!("flash-{}", board.name));
+    let others = ["fw", "image", "emu", "emu-run", "qemu", "qemu-test"];
+    let mut names: Vec<&str> = flash.iter().map(String::as_str).chain(others).collect();
+    names.sort_unstable();
+    let mut found: Vec<&str> = aliases.iter().map(|(alias, _)| *alias).collect();
+    found.sort_unstable();
+    assert_eq!(found, names);
     for (alias, task) in aliases {
         assert_eq!(task, format!("{alias}\""));
     }

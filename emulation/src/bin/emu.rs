@@ -11,8 +11,8 @@ const USAGE: &str = "\
 cargo emu [TEST ...]       builds all images, runs the tests on them (all, or those whose names contain a TEST)
 cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-C, with an ECU on every port
                            that has an engine, and the log on the terminal
-    BOARD                  matek-h743 or pixracer
-    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge,
+    BOARD                  matek-h743, pixracer, pixhawk-6c, cube-orange or nucleo-h743zi2
+    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
                            ardupilot-bootloader (behind a bootloader, as far as it can tell)
     --tcp PORT             TCP port of the telemetry UART on this machine; 5760 unless told";
 
@@ -74,7 +74,7 @@ fn build(board: &Board, image: Image) -> Result<(), String> {
 }
 
 fn build_all() -> Result<(), String> {
-    BOARDS.into_iter().try_for_each(|board| Image::ALL.into_iter().try_for_each(|image| build(board, image)))
+    BOARDS.into_iter().try_for_each(|board| Image::of(board).try_for_each(|image| build(board, image)))
 }
 
 fn test(filters: &[&str]) -> Result<(), String> {
@@ -82,7 +82,7 @@ fn test(filters: &[&str]) -> Result<(), String> {
     let mut tests = cargo();
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
     tests.arg("test").arg("--manifest-path").arg(manifest).args(["--tests", "--"]).args(filters);
-    // Each test runs both boards, in a thread each.
+    // Each test runs two boards or more, in a thread each.
     tests.env("RUST_TEST_THREADS", std::env::var("RUST_TEST_THREADS").unwrap_or_else(|_| "2".to_string()));
     succeed(&mut tests, "A test")?;
     if let Ok(table) = std::fs::read_to_string(folder().join("turnaround.md")) {

@@ -1,6 +1,6 @@
 //! From power to the first reply.
 
-use crate::support::{engines, first_byte, no_window_missed, on_each_board};
+use crate::support::{engines, first_byte, no_window_missed, on_all_boards, on_each_board};
 use emulation::board::{Part, Pin};
 use emulation::{Bench, Image, Run};
 use sim::amt::AmtEcu;
@@ -35,7 +35,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
 
 #[test]
 fn the_log_names_the_reset_and_every_port() {
-    on_each_board(|board| {
+    on_all_boards(|board| {
         let report = Run::new(board, Image::Release).engines().until(SECOND / 2).go();
         assert!(report.logs[0].text.ends_with("last reset: PowerOn"), "{:?}", report.logs[0]);
         for (number, port) in board.ports.iter().enumerate() {
@@ -70,6 +70,47 @@ fn the_clock_is_right() {
     });
 }
 
+/// What is soldered to the pins: the LED lights when it should, and what the firmware has to drive, it drives.
+#[test]
+fn led_and_held_pins_are_driven() {
+    on_all_boards(|board| {
+        let (sender, receiver) = mpsc::channel();
+        let look = move |bench: &mut Bench<'_>| {
+            // The mode and the level of a pin.
+            let mut pin = |(port, number, _): (char, u8, bool)| {
+                let gpio = board.gpio + 0x400 * u64::from(port as u8 - b'A');
+                let [mode, output] = [0x00, 0x14].map(|at| bench.register(gpio + at).expect("a register"));
+                (mode >> (2 * number) & 3, output >> number & 1 == 1)
+            };
+            let held: Vec<_> = board.held.iter().map(|&held| pin(held)).collect();
+            sender.send((pin(board.led), held)).expect("the test waits");
+        };
+        let again = look.clone();
+        // One flash of 50 ms each second.
+        let run = Run::new(board, Image::Release).engines().at(900 * MILLIS, look);
+        run.at(1030 * MILLIS, again).until(1100 * MILLIS).go();
+        let lit = board.led.2;
+        let held: Vec<_> = board.held.iter().map(|&(_, _, level)| (1, level)).collect();
+        for led in [!lit, lit] {
+            assert_eq!(receiver.recv(), Ok(((1, led), held.clone())), "{}", board.name);
+        }
+    });
+}
+
+#[test]
+fn the_oscillator_is_bypassed_where_a_clock_comes_in_place_of_a_crystal() {
+    on_all_boards(|board| {
+        let (sender, receiver) = mpsc::channel();
+        let look = move |bench: &mut Bench<'_>| {
+            sender.send(bench.register(board.clock_control)).expect("the test waits");
+        };
+        Run::new(board, Image::Release).engines().at(SECOND / 2, look).until(SECOND / 2 + 1).go();
+        // HSEBYP, HSERDY, HSEON.
+        let control = receiver.recv().expect("the run came by").map(|word| word >> 16 & 7);
+        assert_eq!(control, Some(if board.bypass { 0b111 } else { 0b011 }), "{}", board.name);
+    });
+}
+
 #[test]
 fn the_flash_has_its_wait_states_and_its_accelerator() {
     on_each_board(|board| {
@@ -94,13 +135,14 @@ fn the_flash_has_its_wait_states_and_its_accelerator() {
 /// from the alternate function on, until the UART drives it.
 #[test]
 fn tx_is_pulled_up_first_of_all() {
-    on_each_board(|board| {
+    on_all_boards(|board| {
         let gpio = |pin: Pin| board.gpio + 0x400 * u64::from(pin.port as u8 - b'A');
         let (control, enabled) = match board.part {
             Part::H743 => (0x00, 1 << 3 | 1),
             Part::F427 => (0x0C, 1 << 3 | 1 << 13),
         };
-        let mut run = Run::new(board, Image::AllPorts).engines().record(board.watchdog).until(SECOND);
+        let image = if board.is_first_of_its_part() { Image::AllPorts } else { Image::Release };
+        let mut run = Run::new(board, image).engines().record(board.watchdog).until(SECOND);
         for letter in 0..5 {
             run = run.record(board.gpio + 0x400 * letter).record(board.gpio + 0x400 * letter + 0x0C);
         }
@@ -122,6 +164,9 @@ fn tx_is_pulled_up_first_of_all() {
             let input = first(gpio(port.tx), &|word| field(word) == 0);
             assert!(pulled.is_some_and(|at| at < watchdog), "{} {}: {pulled:?}", board.name, port.name);
             assert!(input.is_some_and(|at| at < watchdog), "{} {}: {input:?}", board.name, port.name);
+            if !engines(&report).iter().any(|engine| engine.port == port.name) {
+                continue; // it stays closed
+            }
             let driven = first(gpio(port.tx), &|word| field(word) == 2).expect("an alternate function");
             let open = first(port.registers() + control, &|word| word & enabled == enabled).expect("a UART");
             println!(

@@ -1,6 +1,6 @@
 //! Where the image lies in the part's memory, and how deep its stack gets.
 
-use crate::support::{Task, hijack, on_each_board, symbol};
+use crate::support::{Task, hijack, on_all_boards, on_each_board, symbol};
 use emulation::{Bench, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
@@ -63,8 +63,8 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
 
 #[test]
 fn what_is_kept_over_a_reset_has_a_place_of_its_own() {
-    on_each_board(|board| {
-        for image in Image::ALL {
+    on_all_boards(|board| {
+        for image in Image::of(board) {
             let symbol = |name| symbol(board, image, name);
             let kept = symbol("__skept")..symbol("__ekept");
             // 1 KiB from here on, and the last 7 KiB of the RAM are nobody's.

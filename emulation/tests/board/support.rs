@@ -6,17 +6,33 @@ use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos};
 use sim::zk::ZkEcu;
 
-/// Runs a test on every board at once.
+/// Runs a test on the first board of each part at once.
 pub fn on_each_board(test: impl Fn(&'static Board) + Sync) {
+    on(|board| board.is_first_of_its_part(), test);
+}
+
+/// Runs a test on the boards that have a part which another board has shown everything of.
+pub fn on_the_other_boards(test: impl Fn(&'static Board) + Sync) {
+    on(|board| !board.is_first_of_its_part(), test);
+}
+
+/// Runs a test on every board at once.
+pub fn on_all_boards(test: impl Fn(&'static Board) + Sync) {
+    on(|_| true, test);
+}
+
+fn on(wanted: impl Fn(&Board) -> bool, test: impl Fn(&'static Board) + Sync) {
+    let boards: Vec<_> = BOARDS.into_iter().filter(|board| wanted(board)).collect();
     std::thread::scope(|scope| {
-        let runs = BOARDS.map(|board| {
+        let start = |board: &'static Board| {
             let test = &test;
             std::thread::Builder::new()
                 .name(board.name.to_string())
                 .spawn_scoped(scope, move || test(board))
                 .expect("a thread")
-        });
-        for (run, board) in runs.into_iter().zip(BOARDS) {
+        };
+        let runs: Vec<_> = boards.iter().map(|board| start(board)).collect();
+        for (run, board) in runs.into_iter().zip(boards) {
             if run.join().is_err() {
                 panic!("failed on {}", board.name);
             }

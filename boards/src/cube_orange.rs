@@ -1,0 +1,29 @@
+//! CubePilot Cube Orange (not Orange+, which has another chip) on a carrier board with five serial sockets.
+//!
+//! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/CubeOrange/hwdef.inc` and `hwdef-bl.inc`. Older bootloaders
+//! (`hwdef-bl.dat` of 2019) listen on UART7 only, and leave the other TX pins floating.
+
+use crate::Before::{Floats, Listens};
+use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
+
+pub static BOARD: Board = Board {
+    name: "cube-orange",
+    title: "CubePilot Cube Orange",
+    also: &[],
+    chip: &STM32H743VI,
+    clock: Clock::Crystal(24),
+    bootloader: Some(Bootloader { of: "ArduPilot's", board_id: 140, load_kib: 128, reserved_kib: 0 }),
+    ports: &[
+        Port::new("SERIAL2", "USART3", ["PD8", "PD9"], "TELEM2", Listens),
+        Port::new("SERIAL3", "UART4", ["PA0", "PA1"], "GPS1", Floats),
+        Port::new("SERIAL4", "UART8", ["PE1", "PE0"], "GPS2", Floats),
+        Port::new("SERIAL5", "UART7", ["PE8", "PE7"], "CONS (ADS-B carriers: their receiver)", Listens),
+    ],
+    // CTS is PD3, RTS is PD4.
+    telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
+    led: Led { pin: "PE12", lit: Level::Low, open_drain: true, label: "amber, on the cube" },
+    hold: &[
+        low("PA8", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),
+        low("PE3", "VDD_3V3_SENSORS_EN: the sensors are off"),
+    ],
+};

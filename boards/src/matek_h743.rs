@@ -1,0 +1,30 @@
+//! Matek H743-WING, and what shares its wiring.
+//!
+//! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/MatekH743/hwdef.dat` and `hwdef-bl.dat`. There is one hwdef for -WING,
+//! -SLIM, -MINI and -WLITE; PX4 has a board file for each, and those of -WING, -SLIM and -WLITE give the UARTs the same pins
+//! (`boards/matek/h743*/nuttx-config/include/board.h`; that of -MINI was not at hand). The pads bear the number of the UART.
+
+use crate::Before::{Floats, Listens};
+use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI};
+
+pub static BOARD: Board = Board {
+    name: "matek-h743",
+    title: "Matek H743-WING",
+    also: &["Matek H743-SLIM", "Matek H743-MINI", "Matek H743-WLITE"],
+    chip: &STM32H743VI,
+    clock: Clock::Crystal(8),
+    // The last two sectors are its storage.
+    bootloader: Some(Bootloader { of: "ArduPilot's", board_id: 1013, load_kib: 128, reserved_kib: 256 }),
+    ports: &[
+        Port::new("SERIAL2", "USART1", ["PA9", "PA10"], "pads TX1 RX1", Floats),
+        Port::new("SERIAL3", "USART2", ["PD5", "PD6"], "pads TX2 RX2 (GPS1)", Floats),
+        Port::new("SERIAL4", "USART3", ["PD8", "PD9"], "pads TX3 RX3 (GPS2)", Floats),
+        Port::new("SERIAL5", "UART8", ["PE1", "PE0"], "pads TX8 RX8", Floats),
+        Port::new("SERIAL6", "UART4", ["PB9", "PB8"], "pads TX4 RX4", Floats),
+        Port::new("SERIAL7", "USART6", ["PC6", "PC7"], "pads TX6 RX6 (RC input)", Floats),
+    ],
+    // CTS is PE10, RTS is PE9.
+    telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "pads TX7 RX7 CTS7 RTS7", Listens),
+    led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
+    hold: &[],
+};

@@ -1,0 +1,31 @@
+//! mRo Pixracer.
+//!
+//! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/Pixracer/hwdef.dat` and `hwdef-bl.dat`.
+
+use crate::Before::{Floats, Listens};
+use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, high, low};
+
+pub static BOARD: Board = Board {
+    name: "pixracer",
+    title: "mRo Pixracer",
+    also: &[],
+    chip: &STM32F427VI,
+    clock: Clock::Crystal(24),
+    bootloader: Some(Bootloader { of: "ArduPilot's", board_id: 11, load_kib: 16, reserved_kib: 0 }),
+    ports: &[
+        Port::new("SERIAL2", "USART3", ["PD8", "PD9"], "TELEM2", Floats),
+        Port::new("SERIAL3", "UART4", ["PA0", "PA1"], "GPS", Floats),
+        Port::new("SERIAL4", "UART8", ["PE1", "PE0"], "FrSky", Floats)
+            .inverter(high("PA10", "UART8_TXINV: TX of the FrSky socket is not inverted")),
+        Port::new("SERIAL5", "USART1", ["PB6", "PB7"], "WiFi (ESP8266)", Floats),
+        Port::new("SERIAL6", "UART7", ["PE8", "PE7"], "debug", Floats),
+    ],
+    // CTS is PD3, RTS is PD4.
+    telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
+    led: Led { pin: "PB1", lit: Level::Low, open_drain: false, label: "green" }, // red is PB11, blue is PB3
+    hold: &[
+        high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),
+        low("PE5", "8266_PD: a WiFi module is off"),
+        low("PE6", "8266_RST: it stays off its port's RX"),
+    ],
+};

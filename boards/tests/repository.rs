@@ -1,0 +1,152 @@
+//! What the rest of the repository says of the boards, compared with the table.
+
+use boards::{BOARDS, Before, Board, Clock};
+
+const CARGO: &str = include_str!("../../Cargo.toml");
+const README: &str = include_str!("../../README.md");
+const DOCS: &str = include_str!("../../docs/boards.md");
+
+/// The rows are there, one below the other.
+#[track_caller]
+fn has(text: &str, where_: &str, rows: &str) {
+    assert!(text.contains(rows), "{where_} does not have what follows from the table in boards/:\n\n{rows}");
+}
+
+#[test]
+fn each_board_has_its_feature_and_nothing_else_has_one() {
+    let features: Vec<(&str, &str)> = CARGO
+        .lines()
+        .filter_map(|line| line.strip_prefix("board-")?.split_once(" = ["))
+        .filter(|(name, _)| *name != "qemu-mps2")
+        .collect();
+    let mut names: Vec<&str> = features.iter().map(|(name, _)| *name).collect();
+    let mut expected = BOARDS.map(|board| board.name);
+    names.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(names, expected, "the features board-* of Cargo.toml");
+    for (name, enables) in features {
+        let chip = Board::by_name(name).expect("compared above").chip;
+        let family = format!("\"stm32{:?}\"", chip.family).to_lowercase();
+        assert!(enables.contains(&family), "board-{name} = [{enables} lacks {family}");
+        let embassy = format!("\"embassy-stm32/{}\"", chip.feature);
+        assert!(enables.contains(&embassy), "board-{name} = [{enables} lacks {embassy}");
+    }
+}
+
+#[test]
+fn names_ports_and_pins_are_there_once() {
+    for (i, board) in BOARDS.iter().enumerate() {
+        assert!(BOARDS[..i].iter().all(|other| other.name != board.name && other.title != board.title));
+        let ports: Vec<_> = board.ports.iter().chain([&board.telemetry]).collect();
+        let unique = |what: &str, mut all: Vec<&str>| {
+            let count = all.len();
+            all.sort_unstable();
+            all.dedup();
+            assert_eq!(all.len(), count, "{}: {what}", board.name);
+        };
+        unique("names", ports.iter().map(|port| port.name).collect());
+        unique("UARTs", ports.iter().map(|port| port.uart).collect());
+        let pins = ports.iter().flat_map(|port| [port.rx, port.tx]);
+        let held: Vec<_> = board.held().map(|hold| hold.pin).collect();
+        unique("pins", pins.chain([board.led.pin]).chain(held).collect());
+        // src/config.rs has at most one digit for them.
+        assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
+    }
+}
+
+#[test]
+fn without_a_bootloader_no_port_is_one_of_its() {
+    for board in BOARDS.iter().filter(|board| board.bootloader.is_none()) {
+        assert!(board.ports.iter().all(|port| port.before == Before::Floats), "{}", board.name);
+        assert_eq!(board.flash(true), None);
+    }
+}
+
+#[test]
+fn kept_memory_lies_behind_the_ram() {
+    for board in BOARDS {
+        let (ram, kept) = (board.chip.ram, board.chip.kept);
+        assert_eq!(ram.start + ram.kib * 1024, kept.start, "{}", board.name);
+        let flash = board.chip.flash;
+        if let Some(behind) = board.flash(true) {
+            let end = behind.start + behind.kib * 1024;
+            assert!(behind.start > flash.start && end <= flash.start + flash.kib * 1024, "{}", board.name);
+        }
+    }
+}
+
+#[test]
+fn the_readme_has_every_board() {
+    let mut rows = String::from("| board | chip | ECU ports | kept for MAVLink | build | flash and run |\n");
+    rows += "|---|---|---|---|---|---|\n";
+    for board in BOARDS {
+        let clock = match board.clock {
+            Clock::Crystal(mhz) => format!("{mhz} MHz crystal"),
+            Clock::External(mhz) => format!("{mhz} MHz from its ST-Link"),
+        };
+        rows += &format!(
+            "| {} | {}, {clock} | {} | {} ({}) | `cargo fw board-{name}` | `cargo flash-{name}` |\n",
+            board.title,
+            board.chip.name,
+            board.ports.len(),
+            board.telemetry.uart,
+            board.telemetry.label,
+            name = board.name
+        );
+    }
+    has(README, "README.md", &rows);
+    for board in BOARDS {
+        has(README, "README.md", &format!("- {}: {}", board.title, board.led.label));
+        for also in board.also {
+            has(README, "README.md", also);
+        }
+    }
+}
+
+/// The section of a board in docs/boards.md.
+fn section(board: &Board) -> String {
+    let mut rows = format!("### {} (`board-{}`)\n\n", board.title, board.name);
+    let bootloader = board.bootloader.is_some();
+    match board.bootloader {
+        Some(bootloader) => {
+            let flash = board.flash(true).expect("it has a bootloader");
+            rows += &format!(
+                "Bootloader: {}, which knows the board as {}; the image behind it begins at {:#010x}.\n\n",
+                bootloader.of, bootloader.board_id, flash.start
+            );
+        }
+        None => rows += "It has no bootloader of its own.\n\n",
+    }
+    rows += "| port | name | UART | TX | RX | where |";
+    rows += if bootloader { " TX in the bootloader | ECU connected then |\n" } else { "\n" };
+    rows += &format!("{}|\n", "|---".repeat(if bootloader { 8 } else { 6 }));
+    let ports = board.ports.iter().enumerate().map(|(i, port)| (i.to_string(), port));
+    for (number, port) in ports.chain([("MAVLink".into(), &board.telemetry)]) {
+        let (tx, ecu) = match port.before {
+            Before::Floats => ("floats", "yes"),
+            Before::DrivenLow => ("**low**", "only one that does not mind a break of 5 s"),
+            Before::Listens => ("high; it listens at RX", "**no**"),
+        };
+        let ecu = if number == "MAVLink" { "none is there" } else { ecu };
+        rows += &format!(
+            "| {number} | {} | {} | {} | {} | {} |",
+            port.name, port.uart, port.tx, port.rx, port.label
+        );
+        rows += &if bootloader { format!(" {tx} | {ecu} |\n") } else { "\n".into() };
+    }
+    if board.held().next().is_some() {
+        rows += "\nDriven from the start on:\n\n";
+        for hold in board.held() {
+            let level = format!("{:?}", hold.level).to_lowercase();
+            rows += &format!("- {} {level}: {}\n", hold.pin, hold.why);
+        }
+    }
+    rows
+}
+
+#[test]
+fn the_docs_have_every_port() {
+    for board in BOARDS {
+        has(DOCS, "docs/boards.md", &section(board));
+    }
+}

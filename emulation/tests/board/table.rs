@@ -1,0 +1,51 @@
+//! The emulator's own copy of the boards against the project's table in `boards/`: a mistake in one of them shows.
+
+use boards::Level;
+use emulation::BOARDS;
+use emulation::board::{Part, Pin};
+
+#[test]
+fn the_emulators_boards_are_those_of_the_table() {
+    let names = |port: &emulation::board::Port| {
+        let pin = |pin: Pin| format!("P{}{}", pin.port, pin.number);
+        (port.name.to_string(), format!("{:?}", port.uart).to_uppercase(), pin(port.rx), pin(port.tx))
+    };
+    let same = |port: &boards::Port| {
+        (port.name.to_string(), port.uart.to_string(), port.rx.to_string(), port.tx.to_string())
+    };
+    assert_eq!(BOARDS.map(|board| board.name), boards::BOARDS.map(|board| board.name));
+    for (here, table) in BOARDS.iter().zip(boards::BOARDS) {
+        let name = here.name;
+        assert_eq!(here.title, table.title);
+        let part = match here.part {
+            Part::H743 => "STM32H743",
+            Part::F427 => "STM32F427",
+        };
+        assert_eq!(part, table.chip.name, "{name}");
+        assert_eq!(here.is_first_of_its_part(), table.is_first_of_its_chip(), "{name}");
+        assert_eq!(here.crystal, u64::from(table.clock.mhz()) * 1_000_000, "{name}");
+        assert_eq!(here.bypass, matches!(table.clock, boards::Clock::External(_)), "{name}");
+        let ports: Vec<_> = here.ports.iter().map(names).collect();
+        assert_eq!(ports, table.ports.iter().map(same).collect::<Vec<_>>(), "{name}");
+        assert_eq!(names(&here.telemetry), same(&table.telemetry), "{name}");
+
+        let pin = |(port, number, level): (char, u8, bool)| (format!("P{port}{number}"), level);
+        let high = |level| level == Level::High;
+        assert_eq!(pin(here.led), (table.led.pin.to_string(), high(table.led.lit)), "{name}");
+        let mut held: Vec<_> = here.held.iter().map(|&held| pin(held)).collect();
+        let mut in_table: Vec<_> =
+            table.held().map(|hold| (hold.pin.to_string(), high(hold.level))).collect();
+        held.sort_unstable();
+        in_table.sort_unstable();
+        assert_eq!(held, in_table, "{name}");
+
+        let end = |region: boards::Region| u64::from(region.start) + 1024 * u64::from(region.kib);
+        let range = |region: boards::Region| u64::from(region.start)..end(region);
+        assert_eq!(here.flash, range(table.chip.flash), "{name}");
+        assert_eq!(here.ram, range(table.chip.ram), "{name}");
+        assert_eq!(here.above.start, u64::from(table.chip.kept.start), "{name}");
+        assert!(here.above.end >= end(table.chip.kept), "{name}");
+        let behind_bootloader = table.flash(true).map(|flash| u64::from(flash.start));
+        assert_eq!(here.behind_bootloader, behind_bootloader, "{name}");
+    }
+}

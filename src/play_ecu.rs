@@ -1,0 +1,70 @@
+//! Bench only (feature `play-ecu`): the last ECU port of the board plays an AMT ECU at rest. Cross it with the port of an AMT
+//! engine, and a single board shows a whole link; the log has the time from the end of a frame to the reply. No engine ever
+//! runs in it: its state is "no start clearance", with 0 rpm and a cold exhaust.
+
+use crate::board::EcuPort;
+use embassy_time::{Duration, Instant, Ticker, with_timeout};
+use embedded_io_async::{Read, Write};
+use jetlink::line::Line;
+
+/// The ECU's default.
+pub const LINE: Line = Line::new(2400);
+
+/// A byte on it: 10 bits.
+const BYTE: Duration = Duration::from_micros(4167);
+
+/// A normal set: no start clearance, auto stop, 0 rpm, 19 °C, 0 % (AMT-3, AMT-7).
+const FRAME: [u8; 6] = [0xFF, 0x02, 0x00, 0x0F, 0x00, 0x00];
+
+/// Between two frames (AMT-12).
+const PERIOD: Duration = Duration::from_millis(125);
+
+/// From the end of a frame to the end of its reply (AMT-11).
+const WINDOW: Duration = Duration::from_millis(30);
+
+/// Bytes of a reply.
+const REPLY: usize = 5;
+
+/// Sends frames for ever, and reports each second what came back.
+#[expect(clippy::disallowed_methods, reason = "an ECU keeps its own time")]
+pub async fn play(mut port: EcuPort) -> ! {
+    let mut tick = Ticker::every(PERIOD);
+    let (mut frames, mut replies) = (0_u32, 0_u32);
+    loop {
+        let mut longest = Duration::MIN;
+        for _ in 0..8 {
+            tick.next().await;
+            // What came too late belongs to no frame.
+            while with_timeout(Duration::MIN, port.rx.read(&mut [0; REPLY])).await.is_ok() {}
+            if port.tx.write_all(&FRAME).await.is_err() || port.tx.flush().await.is_err() {
+                continue;
+            }
+            frames += 1;
+            let end = Instant::now();
+            if let Ok(start) = with_timeout(WINDOW, reply(&mut port, end)).await {
+                replies += 1;
+                longest = longest.max(start);
+            }
+        }
+        defmt::info!(
+            "played ECU: {=u32} frames, {=u32} replies in time, the longest of the last 8 began after {=u64} us",
+            frames,
+            replies,
+            longest.as_micros()
+        );
+    }
+}
+
+/// A whole reply; how long after `end` its first start bit came.
+#[expect(clippy::disallowed_methods, reason = "an ECU keeps its own time")]
+async fn reply(port: &mut EcuPort, end: Instant) -> Duration {
+    let mut bytes = [0; REPLY];
+    let mut start = None;
+    let mut count = 0;
+    while count < REPLY {
+        // Errors of the line are counted by the port, and an empty read there is none.
+        count += port.rx.read(&mut bytes[count..]).await.unwrap_or(0);
+        start.get_or_insert_with(|| Instant::now().duration_since(end));
+    }
+    start.unwrap_or(BYTE).checked_sub(BYTE).unwrap_or(Duration::MIN)
+}
