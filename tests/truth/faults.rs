@@ -68,6 +68,8 @@ pub struct Disturber {
     /// Long losses of power.
     long: bool,
     pub signals: bool,
+    /// The flame goes out often: other engines are told.
+    pub flames: bool,
 }
 
 impl Disturber {
@@ -80,6 +82,7 @@ impl Disturber {
             dipped: false,
             long: rng.percent(30),
             signals: false,
+            flames: false,
         }
     }
 
@@ -93,6 +96,7 @@ impl Disturber {
             dipped: false,
             long: false,
             signals: false,
+            flames: false,
         }
     }
 
@@ -104,6 +108,9 @@ impl Disturber {
         };
         // Longer ones cost an AMT engine: half of them are such as it puts up with.
         let short = amt && rng.percent(50);
+        if self.flames && rng.percent(25) {
+            return (Fault::FlameOut, MS);
+        }
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),

@@ -76,11 +76,12 @@ impl Seat {
         };
         let pilots = (0..count).map(|index| {
             let habit = habit(index, rng);
-            Pilot::new(rng, sources[index], habit)
+            Pilot::new(rng, sources[index], habit, setup.rules.when_other_fails.is_some())
         });
         let pilots = pilots.collect();
         let mut disturber = Disturber::new(rng, weather);
         disturber.signals = rng.percent(15);
+        disturber.flames = setup.rules.when_other_fails.is_some();
         let next_swap = rng.wait(3000 * SECOND);
         let (mut seat, halves) = Self::new(setup, rng.next(), disturber);
         (seat.pilots, seat.next_swap) = (pilots, next_swap);
