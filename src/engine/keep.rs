@@ -14,7 +14,7 @@ use embassy_time::Duration;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Changes with the layout, so that an older firmware's memory is not believed.
-const LAYOUT: u32 = 0x4A4C_0004;
+const LAYOUT: u32 = 0x4A4C_0005;
 const WORDS: usize = 8;
 /// Silence is retained in steps of this, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
@@ -57,8 +57,10 @@ pub struct Record {
     pub pump_open: bool,
     /// How long every source has been silent, resets included. In steps of 20 ms, 21 min at most.
     pub silent: Duration,
-    /// Resets in a row in which no source has spoken.
+    /// Resets in a row in which the source in control has not spoken.
     pub resets: u8,
+    /// How long ago the start that is under way was ordered, in s; 0 without one.
+    pub starting: u16,
     /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
     pub said_arm: u8,
     /// The sources that have to disarm before their "arm" counts again, in the same way.
@@ -80,6 +82,7 @@ impl Record {
             pump_open: false,
             silent: Duration::from_ticks(0),
             resets: 0,
+            starting: 0,
             said_arm: 0,
             must_disarm: 0,
         }
@@ -91,15 +94,28 @@ impl Record {
         let order = match self.order {
             Order::EmergencyStop => Order::EmergencyStop,
             Order::Standby => Order::Standby,
+            // It becomes ID 0, which leaves a running engine to its PWM input.
+            Order::Pwm if self.ran => Order::Pwm,
             Order::Run(_) | Order::Doubt(_) | Order::Pwm | Order::Listen => Order::Listen,
         };
         let origin = match order {
-            Order::EmergencyStop => self.origin,
+            Order::EmergencyStop | Order::Pwm => self.origin,
             _ => Origin::Node,
         };
         let (ran, by_id6, pump_open, silent) = (self.ran, self.by_id6, self.pump_open, self.silent);
-        let (said_arm, must_disarm) = (self.said_arm, self.must_disarm);
-        Self { ran, by_id6, pump_open, silent, said_arm, must_disarm, ..Self::new(order, origin) }
+        let (said_arm, must_disarm, resets) = (self.said_arm, self.must_disarm, self.resets);
+        let starting = self.starting;
+        Self {
+            ran,
+            by_id6,
+            pump_open,
+            silent,
+            resets,
+            starting,
+            said_arm,
+            must_disarm,
+            ..Self::new(order, origin)
+        }
     }
 
     /// Silence in the steps in which it is retained.
@@ -238,7 +254,8 @@ fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
         | u32::from(record.pump_open) << 21
         | (record.loss as u32) << 24;
     let silence = silence_steps(record.silent) | u32::from(record.resets) << 16;
-    let arming = u32::from(record.said_arm) | u32::from(record.must_disarm) << 8;
+    let arming =
+        u32::from(record.said_arm) | u32::from(record.must_disarm) << 8 | u32::from(record.starting) << 16;
     let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
     words[WORDS - 1] = checksum(&words);
     words
@@ -277,7 +294,8 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         silent: SILENCE_STEP * (silence & 0xFFFF),
         resets: u8::try_from(silence >> 16).ok()?,
         said_arm: u8::try_from(arming & 0xFF).ok()?,
-        must_disarm: u8::try_from(arming >> 8).ok()?,
+        must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
+        starting: u16::try_from(arming >> 16).ok()?,
     })
 }
 
@@ -320,6 +338,7 @@ mod tests {
                         resets: flags as u8,
                         said_arm: flags as u8 & 31,
                         must_disarm: flags as u8 >> 1,
+                        starting: flags as u16 * 1000,
                     };
                     memory.store(&record, OURS);
                     assert_eq!(load(&memory), Some(record));
@@ -373,8 +392,13 @@ mod tests {
         let memory = Memory::new();
         let full = Record { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
         memory.store(&full, OURS);
-        let left =
-            Record { ran: true, by_id6: true, pump_open: true, ..Record::new(Order::Listen, Origin::Node) };
+        let left = Record {
+            ran: true,
+            by_id6: true,
+            pump_open: true,
+            resets: 2,
+            ..Record::new(Order::Listen, Origin::Node)
+        };
         assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
         assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
         assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");
