@@ -1,4 +1,4 @@
-//! Review of issue 10: each test here states a sentence of the issue, and fails where the code does not do it.
+//! Words, reports, gaps and resets in unusual orders. Each test states the rule that it holds the engine to, as docs/failsafe.md does.
 
 use jetlink::command::{Accepted, Command, Demand, Order, Origin};
 use jetlink::ecu::{Service, zk};

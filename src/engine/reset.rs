@@ -259,7 +259,7 @@ impl Engine {
                 // knows of.
                 let starting = match (&self.mode, sign) {
                     (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
-                        Some((stage, *since)).filter(|_| stage != Stage::Running)
+                        (stage != Stage::Running).then_some((stage, *since))
                     }
                     (_, Sign::State { stage: Stage::Starting, .. }) => {
                         Some((Stage::Starting, Duration::from_ticks(0)))
