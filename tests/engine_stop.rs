@@ -571,7 +571,7 @@ fn what_is_kept_is_what_is_in_force() {
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
         let again = scenario.bench.machine.record();
         assert_eq!(
-            Some(Record { silent: micros(0), ..again }),
+            Some(Record { silent: micros(0), all_silent: micros(0), ..again }),
             kept_run(percent(60)).map(|kept| Record { resets: 1, ..kept })
         );
         scenario.command(Command::Disarm).unwrap();

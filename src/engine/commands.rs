@@ -180,7 +180,7 @@ impl Engine {
         }
         let lost_at = self.sources.silent_from(ruler).unwrap_or(finding.since);
         let after = self.config.loss.hold + self.config.loss.lower_standby_after;
-        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks()));
+        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.lost_for.as_ticks()));
         lost_at.checked_add(left).is_none_or(|at| now < at)
     }
 
@@ -369,7 +369,9 @@ impl Engine {
         let Demand::Rpm(rpm) = demand else { return demand };
         let own =
             self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
-        let governed = self.config.governor.map(|governor| governor.max_rpm);
+        // A governor's maximum is none of an ECU that has not given its version yet.
+        let waits = matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }));
+        let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
         let told = core::mem::replace(&mut self.clamp_told, max.is_some());
         match max {

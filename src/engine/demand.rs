@@ -68,9 +68,12 @@ impl Run {
     /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
     pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
+        // Silence from before the reset is over.
         if sources.has_wanted(self.ruler) {
-            // Silence from before the reset is over.
             self.carried = Duration::from_ticks(0);
+        }
+        if sources.last_word().is_some() {
+            self.all_carried = Duration::from_ticks(0);
         }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
@@ -99,7 +102,8 @@ impl Run {
                     None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
-                if now >= latest || self.shaper.is_close(demand, &config.takeover) {
+                // Resets that follow one another would begin the wait anew each time.
+                if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
                     self.taking_over = None;
                     self.fail_safe_at = None;
                     self.carried = Duration::from_ticks(0);
@@ -144,7 +148,7 @@ impl Run {
         let until_fail_safe =
             by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
         let before =
-            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+            self.all_carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
         // One odd report, a gap or a reset raises doubt long after the stages have run out, and is no verdict. A loop of
         // resets is.

@@ -358,8 +358,9 @@ pub(super) struct Finding {
     pub since: Instant,
     /// Since when no source has wanted anything, as far as that began before.
     pub silent_since: Instant,
-    /// Silence from before the last reset.
+    /// Silence of all sources from before the last reset, and of the one whose demand was in force.
     pub carried: Duration,
+    pub lost_for: Duration,
     /// Whose demand was in force before, if that is known: a lower source's standby waits for its loss.
     pub ruler: Origin,
     /// The record says that the engine ran, and nothing has ended that.
@@ -391,6 +392,7 @@ impl Finding {
             since,
             silent_since: since,
             carried: Duration::from_ticks(0),
+            lost_for: Duration::from_ticks(0),
             ruler: Origin::Node,
             ran,
             started: None,
@@ -416,8 +418,8 @@ impl Finding {
     }
 
     /// The same, with this silence from before a reset.
-    pub const fn carrying(self, carried: Duration) -> Self {
-        Self { carried, ..self }
+    pub const fn carrying(self, carried: Duration, lost_for: Duration) -> Self {
+        Self { carried, lost_for, ..self }
     }
 
     /// The ECU was not heard for a while: what it reported before counts no more.

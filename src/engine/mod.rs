@@ -119,6 +119,8 @@ struct Run {
     stage: LossStage,
     /// Silence of the source in control from before the last reset.
     carried: Duration,
+    /// The same of every source.
+    all_carried: Duration,
     /// It goes on after a reset, which is reported when its life is confirmed.
     resumed: bool,
     /// The ECU has shown a speed control of its own in this run: while its version is not known again after a loss of the
@@ -496,13 +498,13 @@ impl Engine {
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
             Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
-        let (limited, stage, carried, resumed_low) = match beginning {
+        let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
             Beginning::Reset(record) => {
                 let low = record.resets >= RESETS_MAX;
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
-                (record.limited, stage, record.silent, low)
+                (record.limited, stage, (record.silent, record.all_silent), low)
             }
-            _ => (false, LossStage::None, Duration::from_ticks(0), false),
+            _ => (false, LossStage::None, Default::default(), false),
         };
         let fail_safe_at = match stage {
             LossStage::None | LossStage::Hold => None,
@@ -541,8 +543,13 @@ impl Engine {
             fail_safe_at,
             stage,
             carried,
+            all_carried,
             resumed: matches!(beginning, Beginning::Reset(_)),
-            own_speed_control: false,
+            // Where the switch went by ID 6, an rpm was the ECU's own to hold.
+            own_speed_control: matches!(
+                beginning,
+                Beginning::Reset(Record { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
+            ),
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),

@@ -85,8 +85,9 @@ impl Engine {
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let ran = kept.is_some_and(|kept| kept.ran);
         let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
+        let all_silent = kept.map_or(Duration::from_ticks(0), |kept| kept.all_silent + RESET_TAKES);
         let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
-        self.mode = Mode::Listen(Finding::new(now, ran).carrying(silent).ruled_by(ruler));
+        self.mode = Mode::Listen(Finding::new(now, ran).carrying(all_silent, silent).ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
@@ -96,7 +97,7 @@ impl Engine {
                 // After resets in a row without a word it is not waited for once more.
                 let believed_silent = if low { Duration::MAX } else { silent };
                 self.sources.resume(now, kept.origin, demand, lost, believed_silent);
-                let record = Record { silent, resets: self.resets, ..kept };
+                let record = Record { silent, all_silent, resets: self.resets, ..kept };
                 self.begin(now, demand, kept.origin, Beginning::Reset(record));
                 if kept.loss != LossStage::None {
                     self.event(Event::SourceLoss(kept.loss));
@@ -105,9 +106,10 @@ impl Engine {
             // A start that the reset has cut short.
             Order::Run(_) | Order::Listen if kept.starting > 0 => {
                 let since = Duration::from_secs(kept.starting.into());
-                self.mode = Mode::Listen(Finding::new(now, false).carrying(silent).in_a_start(since));
+                self.mode =
+                    Mode::Listen(Finding::new(now, false).carrying(all_silent, silent).in_a_start(since));
             }
-            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(silent)),
+            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(all_silent, silent)),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -133,18 +135,26 @@ impl Engine {
         let kept = match &self.mode {
             Mode::Listen(_) if self.kept.is_some() => self.kept.unwrap_or(Record::new(Order::Listen, by)),
             Mode::Listen(finding) => {
-                let silent = finding.carried + self.at.saturating_duration_since(finding.silent_since);
-                let silent = if self.sources.any_spoken() { Duration::from_ticks(0) } else { silent };
-                let silent = Record::steps(silent);
+                let since = self.at.saturating_duration_since(finding.silent_since);
+                let spoken = self.sources.any_spoken();
+                let of = |before| if spoken { Duration::from_ticks(0) } else { before + since };
+                let (all_silent, silent) = (of(finding.carried), Record::steps(of(finding.lost_for)));
+                let all_silent = Record::steps(all_silent);
                 match finding.started {
                     // Another reset in a start that one has cut short already.
                     Some(since) => Record {
                         ran: false,
                         silent,
+                        all_silent,
                         starting: seconds(since + self.at.saturating_duration_since(finding.since)),
                         ..Record::new(Order::Run(Demand::Throttle(Throttle::IDLE)), finding.ruler)
                     },
-                    None => Record { ran: finding.ran, silent, ..Record::new(Order::Listen, finding.ruler) },
+                    None => Record {
+                        ran: finding.ran,
+                        silent,
+                        all_silent,
+                        ..Record::new(Order::Listen, finding.ruler)
+                    },
                 }
             }
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
@@ -154,6 +164,10 @@ impl Engine {
                 let silent = self.silent(run);
                 let spoken = self.sources.has_wanted(run.ruler);
                 let silent = if spoken { Record::coarse_steps(silent) } else { Record::steps(silent) };
+                let all_silent = match self.sources.last_word() {
+                    Some(word) => Record::coarse_steps(self.at.saturating_duration_since(word)),
+                    None => Record::steps(run.all_carried + self.at.saturating_duration_since(run.began)),
+                };
                 let since = run.started_before + self.at.saturating_duration_since(run.began);
                 let starting = if ran { 0 } else { seconds(since) };
                 Record {
@@ -161,6 +175,7 @@ impl Engine {
                     loss,
                     ran,
                     silent,
+                    all_silent,
                     starting,
                     ..Record::new(self.run_to_keep(run), run.ruler)
                 }
@@ -243,7 +258,7 @@ impl Engine {
                         let spoke = || self.sources.all_silent_from(now).flatten();
                         let known = self.sources.silent_from(finding.ruler).or_else(spoke);
                         // Silence of before a reset counts until somebody speaks.
-                        let kept = now.checked_sub(finding.carried).unwrap_or(Instant::MIN);
+                        let kept = now.checked_sub(finding.lost_for).unwrap_or(Instant::MIN);
                         let lost = known.unwrap_or(kept).min(now);
                         if finding.silent_since < finding.since {
                             finding.silent_since.min(lost)

@@ -231,6 +231,11 @@ impl Sources {
         }
     }
 
+    /// When any source last wanted something, since the node started.
+    pub fn last_word(&self) -> Option<Instant> {
+        self.each().filter_map(|(_, source)| source.wanted).max()
+    }
+
     /// When a source last wanted something, since the node started.
     pub fn last_wanted(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).and_then(|source| source.wanted)
