@@ -114,7 +114,7 @@ fn log_ports() {
 
 #[embassy_executor::task(pool_size = N)]
 async fn engine(runner: Runner<'static>, port: EcuPort) {
-    let run = runner.run(port.rx, port.tx, port.errors);
+    let run = port.serve(runner);
     #[cfg(feature = "wedge")]
     let run = wedged(run);
     run.await

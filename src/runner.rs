@@ -7,8 +7,7 @@ use crate::link::{Output, Transmission};
 use crate::telemetry::NotSent;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
-use embassy_futures::join::join;
-use embassy_futures::select::select3;
+use embassy_futures::select::{select, select3};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -19,6 +18,8 @@ use embedded_io_async::{Error, ErrorKind, Read, Write};
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// For a transmission, from the call to its last stop bit. Five bytes take 20.8 ms at 2400 baud.
 const WRITE_LIMIT: Duration = Duration::from_millis(40);
+/// A transmitter out of which nothing has come for this long, although something was to go, is to be opened anew.
+const STUCK: Duration = Duration::from_secs(1);
 /// After a read error, so that a UART that fails at once every time does not take the processor.
 const READ_PAUSE: Duration = Duration::from_millis(1);
 
@@ -79,6 +80,10 @@ pub struct Runner<'a> {
     failed: Cell<bool>,
     /// The transmission on its way to the writing half. A link hands out one at a time.
     outgoing: Signal<NoopRawMutex, Transmission>,
+    /// The engine has begun.
+    begun: Cell<bool>,
+    /// The engine has handed one out, and was not told yet what became of it.
+    in_hand: Cell<bool>,
     /// Something happened since telemetry was last published.
     changed: Cell<bool>,
 }
@@ -91,7 +96,15 @@ impl core::fmt::Debug for Runner<'_> {
 
 impl<'a> Runner<'a> {
     pub(crate) const fn new(channel: &'a Channel, group: &'a [Channel]) -> Self {
-        Self { channel, group, failed: Cell::new(false), outgoing: Signal::new(), changed: Cell::new(true) }
+        Self {
+            channel,
+            group,
+            failed: Cell::new(false),
+            outgoing: Signal::new(),
+            begun: Cell::new(false),
+            in_hand: Cell::new(false),
+            changed: Cell::new(true),
+        }
     }
 
     /// Runs for ever. `rx` and `tx` are the two halves of a UART that is set to the engine's line, for example
@@ -102,11 +115,25 @@ impl<'a> Runner<'a> {
     ///
     /// Read errors and failed writes are counted and survived. The reading half has to be cancel safe, as all
     /// of Embassy's are: a read that is dropped loses no bytes.
+    pub async fn run<R: Read, W: Write>(self, mut rx: R, mut tx: W, errors: &LineErrors) -> ! {
+        loop {
+            self.run_until_stuck(&mut rx, &mut tx, errors).await;
+        }
+    }
+
+    /// The same, until nothing has come out of the transmitter for 1 s although something was to go. Then it gives the halves
+    /// back, by dropping them: open the UART anew, so that what waits in it is gone, and call this again. The engine
+    /// goes on meanwhile as after a transmission that failed.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
-    pub async fn run<R: Read, W: Write>(self, rx: R, tx: W, errors: &LineErrors) -> ! {
-        self.channel.begin(Instant::now());
-        let (never, _) = join(self.receive(rx, errors), self.transmit(tx)).await;
-        never
+    pub async fn run_until_stuck<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
+        if !self.begun.replace(true) {
+            self.channel.begin(Instant::now());
+        }
+        self.outgoing.reset();
+        if self.in_hand.take() {
+            self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::GaveUp));
+        }
+        select(self.receive(rx, errors), self.transmit(tx)).await;
     }
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
@@ -159,9 +186,10 @@ impl<'a> Runner<'a> {
     }
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
-    async fn transmit<W: Write>(&self, mut tx: W) -> ! {
+    async fn transmit<W: Write>(&self, mut tx: W) {
         // Bytes of a transmission that was given up may still wait in the driver.
         let mut stuck = false;
+        let mut failing_since: Option<Instant> = None;
         loop {
             let transmission = self.outgoing.wait().await;
             let write = async {
@@ -179,12 +207,19 @@ impl<'a> Runner<'a> {
             let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::GaveUp));
             stuck = result == Err(NotSent::GaveUp);
             let now = Instant::now();
+            self.in_hand.set(false);
             self.channel.with(|engine| match result {
                 Ok(()) => engine.sent(now),
                 Err(why) => engine.not_sent(now, why),
             });
             // The reading half drains: what comes next, and when to wake.
             self.channel.poke.signal(());
+            match result {
+                Ok(()) => failing_since = None,
+                Err(NotSent::TooLate) => {}
+                Err(_) if now >= *failing_since.get_or_insert(now) + STUCK => return,
+                Err(_) => {}
+            }
             if result == Err(NotSent::Failed) {
                 // A writer that fails at once every time must not keep the reading half from its turn.
                 yield_now().await;
@@ -197,6 +232,7 @@ impl<'a> Runner<'a> {
         loop {
             match self.channel.with(|engine| engine.poll()) {
                 Output::Transmit(transmission) => {
+                    self.in_hand.set(true);
                     self.outgoing.signal(transmission);
                     // The writing half gets its turn at once: a reply goes out before the engine is looked at, and
                     // before anything is published.

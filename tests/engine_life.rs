@@ -1586,17 +1586,70 @@ fn an_engine_in_doubt_keeps_no_other_from_a_start() {
     }
 }
 
+/// One odd report of a start moves it on no more than one odd report ends it: the reports at rest around it still fit.
+#[test]
+fn one_odd_report_of_starting_begins_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Standby);
+        let values = scenario.values;
+        for _ in 0..3 {
+            scenario.odd(Says::Starting, values);
+            scenario.fly(run(0), Origin::Rc, 4 * EVERY);
+        }
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
+        // Two that agree do, and rest ends it then.
+        scenario.says(Says::Starting).says(Says::Standby);
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "{ecu:?}");
+    }
+}
+
+/// Every end says something of its own.
+#[test]
+fn ends_have_names() {
+    let ends = [
+        End::PowerUp,
+        End::AtRest,
+        End::StartsAgain,
+        End::GapInStart,
+        End::NotBurning,
+        End::FaultInStart,
+        End::Unconfirmed,
+    ];
+    let names: std::collections::BTreeSet<_> = ends.map(End::name).into_iter().collect();
+    assert_eq!(names.len(), ends.len());
+    assert!(names.iter().all(|name| name.len() > 10));
+}
+
+/// A source whose rpm waits for the ECU's version is there: its run goes on, and the stages of loss do not begin.
+#[test]
+fn a_source_whose_rpm_waits_for_the_version_is_heard() {
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+    // The line is cut for long enough that the version is forgotten, and comes back without it.
+    scenario.silent().fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.says(Says::Running).fly(run(50), Origin::Rc, SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)));
+    let waits = Rejected::NeedsVersion { needed: 4, known: None };
+    assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(waits));
+    scenario.bench.events();
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)), "its throttle stays");
+    assert_eq!(stages(&mut scenario), []);
+}
+
 // ---------------------------------------------------------------------------------------------
 // Faults in a start
 // ---------------------------------------------------------------------------------------------
 
-/// A start is shown by two error sets with an exhaust that does not burn to have failed: its ECU would start the engine again
-/// when the fault clears. One odd set ends nothing, and a burning exhaust keeps the start.
+/// Two error sets end a start, whatever the exhaust says: its ECU could start the engine again when the fault clears. One odd
+/// set ends nothing.
 #[test]
-fn amt_8_two_error_sets_end_a_start_unless_the_exhaust_burns() {
+fn amt_8_two_error_sets_end_a_start() {
     for says in [Says::Standby, Says::Starting] {
         for (sets, fault, egt, over) in
-            [(1, 1, 26, false), (2, 1, 26, true), (2, 1 << 3, 26, true), (2, 1, 500, false)]
+            [(1, 1, 26, false), (2, 1, 26, true), (2, 1 << 3, 26, true), (2, 1, 500, true)]
         {
             let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
             assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
@@ -1619,6 +1672,81 @@ fn amt_8_two_error_sets_end_a_start_unless_the_exhaust_burns() {
                 "{says:?} {sets} sets, fault {fault}, {egt} °C"
             );
         }
+    }
+}
+
+/// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
+/// end it. One that had reached running before the reset is an engine in flight.
+#[test]
+fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
+    for (reached, faults) in [(false, false), (false, true), (true, true)] {
+        let config = Ecu::Amt.config();
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        if reached {
+            scenario.says(Says::Running).fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        let mut scenario = scenario.reset(config);
+        scenario.values.egt = 500;
+        scenario.says(Says::Unknown).fly(run(20), Origin::Rc, SECOND);
+        let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
+        assert_eq!(scenario.order(), order, "{reached}");
+        if faults {
+            scenario.values.fault = 1;
+            scenario.fly(run(20), Origin::Rc, 2 * EVERY);
+        } else {
+            // The time of a start.
+            scenario.fly(run(20), Origin::Rc, 118 * SECOND);
+            assert_eq!(scenario.order(), order);
+            scenario.fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        assert_eq!(scenario.order() == Order::Standby, !reached, "{reached} {faults}");
+    }
+}
+
+/// A start is ended by one word of its source, also where that has been silent for longer than its age limit.
+#[test]
+fn one_word_of_a_source_that_was_lost_ends_a_start() {
+    for ecu in BOTH {
+        for (says, origin, ended) in [
+            (Says::Standby, Origin::Rc, true),
+            (Says::Starting, Origin::Rc, true),
+            (Says::Running, Origin::Rc, false),
+            (Says::Starting, Origin::Mavlink, true),
+        ] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            scenario.says(says).pass(2 * AGE);
+            let _ = scenario.command_from(Command::Standby, origin);
+            assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {says:?} {origin:?}");
+        }
+        // Below a source that is there it changes nothing.
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        assert_eq!(
+            scenario.command_from(Command::Standby, Origin::Mavlink),
+            Ok(Accepted::Behind(Origin::Rc))
+        );
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// With error sets only a demand rises while the exhaust burns, and not while it cools, however slowly.
+#[test]
+fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
+    let table: [(Egt, u16); 3] =
+        [(|_| 500, 800), (|t| 500 - (t / 200_000) as i32, 500), (|t| 500 + (t / 200_000) as i32, 800)];
+    for (egt, tenths) in table {
+        let mut scenario = with_faults(10 * SECOND, 1, run(50), egt);
+        let from = scenario.now();
+        while scenario.now() < from + 10 * SECOND {
+            scenario.values.egt = egt(10 * SECOND + scenario.now() - from);
+            let _ = scenario.command(run(80));
+            scenario.pass(EVERY);
+        }
+        assert_eq!(scenario.wire(), Wire::Run(tenths));
     }
 }
 

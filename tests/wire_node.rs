@@ -377,3 +377,49 @@ fn a_failure_is_told_again_after_a_reset() {
         clock::run_for(select(world, scenario), LONG).expect("it ends");
     }
 }
+
+/// A transmitter that stands still for 1 s: the runner gives the port back to be opened anew, and the engine goes on at its
+/// demand. One that stands still for less is left alone.
+#[test]
+fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
+    for (stands, reopened) in [(Duration::from_millis(900), false), (Duration::from_secs(3), true)] {
+        clock::reset();
+        let (config, ecu) = zk();
+        let (rx, tx, plug) = wire(&config, ecu, 1);
+        plug.record(true);
+        let node = Node::<1>::new(&[config]).expect("a good table");
+        let [runner] = node.runners();
+        let [handle] = node.handles();
+        let opened = Cell::new(0);
+        let port = async {
+            let mut halves = (rx, tx);
+            loop {
+                runner.run_until_stuck(halves.0, halves.1, &ERRORS).await;
+                opened.set(opened.get() + 1);
+                let stuck = opened.get() == 1;
+                halves = plug.reset_node();
+                assert!(stuck, "it works again");
+            }
+        };
+        let pilot = async {
+            start(&handle).await;
+            fly_for(&handle, throttle(60), Duration::from_secs(5)).await;
+            plug.stall_tx(true);
+            // What is asked meanwhile, is old when the transmitter goes on.
+            fly_for(&handle, throttle(80), stands).await;
+            plug.take_log();
+            if !reopened {
+                plug.stall_tx(false);
+            }
+            fly_for(&handle, throttle(40), Duration::from_secs(3)).await;
+            assert_eq!(
+                handle.telemetry().ordered.order,
+                Order::Run(Demand::Throttle(Throttle::from_percent(40).unwrap()))
+            );
+            assert!(!handle.telemetry().transmitter_failed);
+        };
+        let all = select(join(plug.run(), port), pilot);
+        clock::run(all);
+        assert_eq!(opened.get(), usize::from(reopened), "{stands:?}");
+    }
+}

@@ -23,7 +23,7 @@ use crate::line::Line;
 
 pub use self::faults::{Babble, Direction, Entry, Fate, Faults, FramingAs};
 use self::lane::{Arrival, Ends, Lane};
-use self::node::Port;
+use self::node::{FramingHandler, Port};
 pub use self::node::{WireError, WireRx, WireTx};
 
 /// Everything about a connection that is set before it is made.
@@ -269,6 +269,12 @@ impl<E: Ecu> Plug<E> {
             wire.to_node.faults = to_node;
             wire.to_ecu.faults = to_ecu;
         });
+    }
+
+    /// At each byte with a framing error that arrives as data, the UART's interrupt does this, as one that counts the flags of
+    /// its status register.
+    pub fn on_framing_error(&self, count: impl Fn() + 'static) {
+        self.change(|wire| wire.port.borrow_mut().framing_handler = Some(FramingHandler(Box::new(count))));
     }
 
     /// What the node's UART makes of bytes with a framing error.

@@ -29,8 +29,7 @@ use embassy_stm32::{
 };
 use jetlink::line::{Line, StopBits};
 use jetlink::link::MAX_TRANSMISSION;
-use jetlink::runner::LineErrors;
-use static_cell::ConstStaticCell;
+use jetlink::runner::{LineErrors, Runner};
 
 /// An open ECU port.
 pub struct EcuPort {
@@ -40,6 +39,23 @@ pub struct EcuPort {
     pub tx: BufferedUartTx<'static>,
     /// What went wrong on the line, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
+    /// Its line.
+    line: Line,
+    /// Opens it again, see [`open`].
+    open: unsafe fn(Line) -> EcuPort,
+}
+
+impl EcuPort {
+    /// Runs an engine on this port. One whose transmitter is stuck is closed and opened anew: what waited in it is gone.
+    pub async fn serve(mut self, runner: Runner<'static>) -> ! {
+        loop {
+            let Self { rx, tx, errors, line, open } = self;
+            runner.run_until_stuck(rx, tx, errors).await;
+            defmt::error!("nothing comes out of a transmitter: its port is opened anew");
+            // SAFETY: both halves were moved into the run, which is over and has dropped them: the driver is closed.
+            self = unsafe { open(line) };
+        }
+    }
 }
 
 /// The memory behind the two directions of a UART.
@@ -65,8 +81,12 @@ pub trait EcuUart: Instance {
     /// Its counters of line errors.
     fn errors() -> &'static LineErrors;
 
-    /// Its memory, to be taken once.
-    fn buffers() -> &'static ConstStaticCell<Buffers>;
+    /// Its memory.
+    ///
+    /// # Safety
+    ///
+    /// Nothing may hold it: the UART is not open.
+    unsafe fn buffers() -> &'static mut Buffers;
 }
 
 /// Interrupt handler that counts line errors. It must come before the driver's own.
@@ -100,31 +120,35 @@ macro_rules! ecu_uarts {
                 &ERRORS
             }
 
-            fn buffers() -> &'static static_cell::ConstStaticCell<$crate::board::port::Buffers> {
-                static BUFFERS: static_cell::ConstStaticCell<$crate::board::port::Buffers> =
-                    static_cell::ConstStaticCell::new($crate::board::port::Buffers::new());
-                &BUFFERS
+            unsafe fn buffers() -> &'static mut $crate::board::port::Buffers {
+                static mut BUFFERS: $crate::board::port::Buffers = $crate::board::port::Buffers::new();
+                // SAFETY: nothing else names it, and the caller says that nothing holds it.
+                unsafe { &mut *(&raw mut BUFFERS) }
             }
         })*
     };
 }
 pub(super) use ecu_uarts;
 
-/// Opens a port, if there is a line to open it for: 8 data bits, no parity.
+/// Opens a port: 8 data bits, no parity. `again` does the same once it is closed.
+///
+/// # Safety
+///
+/// The UART is not open.
 ///
 /// # Panics
 ///
 /// If the UART cannot make this baud rate.
-pub fn open<T: EcuUart>(
-    line: Option<Line>,
+pub unsafe fn open<T: EcuUart>(
+    line: Line,
+    again: unsafe fn(Line) -> EcuPort,
     uart: Peri<'static, T>,
     rx: Peri<'static, impl RxPin<T>>,
     tx: Peri<'static, impl TxPin<T>>,
     irqs: impl Binding<T::Interrupt, LineMonitor<T>>
     + Binding<T::Interrupt, BufferedInterruptHandler<T>>
     + 'static,
-) -> Option<EcuPort> {
-    let line = line?;
+) -> EcuPort {
     let mut config = Config::default();
     config.baudrate = line.baud;
     config.stop_bits = match line.stop_bits {
@@ -137,9 +161,10 @@ pub fn open<T: EcuUart>(
     // An open input must rest high, as an idle line does.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
 
-    let buffers = T::buffers().take();
+    // SAFETY: the caller says that the UART is not open, and nothing else holds its memory.
+    let buffers = unsafe { T::buffers() };
     let uart =
         defmt::unwrap!(BufferedUart::new(uart, rx, tx, &mut buffers.tx, &mut buffers.rx, irqs, config));
     let (tx, rx) = uart.split();
-    Some(EcuPort { rx, tx, errors: T::errors() })
+    EcuPort { rx, tx, errors: T::errors(), line, open: again }
 }

@@ -16,7 +16,7 @@ macro_rules! board {
     ) => {
         use super::{
             Board, Led, Watchdog, chip, early,
-            port::{ecu_uarts, open},
+            port::{EcuPort, ecu_uarts, open},
             stm32::Drive,
         };
         use embassy_stm32::{gpio::Level, pac::{self, gpio::Gpio}, rcc::{Hse, HseMode}, time::mhz};
@@ -40,6 +40,26 @@ macro_rules! board {
 
         ecu_uarts!($($uart),*);
 
+        /// Opens each port, by the name of its UART.
+        #[allow(non_snake_case, reason = "as the chip's manual writes them")]
+        mod openers {
+            use super::{EcuPort, Irqs, Line, open};
+            use embassy_stm32::peripherals;
+
+            $(
+                /// # Safety
+                ///
+                /// The port is not open.
+                pub unsafe fn $uart(line: Line) -> EcuPort {
+                    // SAFETY: a port that is not open uses neither its UART nor its pins, and nothing else on the board does.
+                    unsafe {
+                        let (rx, tx) = (peripherals::$rx::steal(), peripherals::$tx::steal());
+                        open(line, $uart, peripherals::$uart::steal(), rx, tx, Irqs)
+                    }
+                }
+            )*
+        }
+
         /// Starts the clocks and opens the ports that have a line. To be called once.
         pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
@@ -47,11 +67,17 @@ macro_rules! board {
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
-            let mut lines = lines.into_iter();
+            // Taken for good: a pin that stands twice in the table does not build.
+            let _taken = ($((p.$uart, p.$rx, p.$tx)),*);
+            let openers: [unsafe fn(Line) -> EcuPort; PORTS.len()] = [$(openers::$uart),*];
+            let mut ports = lines.into_iter().zip(openers).map(|(line, opener)| {
+                // SAFETY: `init` is called once, and opens each port once.
+                line.map(|line| unsafe { opener(line) })
+            });
             Board {
                 reset_cause: early.cause,
                 oscillator: early.oscillator,
-                ports: [$(open(lines.next().flatten(), p.$uart, p.$rx, p.$tx, Irqs)),*],
+                ports: core::array::from_fn(|_| ports.next().flatten()),
                 led: Led::new(p.$led, Level::$lit, Drive::$drive),
                 watchdog: Watchdog::new(p.$watchdog),
             }

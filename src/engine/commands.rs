@@ -139,6 +139,8 @@ impl Engine {
             Mode::Pwm { life, .. } if above.is_none() && (in_control || !life.reached()) => {
                 self.standby(now, origin);
             }
+            // One that was lost may end the start, too: it takes no second word.
+            Mode::Run(Run { life, .. }) if above.is_none() && !life.reached() => self.standby(now, origin),
             // Of whom it is obeyed, and when, is found for all sources alike.
             Mode::Run(_) => self.update(now),
             _ => {}

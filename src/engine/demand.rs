@@ -64,7 +64,7 @@ impl Run {
     /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
     pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
-        if sources.has_spoken(self.ruler) {
+        if sources.has_wanted(self.ruler) {
             // Silence from before the reset is over.
             self.carried = Duration::from_ticks(0);
         }

@@ -8,6 +8,8 @@ use embassy_time::{Duration, Instant};
 const PLAUSIBLE: (Celsius, Celsius) = (Celsius::from_tenths(-400), Celsius::from_tenths(11_000));
 /// Fall of an exhaust that no longer burns, in 0.1 °C a second.
 const FALL: i32 = 150;
+/// Fall after which it is no longer certain that it burns, in 0.1 °C a second: a value's step, over the interval.
+const COOLS: i32 = 40;
 /// It has to fall for this long.
 const FALLING_FOR: u8 = 3;
 /// Interval at which the fall is judged.
@@ -46,6 +48,8 @@ pub(super) struct Exhaust {
     /// Where the interval began in which the fall is judged.
     mark: Option<(Instant, Celsius)>,
     falling: u8,
+    /// It fell in the last interval, however slowly.
+    cools: bool,
     /// The sensor was broken or jumped: a cold value is believed again only after two hot ones.
     distrusted: bool,
 }
@@ -60,6 +64,7 @@ impl Exhaust {
             below: 0,
             mark: None,
             falling: 0,
+            cools: false,
             distrusted: false,
         }
     }
@@ -100,7 +105,7 @@ impl Exhaust {
             self.state = Burning::NotKnown;
         } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !asked_for {
             self.state = Burning::No;
-        } else if self.falling > 0 {
+        } else if self.falling > 0 || self.cools {
             // A fall was seen: no longer certain, and not yet the contrary.
             if self.state == Burning::Yes {
                 self.state = Burning::NotKnown;
@@ -121,6 +126,7 @@ impl Exhaust {
         }
         let fall = (i32::from(from.tenths()) - i32::from(egt.tenths())).saturating_mul(1000);
         let millis = i32::try_from(passed.as_millis()).unwrap_or(i32::MAX).max(1);
+        self.cools = fall / millis >= COOLS && !asked_for;
         let falls = fall / millis >= FALL && !asked_for;
         self.falling = if falls { self.falling.saturating_add(1) } else { 0 };
         self.mark = Some((now, egt));
@@ -169,11 +175,18 @@ mod tests {
         assert_eq!(exhaust.burning(), Burning::NotKnown, "a fall is seen");
         run(&mut exhaust, 7000, 9200, |ms| 700 - (ms as i16 - 5000) / 50);
         assert_eq!(exhaust.burning(), Burning::No);
-        // And 10 °C/s is no fall.
+    }
+
+    #[test]
+    fn slower_fall_is_not_certain_until_it_ends() {
         let mut exhaust = limit();
         run(&mut exhaust, 0, 5000, |_| 700);
         run(&mut exhaust, 5000, 12_000, |ms| 700 - (ms as i16 - 5000) / 100);
-        assert_eq!(exhaust.burning(), Burning::Yes);
+        assert_eq!(exhaust.burning(), Burning::NotKnown, "10 °C/s");
+        run(&mut exhaust, 12_000, 14_200, |_| 630);
+        assert_eq!(exhaust.burning(), Burning::Yes, "steady again");
+        run(&mut exhaust, 14_200, 25_000, |ms| 630 - (ms as i16 - 14_200) / 500);
+        assert_eq!(exhaust.burning(), Burning::Yes, "2 °C/s");
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub enum End {
     GapInStart,
     /// The ECU reports faults only, and the exhaust is cold or cools.
     NotBurning,
-    /// The ECU reports faults only in a start, and no exhaust says that the engine burns.
+    /// The ECU reports faults only, in a start.
     FaultInStart,
     /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
     /// reports what it does.
@@ -110,6 +110,11 @@ impl Life {
             faulted: 0,
             answers: true,
         }
+    }
+
+    /// Goes on with a start that is under way.
+    pub const fn found_starting(stage: Stage) -> Self {
+        Self { progress: Progress::Starting(stage), ..Self::ordered() }
     }
 
     /// Goes on with an engine that two reports said to be running.
@@ -210,19 +215,18 @@ impl Life {
             Sign::State { .. } => None,
             _ => self.restarting,
         };
-        let end = end.or_else(|| self.fault_ends(exhaust));
+        let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
         end
     }
 
-    /// With faults in place of a state the exhaust is the evidence. A start has to show one that burns: the ECU would else
-    /// start the engine anew when its fault clears.
-    fn fault_ends(&self, exhaust: Burning) -> Option<End> {
-        match exhaust {
-            _ if !self.only_faults() => None,
-            Burning::No if self.reached() => Some(End::NotBurning),
-            Burning::No | Burning::NotKnown if !self.reached() => Some(End::FaultInStart),
-            _ => None,
+    /// With faults in place of a state the exhaust is the evidence of an engine that runs. A start ends: its ECU could start
+    /// the engine anew when the fault clears.
+    fn fault_end(&self, exhaust: Burning) -> Option<End> {
+        match (self.only_faults(), self.reached()) {
+            (false, _) => None,
+            (true, false) => Some(End::FaultInStart),
+            (true, true) => (exhaust == Burning::No).then_some(End::NotBurning),
         }
     }
 
@@ -343,6 +347,8 @@ pub(super) struct Finding {
     pub ruler: Origin,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
+    /// The record says that it was started, and had not reached running.
+    pub started: bool,
     alive: u8,
     ending: u8,
     throttle: Option<crate::units::Throttle>,
@@ -370,6 +376,7 @@ impl Finding {
             carried: Duration::from_ticks(0),
             ruler: Origin::Node,
             ran,
+            started: false,
             alive: 0,
             ending: 0,
             throttle: None,
@@ -379,6 +386,11 @@ impl Finding {
     /// The same, with sources that fell silent earlier.
     pub const fn silent_since(self, silent_since: Instant) -> Self {
         Self { silent_since, ..self }
+    }
+
+    /// The same, in a start that a reset has cut short.
+    pub const fn in_a_start(self) -> Self {
+        Self { started: true, ..self }
     }
 
     /// The same, where this source's demand was in force before.

@@ -37,7 +37,7 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origi
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
-use crate::link::{Link, Output, Sign, earlier};
+use crate::link::{Link, Output, Sign, Stage, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -84,6 +84,8 @@ enum Beginning {
     Found {
         /// Two reports say so; otherwise the exhaust does.
         confirmed: bool,
+        /// It is in a start, this far.
+        starting: Option<Stage>,
         /// Since when no source has wanted anything.
         silent_since: Instant,
     },
@@ -164,7 +166,7 @@ pub struct Engine {
     start_wait: Option<StartWait>,
     /// When the last start was asked for.
     last_start: Option<Instant>,
-    /// When the ECU was last not heard for three expected frames: it may have restarted.
+    /// When the ECU was last not heard for three expected frames, or said that it was powered up: it has, or may have, restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
     /// The last stage of loss brought it to standby.
@@ -488,6 +490,7 @@ impl Engine {
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
+            Beginning::Found { starting: Some(stage), .. } => Life::found_starting(stage),
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
             Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
@@ -515,7 +518,7 @@ impl Engine {
         self.mode = Mode::Run(Run {
             began: now,
             life,
-            start_by: started.then(|| now + self.start_time()),
+            start_by: (!life.reached()).then(|| now + self.start_time()),
             ruler: origin,
             demand,
             shaped: demand,
@@ -554,6 +557,9 @@ impl Engine {
 
     /// One frame, before its reply is handed out: what it says about the life of the engine.
     fn judge(&mut self, now: Instant, sign: Sign) {
+        if sign == Sign::PowerUp {
+            self.last_gap = Some(now);
+        }
         self.see_exhaust(now, sign);
         let exhaust = self.exhaust.burning();
         let answers = self.link.answers_frames();
@@ -852,7 +858,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
-            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_spoken(run.ruler)),
+            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,

@@ -8,7 +8,7 @@ use super::life::{Finding, Found};
 use super::sources::Intent;
 use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX, Run};
 use crate::command::{Demand, Order, Origin};
-use crate::link::{Link, Sign};
+use crate::link::{Link, Sign, Stage};
 use crate::telemetry::{Event, LossStage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
@@ -98,7 +98,9 @@ impl Engine {
                 }
             }
             // A start that the reset has cut short.
-            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(silent)),
+            Order::Run(_) => {
+                self.mode = Mode::Listen(Finding::new(now, false).carrying(silent).in_a_start());
+            }
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -214,7 +216,15 @@ impl Engine {
                 };
                 let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
-                self.begin(now, demand, Origin::Node, Beginning::Found { confirmed, silent_since });
+                // The start that a reset has cut short goes on as one, until its ECU says running.
+                let starting = match (&self.mode, sign) {
+                    (Mode::Listen(Finding { started: true, .. }), Sign::State { stage, .. }) => {
+                        Some(stage).filter(|stage| *stage != Stage::Running)
+                    }
+                    _ => None,
+                };
+                let beginning = Beginning::Found { confirmed, starting, silent_since };
+                self.begin(now, demand, Origin::Node, beginning);
                 if let Mode::Run(run) = &mut self.mode {
                     run.life.answer();
                 }

@@ -43,7 +43,14 @@ fn flight(demand: Ask) -> Acts {
 }
 
 fn reset(millis: u64, down: u64, cause: Cause) -> Blow {
-    Blow { at: millis * MS, down: down * MS, cause, with_ecu: false, other_settings: false }
+    Blow {
+        at: millis * MS,
+        down: down * MS,
+        cause,
+        with_ecu: false,
+        other_settings: false,
+        other_engine: false,
+    }
 }
 
 /// What came of a case.

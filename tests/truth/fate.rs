@@ -18,6 +18,8 @@ pub struct Blow {
     pub with_ecu: bool,
     /// The node comes back with other settings.
     pub other_settings: bool,
+    /// The node begins as one that runs another engine: what was retained is not its own.
+    pub other_engine: bool,
 }
 
 /// What the node itself goes through.
@@ -73,7 +75,14 @@ fn down(rng: &mut Rng, cause: Cause) -> u64 {
 impl Random {
     fn blow(&self, rng: &mut Rng, at: u64, cause: Cause) -> Blow {
         let with_ecu = cause != Cause::Watchdog && rng.percent(40);
-        Blow { at, down: down(rng, cause), cause, with_ecu, other_settings: rng.percent(10) }
+        Blow {
+            at,
+            down: down(rng, cause),
+            cause,
+            with_ecu,
+            other_settings: rng.percent(10),
+            other_engine: rng.percent(3),
+        }
     }
 
     /// Resets come often when all pilots of a running engine are silent: one fault brings the other.
@@ -97,7 +106,11 @@ impl Random {
         if self.loop_left > 0 {
             self.loop_left -= 1;
             let at = now() + self.loop_period;
-            return Blow { other_settings: false, ..self.blow(rng, at, Cause::Watchdog) };
+            return Blow {
+                other_settings: false,
+                other_engine: false,
+                ..self.blow(rng, at, Cause::Watchdog)
+            };
         }
         while self.next <= now() {
             self.next += rng.wait(self.weather.between_faults());

@@ -16,6 +16,8 @@ pub enum Fault {
     /// Nothing comes through to the ECU.
     CutToEcu,
     CutBoth,
+    /// The node's transmitter stands still.
+    Stall,
     /// Every byte of a direction is damaged: both, to the node, to the ECU.
     Damage(bool, bool),
     /// Some bytes are, on the way to the node; and to the ECU, too.
@@ -66,6 +68,8 @@ pub struct Disturber {
     /// Long losses of power.
     long: bool,
     pub signals: bool,
+    /// The flame goes out often: other engines are told.
+    pub flames: bool,
 }
 
 impl Disturber {
@@ -78,6 +82,7 @@ impl Disturber {
             dipped: false,
             long: rng.percent(30),
             signals: false,
+            flames: false,
         }
     }
 
@@ -91,6 +96,7 @@ impl Disturber {
             dipped: false,
             long: false,
             signals: false,
+            flames: false,
         }
     }
 
@@ -102,17 +108,22 @@ impl Disturber {
         };
         // Longer ones cost an AMT engine: half of them are such as it puts up with.
         let short = amt && rng.percent(50);
+        if self.flames && rng.percent(25) {
+            return (Fault::FlameOut, MS);
+        }
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),
             14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),
             24..32 => (Fault::CutToNode, cut),
-            32..40 => (Fault::CutToEcu, cut),
+            32..36 | 37..40 => (Fault::CutToEcu, cut),
             40..45 => (Fault::CutBoth, cut),
+            36..37 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
             // Just what the ECU puts up with.
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
             }
+            53..56 => (Fault::Framing(500_000), rng.spread(patience, 10 * SECOND)),
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
@@ -218,6 +229,7 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
         Fault::CutToNode => plug.cut_one(Direction::ToNode, true),
         Fault::CutToEcu => plug.cut_one(Direction::ToEcu, true),
         Fault::CutBoth => plug.cut(true),
+        Fault::Stall => plug.stall_tx(true),
         Fault::Damage(to_node, to_ecu) => {
             plug.framing(FramingAs::Error);
             let damaged = |damaged| if damaged { all } else { Faults::default() };
@@ -261,6 +273,7 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     match fault {
         Fault::PowerOff => plug.power(true),
         Fault::CutToNode | Fault::CutToEcu | Fault::CutBoth => plug.cut(false),
+        Fault::Stall => plug.stall_tx(false),
         Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) => {
             plug.set_faults(Faults::default(), Faults::default())
         }
@@ -288,12 +301,30 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             add(&mut history.mute);
             add(&mut history.deaf);
         }
-        Fault::Damage(_, true) | Fault::Noise(true) => {
-            add(&mut history.noise);
-            add(&mut history.noise_to_ecu);
+        Fault::Stall => {
+            add(&mut history.deaf);
+            history.stalls.push(to);
         }
-        Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) | Fault::OneWrongFrame => {
-            add(&mut history.noise)
+        Fault::Damage(to_node, to_ecu) => {
+            add(&mut history.noise);
+            if to_ecu {
+                add(&mut history.noise_to_ecu);
+            }
+            if to_node {
+                add(&mut history.garbled);
+            }
+        }
+        Fault::Noise(to_ecu) => {
+            add(&mut history.noise);
+            add(&mut history.garbled);
+            if to_ecu {
+                add(&mut history.noise_to_ecu);
+            }
+        }
+        Fault::Framing(_) => add(&mut history.noise),
+        Fault::OneWrongFrame => {
+            add(&mut history.noise);
+            history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
         _ => {}

@@ -142,6 +142,8 @@ pub struct Sample {
     pub flow: f64,
     /// The ECU reports a fault (AMT: error sets, with no state in them).
     pub fault: bool,
+    /// It runs, and its ECU reports another state than that.
+    pub hidden: bool,
 }
 
 impl Sample {
@@ -241,6 +243,8 @@ pub struct Rules {
     pub limit_egt: Option<(f64, bool)>,
     pub limit_rpm: Option<(f64, bool)>,
     pub limit_fault: Option<bool>,
+    /// A limit of how values change has an action: standby, or the fail-safe. No turbine passes it in order.
+    pub limit_change: Option<bool>,
     /// Share in thousandths to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
@@ -343,6 +347,12 @@ pub struct History {
     pub noise: Spans,
     /// Those on the way to the ECU are.
     pub noise_to_ecu: Spans,
+    /// Nothing that comes from the ECU can be told from garbage.
+    pub garbled: Spans,
+    /// When one frame came that no ECU sent.
+    pub forged: Vec<u64>,
+    /// When a transmitter that stood still went on: what was on its way then is old.
+    pub stalls: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
@@ -370,6 +380,9 @@ impl History {
             deaf: Spans::default(),
             noise: Spans::default(),
             noise_to_ecu: Spans::default(),
+            garbled: Spans::default(),
+            forged: Vec::new(),
+            stalls: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
             other_failed: Spans::default(),

@@ -51,6 +51,7 @@ fn rules(kind: Kind) -> Rules {
         limit_egt: None,
         limit_rpm: None,
         limit_fault: None,
+        limit_change: None,
         when_other_fails: None,
     }
 }
@@ -104,7 +105,7 @@ impl Story {
         };
         let mut at = micros(from);
         while at < micros(to) {
-            self.0.samples.push(Sample { at, phase, lit, rpm, egt, flow, fault: false });
+            self.0.samples.push(Sample { at, phase, lit, rpm, egt, flow, fault: false, hidden: false });
             at += 50 * MS;
         }
         self

@@ -125,7 +125,7 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    pub fn new(rng: &mut Rng, source: usize, habit: Habit) -> Self {
+    pub fn new(rng: &mut Rng, source: usize, habit: Habit, in_a_group: bool) -> Self {
         // Some speak at the very instant of a slot.
         let grain = if rng.percent(20) { 50 * MS } else { 1 };
         let first = rng.below(3 * SECOND) / grain * grain;
@@ -139,7 +139,7 @@ impl Pilot {
             stick: Ask::Throttle(0),
             next_stick: 0,
             armed: false,
-            stubborn: rng.percent(30),
+            stubborn: rng.percent(if in_a_group { 70 } else { 30 }),
             calm: rng.percent(40),
             hasty: rng.percent(15),
             next_arm: 0,
@@ -180,10 +180,13 @@ impl Pilot {
             (Habit::Below, 0..45) => {
                 Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
             }
-            (Habit::Below, 45..80) => Program::Stream(Word::Standby),
+            (Habit::Below, 45..75) => Program::Stream(Word::Standby),
+            (Habit::Below, 75..88) => Program::Stream(Word::Nothing),
             (Habit::Below, _) => Program::Silent,
             (Habit::Restless, 54..64) => Program::OneWord(0),
-            (Habit::Restless, 64..76) => {
+            // A transmitter that is on, and commands nothing.
+            (Habit::Restless, 64..68) => Program::Stream(Word::Nothing),
+            (Habit::Restless, 68..76) => {
                 Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
             }
             (Habit::Restless, 76..86) => Program::Stream(Word::Standby),

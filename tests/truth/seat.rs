@@ -9,6 +9,7 @@ use crate::wire::Reader;
 use crate::worlds::{Judged, LOOK, now};
 use jetlink::channels::Handle;
 use jetlink::command::Origin;
+use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::{Ruler, state};
@@ -75,11 +76,12 @@ impl Seat {
         };
         let pilots = (0..count).map(|index| {
             let habit = habit(index, rng);
-            Pilot::new(rng, sources[index], habit)
+            Pilot::new(rng, sources[index], habit, setup.rules.when_other_fails.is_some())
         });
         let pilots = pilots.collect();
         let mut disturber = Disturber::new(rng, weather);
         disturber.signals = rng.percent(15);
+        disturber.flames = setup.rules.when_other_fails.is_some();
         let next_swap = rng.wait(3000 * SECOND);
         let (mut seat, halves) = Self::new(setup, rng.next(), disturber);
         (seat.pilots, seat.next_swap) = (pilots, next_swap);
@@ -134,6 +136,12 @@ impl Seat {
     /// Everything here but the node does what it does, once.
     pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
+        let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
+        let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
+        if at >= self.disturber.next() || starts && !seen {
+            // As it was just before something goes wrong.
+            self.look();
+        }
         let notes = self.disturber.disturb(rng, &self.plug, &mut self.history, at);
         for text in notes {
             self.note(text);
@@ -193,11 +201,14 @@ impl Seat {
         let (sample, ignitions, restart, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
             let turbine = ecu.turbine();
-            let (fault, restart, given_up, pwm) = match ecu {
-                AnyEcu::Amt(ecu) => (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false),
+            let (fault, restart, given_up, pwm, hidden) = match ecu {
+                AnyEcu::Amt(ecu) => {
+                    let hidden = ecu.hides_that_it_runs();
+                    (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false, hidden)
+                }
                 AnyEcu::Zk(ecu) => {
                     let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
-                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm)
+                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm, false)
                 }
             };
             let phase = turbine.phase();
@@ -210,6 +221,7 @@ impl Seat {
                 egt: turbine.egt(),
                 flow: turbine.fuel_flow(),
                 fault,
+                hidden,
             };
             let ignitions: Vec<u64> =
                 turbine.history().ignitions.iter().skip(seen).map(|at| at / 1000).collect();
@@ -252,6 +264,11 @@ impl Seat {
             return;
         }
         let view = self.view();
+        if let Some(handle) = handle.filter(|_| rng.percent(1))
+            && let Ok(pressure) = Hectopascals::new(rng.between(300, 1100) as u16)
+        {
+            handle.pressure(pressure);
+        }
         for index in 0..self.pilots.len() {
             let words = self.pilots[index].speak(rng, &view);
             let source = self.pilots[index].source;
@@ -291,6 +308,13 @@ impl Seat {
             self.history.pwm.push(since, at);
         }
         self.history.end = at;
+        // One frame may have been on its way when a transmitter stood still.
+        for &stall in &self.history.stalls {
+            let first = self.history.frames.partition_point(|frame| frame.at < stall.saturating_sub(MS));
+            if self.history.frames.get(first).is_some_and(|frame| frame.at < stall + 5 * MS) {
+                self.history.frames.remove(first);
+            }
+        }
         (self.history.other_failed, self.history.other_down) = (failed, down);
         let verdict = judge(&self.history);
         Judged {

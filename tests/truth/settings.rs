@@ -168,6 +168,15 @@ fn supervision(rng: &mut Rng) -> Supervision {
         let action = rng.pick(&[Action::FailSafe, Action::Standby]);
         all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action };
     }
+    if rng.percent(6) {
+        let action = rng.pick(&[Action::FailSafe, Action::Standby]);
+        match rng.below(4) {
+            0 => all.limits.hot_start.action = action,
+            1 => all.limits.flame_out.action = action,
+            2 => all.limits.low_rpm.action = action,
+            _ => all.limits.implausible.action = action,
+        }
+    }
     if rng.percent(30) {
         all.when_other_fails = Some(500);
     }
@@ -256,6 +265,7 @@ fn zk_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
     let ecu = ZkConfig {
         temper,
         log: 16,
+        esr: rng.percent(10),
         boot: rng.pick(&[30, 30, 300, 300, 3000]) * 1_000_000,
         rate: match rate {
             Rate::Hz20 => sim::zk::Rate::Hz20,
@@ -334,6 +344,14 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
             .zip(limit(all.limits.over_speed.action))
             .map(|(at, standby)| (f64::from(at.get()), standby)),
         limit_fault: limit(all.limits.ecu_fault),
+        limit_change: [
+            all.limits.hot_start.action,
+            all.limits.flame_out.action,
+            all.limits.low_rpm.action,
+            all.limits.implausible.action,
+        ]
+        .into_iter()
+        .find_map(limit),
         when_other_fails: all.when_other_fails.map(u32::from),
     }
 }

@@ -13,6 +13,7 @@ use embassy_time::{Duration, Ticker};
 use jetlink::channels::Handle;
 use jetlink::config::EngineConfig;
 use jetlink::engine::keep::{self, Memory};
+use jetlink::line::LineError;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use sim::clock;
@@ -20,6 +21,7 @@ use sim::turbine::Phase;
 use sim::wire::{WireRx, WireTx};
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
 
@@ -91,14 +93,22 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
     let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
     let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
-    let (mut other_settings, mut before) = (false, Cause::PowerOn);
+    let (mut other_settings, mut other_engine, mut before) = (false, false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
     loop {
-        let configs = if other_settings { &others } else { &configs };
-        let ended = boot(rng, &mut seats, &mut halves, configs, memory, before, &mut fate, end);
-        let Some(Blow { down, cause, with_ecu, .. }) = ended else { break };
+        let mut configs = if other_settings { others } else { configs };
+        if other_engine {
+            configs.iter_mut().for_each(|config| config.name = "other");
+        }
+        let ended = boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, end);
+        let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
+        other_engine ^= other;
+        if other && cause == Cause::Watchdog {
+            // As much is left of another engine's memory as of one that a loss of power spared.
+            cause = Cause::BrownOut;
+        }
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
         for seat in &mut seats {
@@ -219,7 +229,6 @@ fn boot<const N: usize>(
     fate: &mut Fate,
     end: u64,
 ) -> Option<Blow> {
-    static ERRORS: LineErrors = LineErrors::new();
     let reset = match cause {
         Cause::Watchdog => keep::Reset::Warm,
         Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
@@ -227,8 +236,12 @@ fn boot<const N: usize>(
     let node = Node::with_memory(configs, memory, reset).expect("valid");
     let handles = node.handles();
     let mut tasks: Tasks<'_> = nature(seats);
-    for (runner, (rx, tx)) in node.runners().into_iter().zip(halves.drain(..)) {
-        tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
+    for ((runner, (rx, tx)), seat) in node.runners().into_iter().zip(halves.drain(..)).zip(seats.iter()) {
+        // As the firmware's interrupt does it.
+        let errors = Rc::new(LineErrors::new());
+        let counted = Rc::clone(&errors);
+        seat.plug.on_framing_error(move || counted.count(LineError::Framing));
+        tasks.push(Box::pin(async move { runner.run(rx, tx, &errors).await }));
     }
     let mut all = pin!(poll_all(&mut tasks));
     let mut blow = fate.next(rng);

@@ -15,7 +15,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use jetlink::line::{Line, LineError, StopBits};
 use jetlink::link::MAX_TRANSMISSION;
-use jetlink::runner::LineErrors;
+use jetlink::runner::{LineErrors, Runner};
 
 /// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
 const RX_BUFFER: usize = 256;
@@ -46,6 +46,13 @@ pub struct EcuPort {
     pub tx: EcuTx,
     /// What went wrong on the line, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
+}
+
+impl EcuPort {
+    /// Runs an engine on this port.
+    pub async fn serve(self, runner: Runner<'static>) -> ! {
+        runner.run(self.rx, self.tx, self.errors).await
+    }
 }
 
 /// Reads bytes as they arrive.

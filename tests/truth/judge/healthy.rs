@@ -21,9 +21,9 @@ impl Case<'_> {
         let silent = silent.at_least(patience.saturating_sub(300 * MS));
         let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
         let gap = Spans::from(&silent).longer(SETTLES);
-        // What is damaged for longer than the ECU waits is as good as cut.
-        // Damage on the way to the node costs an AMT ECU its replies, a ZK ECU nothing.
-        let damage = if self.is_amt() { &h.noise } else { &h.noise_to_ecu };
+        // What is damaged on the way to the ECU for longer than it waits is as good as cut. On the way to the node damage costs
+        // a ZK ECU nothing, and an AMT ECU its replies where no set can be told from garbage.
+        let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
         let damage = damage.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         let zk = !self.is_amt();
         // Which ECU it is at that time.
@@ -59,6 +59,10 @@ impl Case<'_> {
             let over = h.times(|sample| sample.runs() && sample.rpm > rpm - 1500.0);
             all.push(("a limit whose action is standby", over.longer(SETTLES)));
         }
+        if h.rules.limit_change == Some(true) {
+            // What no turbine does is seen where values are damaged, or a thermocouple breaks.
+            all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
+        }
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);
             all.push(("a limit whose action is standby", fault.longer(SETTLES)));
@@ -93,6 +97,7 @@ impl Case<'_> {
         // With error sets an AMT ECU gives no state.
         let dumb = if self.is_amt() { self.faults.clone() } else { Spans::default() };
         let hidden = self.blind.union(&self.h.noise).union(&self.down).union(&dumb);
+        let hidden = hidden.union(&self.h.times(|sample| sample.hidden));
         at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
     }
 
@@ -127,18 +132,35 @@ impl Case<'_> {
             );
         }
     }
+    /// When a source that was in control for sure last said run: it had spoken for a while, with nobody above it.
+    fn ruled_for_sure(&self, source: usize, at: u64, spoken: u64) -> Option<u64> {
+        let rules = &self.h.rules;
+        self.voices.in_control_for_sure(source, at, spoken).filter(|when| {
+            let above = (0..source).filter_map(|above| Some((above, self.voices.last(above, *when)?)));
+            // While it waits to take over from a higher one that was lost, the stages of loss of that one go on.
+            above.into_iter().all(|(above, (last, word))| {
+                word == Word::Nothing || *when >= last + self.voices.age(above) + rules.takeover
+            })
+        })
+    }
+
     /// Whether a higher source, which says run, keeps this one's standby from taking effect.
-    fn holds_against(&self, higher: usize, source: usize, at: u64, slack: u64) -> bool {
+    fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
-        let Some(sure) = self.voices.in_control_for_sure(higher, at, rules.recover_after + rules.takeover)
-        else {
+        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
             return false;
         };
-        let lost = sure + self.voices.age(higher);
-        // Or the other one has taken over since, with a run of its own.
-        let took_over = self.voices.until(source, at).iter().rev().take_while(|(when, _)| *when > lost);
-        let took_over = took_over.clone().any(|(_, word)| matches!(word, Word::Run(_)));
+        // Who is present and wants nothing is silent from that word on.
+        let later = self.voices.until(higher, at).iter().find(|(when, _)| *when > sure);
+        let nothing = later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when);
+        let lost = nothing.unwrap_or(u64::MAX).min(sure + self.voices.age(higher));
+        // Or another one has taken over since, with a run of its own.
+        let took_over = (0..4).filter(|other| *other != higher).any(|other| {
+            let words = self.voices.until(other, at).iter().rev();
+            let mut words = words.take_while(|(when, _)| when + self.voices.age(other) > lost);
+            words.any(|(_, word)| matches!(word, Word::Run(_)))
+        });
         at + slack < lost + rules.hold + rules.lower_standby_after && !took_over
     }
 
@@ -162,7 +184,7 @@ impl Case<'_> {
             let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
             let near = second - first <= self.voices.age(source).max(2 * period) + MS;
             let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
-            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at, slack))
+            near && fresh && (0..source).all(|higher| !self.holds_against(higher, at, slack))
         });
         asked || self.silent_for_good(at)
     }
@@ -182,18 +204,8 @@ impl Case<'_> {
         if run.is_some() && self.voices.run_in_control(at.saturating_sub(30 * MS)).is_some() {
             return false;
         }
-        // A source that speaks now and then is not in control, and the stages go on. So they do while it waits to take over from
-        // a higher one that was lost.
-        let sure = |source| {
-            let spoken = rules.recover_after + rules.takeover + slack;
-            self.voices.in_control_for_sure(source, at, spoken).filter(|when| {
-                let mut above =
-                    (0..source).filter_map(|above| self.voices.last(above, *when).map(|word| (above, word)));
-                above.all(|(above, (last, word))| {
-                    word == Word::Nothing || *when >= last + self.voices.age(above) + rules.takeover
-                })
-            })
-        };
+        // A source that speaks now and then is not in control, and the stages go on.
+        let sure = |source| self.ruled_for_sure(source, at, rules.recover_after + rules.takeover + slack);
         let sure = (0..4).filter_map(sure).max();
         let last = self.voices.last_run(at).unwrap_or(0);
         let heard = sure.unwrap_or(last).min(last);
@@ -263,15 +275,18 @@ impl Case<'_> {
         let h = self.h;
         let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         // The fail-safe of a limit holds until standby.
-        let ran = h.samples(since.saturating_sub(60 * SECOND), at);
-        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
+        let start = since.saturating_sub(60 * SECOND);
+        let ran = h.samples(start, at);
+        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(start, at);
         let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
         let limit_rpm = matches!(h.rules.limit_rpm, Some((rpm, false)) if ran.iter().any(|sample| sample.rpm > rpm - 1500.0));
         let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
-        limit_egt || limit_rpm || limit_fault || other || ctf
+        let limit_change = h.rules.limit_change == Some(false)
+            && (h.noise.touches(start, at) || h.sensor.touches(start, at) || !self.live.contains(at));
+        limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
     }
 
     pub(super) fn held_down(&mut self) {

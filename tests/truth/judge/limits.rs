@@ -180,7 +180,7 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         let silent = other.said(0, out).iter().rev().find(|said| said.word.is_heard());
         let commanded =
             silent.is_some_and(|said| matches!(said.word, Word::Run(_)) && out < said.at + SECOND);
-        let from = out + 12 * SECOND;
+        let from = out + 8 * SECOND;
         let hidden = other.mute.union(&other.noise).union(&other.unpowered);
         if commanded && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {
             spans.push(from, ends.min(again));

@@ -160,11 +160,16 @@ impl Case<'_> {
             if mark != Mark::Ignition || h.pwm.contains(at) {
                 continue;
             }
+            // An ECU that hears nothing any more acts on the last word that came to it.
+            let frames = &h.frames[..h.frames.partition_point(|frame| frame.at <= at)];
+            let heard = frames.iter().rev().find(|frame| frame.arrived && frame.told.switch().is_some());
+            let told =
+                heard.filter(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at);
             let mut why = "no source said standby and then run at idle".to_string();
             let mut by = None;
             for (index, start) in starts.iter().enumerate().rev().filter(|(_, start)| start.at <= at).take(8)
             {
-                match self.not_by(start, at) {
+                match self.not_by(start, told.max(start.at)) {
                     None if start.used => {
                         let used = format!("the start of source {} was used before", start.source);
                         why = used;
@@ -203,6 +208,11 @@ impl Case<'_> {
         for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Run)) {
             let at = frame.at;
             if at < reported || self.live.contains(at) || h.pwm.contains(at) {
+                continue;
+            }
+            // AMT sets carry no checksum: to one that nobody sent, and that says running, there is a reply.
+            let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
+            if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
                 continue;
             }
             let went_out = self.live.last_before(at).map(|(_, to)| to);
@@ -253,8 +263,12 @@ impl Case<'_> {
                     let noise = h.noise.within(out, at);
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
-                    let time = if self.is_amt() && fault { 45 * SECOND } else { self.two_states() };
-                    (out, out + time + noise.min(10 * SECOND) + down)
+                    // With faults in place of a state the exhaust has to be cold.
+                    let hot = h.samples(out, at).iter().find(|sample| sample.egt < 290.0);
+                    // It is not asked within 5 s after a lower demand.
+                    let hot = hot.map_or(at, |cold| cold.at + 5 * SECOND) - out;
+                    let hot = if self.is_amt() && fault { hot } else { 0 };
+                    (out, out + hot + self.two_states() + noise.min(10 * SECOND) + down)
                 });
                 // With error sets only the exhaust tells.
                 let by_exhaust = |out| {
