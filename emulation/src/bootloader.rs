@@ -33,6 +33,8 @@ pub enum Leftover {
     PendSv,
     /// Two interrupts of peripherals are enabled and pending, one of them for ever. Only behind PRIMASK.
     Interrupts,
+    /// Every interrupt has the lowest priority; only a start that sets them all is the same as after a reset.
+    Priorities,
     /// A timer's interrupt is enabled, and the timer runs out a few milliseconds after the jump.
     LiveTimer,
     /// Region 6 of the MPU is on, over the beginning of the application's RAM, and lets nobody in.
@@ -69,7 +71,7 @@ impl Default for Bootloader {
 
 impl Leftover {
     /// What the present bootloader leaves, and more: all that goes together.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Primask,
         Self::Basepri,
         Self::Faultmask,
@@ -77,6 +79,7 @@ impl Leftover {
         Self::SysTick,
         Self::PendSv,
         Self::Interrupts,
+        Self::Priorities,
         Self::LiveTimer,
         Self::Mpu,
         Self::DataCache,
@@ -134,6 +137,15 @@ impl Bootloader {
             // One far up in the table: UART8.
             code.write(NVIC_ISER + 8, 1 << 19);
             code.write(NVIC_ISPR + 8, 1 << 19);
+        }
+        if leaves(Leftover::Priorities) {
+            // 240 of them, four to a word.
+            code.set(0, NVIC_IPR);
+            code.set(1, 0xF0F0_F0F0);
+            code.set(2, 60);
+            let top = code.0.len();
+            code.push(&[0xC002, 0x3A01]); // stmia r0!, {r1}; subs r2, #1
+            code.branch_back_unless_equal(top);
         }
         if leaves(Leftover::LiveTimer) {
             // TIM2, ChibiOS's system timer: 2 ms at the slowest, over and over.
@@ -335,6 +347,7 @@ const SYST_RVR: u32 = 0xE000_E014;
 const SYST_CVR: u32 = 0xE000_E018;
 const NVIC_ISER: u32 = 0xE000_E100;
 const NVIC_ISPR: u32 = 0xE000_E200;
+const NVIC_IPR: u32 = 0xE000_E400;
 const ICSR: u32 = 0xE000_ED04;
 const VTOR: u32 = 0xE000_ED08;
 const CCR: u32 = 0xE000_ED14;

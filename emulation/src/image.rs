@@ -17,11 +17,14 @@ pub enum Image {
     Wedge,
     /// Linked behind an ArduPilot bootloader (feature `ardupilot-bootloader`).
     Ardupilot,
+    /// Measures its oscillators and reports on the board (feature `selftest`).
+    SelfTest,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::Ardupilot];
+    pub const ALL: [Self; 6] =
+        [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::Ardupilot, Self::SelfTest];
 
     /// The feature that makes it, besides the board's.
     pub const fn feature(self) -> Option<&'static str> {
@@ -31,6 +34,7 @@ impl Image {
             Self::AllPorts => Some("all-ports"),
             Self::Wedge => Some("wedge"),
             Self::Ardupilot => Some("ardupilot-bootloader"),
+            Self::SelfTest => Some("selftest"),
         }
     }
 

@@ -36,6 +36,8 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
         port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
         port.moder().modify(|w| w.set_moder(pin, Moder::INPUT));
     }
+    #[cfg(feature = "selftest")]
+    super::selftest::look_at_tx(tx);
     // A probe that halts the core must not be answered by a reset.
     chip::freeze_watchdog_while_halted();
     // Before the watchdog: what it ends from here on, the bootloader lets start again.
@@ -44,8 +46,12 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
     // 2.0 s at 32 kHz, 1.4 s to 3.9 s at 47 kHz and 17 kHz: the start takes some milliseconds, and 0.1 s more
     // without a crystal.
     watch(Pr::from_bits(2), 0xFFF);
+    super::stack::paint();
     let cause = chip::reset_cause();
-    let oscillator = if chip::start_crystal(bypass) { Oscillator::Crystal } else { Oscillator::Internal };
+    let crystal = chip::start_crystal(bypass);
+    #[cfg(feature = "selftest")]
+    let crystal = crystal && !super::selftest::wants_internal_oscillator();
+    let oscillator = if crystal { Oscillator::Crystal } else { Oscillator::Internal };
     WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
     // Still on the chip's own oscillator, whose speed the flash allows at any voltage.
     chip::wait_for_supply(feed);

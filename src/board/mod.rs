@@ -25,6 +25,9 @@ mod pixracer;
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+#[cfg(all(feature = "selftest", feature = "stm32"))]
+pub mod selftest;
+pub mod stack;
 mod start;
 #[cfg(feature = "stm32")]
 mod stm32;

@@ -102,6 +102,27 @@ fn each_thing_that_a_bootloader_leaves_is_put_right() {
     });
 }
 
+/// A UART's interrupt below the engines' executor would wait while an engine works.
+#[test]
+fn priorities_that_a_bootloader_leaves_are_put_right() {
+    on_each_board(|board| {
+        let (sender, receiver) = mpsc::channel();
+        let bootloader = Bootloader { leaves: vec![Leftover::Priorities], ..Bootloader::default() };
+        Run::new(board, Image::Ardupilot)
+            .engines()
+            .bootloader(bootloader)
+            .at(500 * MILLIS, move |bench| {
+                let words = (0xE000_E400..0xE000_E4F0).step_by(4).map(|at| bench.word(at).expect("the NVIC"));
+                sender.send(words.collect::<Vec<_>>()).expect("the test waits");
+            })
+            .until(600 * MILLIS)
+            .go();
+        let words = receiver.recv().expect("the run came by");
+        let others: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).filter(|&byte| byte != 0).collect();
+        assert_eq!(others, [0x60], "all but the executor's are the highest");
+    });
+}
+
 #[test]
 fn all_that_a_bootloader_leaves_together_is_put_right() {
     on_each_board(|board| {

@@ -2,7 +2,8 @@
 //! the clock security system: the first is turned off after each write that turns it on (`emulation/src/quirks.rs`), the
 //! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
 
-use crate::support::{Task, hijack, on_each_board, others_are_well};
+use crate::support::{Task, crash, hijack, on_each_board, others_are_well};
+use emulation::board::Part;
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -96,4 +97,71 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
             assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
         }
     });
+}
+
+/// Nor does a crash after that: the bootloader would wait for the crystal, so the image begins again without a reset.
+#[test]
+fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
+    on_each_board(|board| {
+        let stop = |bench: &mut Bench<'_>| stop_crystal(bench, board, Image::Ardupilot, Task::Supervisor);
+        let report = Run::new(board, Image::Ardupilot)
+            .engines()
+            .at(SECOND, stop)
+            .at(2500 * MILLIS, |bench| crash(bench, board, Image::Ardupilot))
+            .with_errors()
+            .until(4500 * MILLIS)
+            .go_unchecked()
+            .0;
+        assert!(report.resets.is_empty(), "{:?}\n{}", report.resets, report.log_text());
+        assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
+        assert_eq!(report.lines("last reset: ").count(), 3, "{}", report.log_text());
+        let crashed = report.when("has no handler, resetting");
+        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        assert!(again > crashed, "{}", report.log_text());
+        assert!(report.faults.is_empty());
+    });
+}
+
+/// Telemetry has it, and so has the log, every second, and the LED.
+#[test]
+fn the_log_says_every_second_that_there_is_no_crystal() {
+    on_each_board(|board| {
+        let run = |dead: bool| {
+            let run = Run::new(board, Image::Release).engines().with_errors().until(3500 * MILLIS);
+            let run = run.record(led(board)).at(0, move |bench| {
+                if dead {
+                    bench.break_crystal()
+                }
+            });
+            let report = run.go();
+            // Each flash is one write that lights the LED.
+            let flashes = |from, to| {
+                let lit = 1 << (led_pin(board) + 16);
+                report
+                    .written
+                    .iter()
+                    .filter(|write| (from..to).contains(&write.at) && write.value == lit)
+                    .count()
+            };
+            (report.lines("board: no crystal").count(), flashes(2950 * MILLIS, 3450 * MILLIS))
+        };
+        assert_eq!(run(false), (0, 1), "{}", board.name);
+        assert_eq!(run(true), (3, 4), "{}", board.name);
+    });
+}
+
+/// Where the LED is switched: BSRR of its port, whose upper half puts the pin low, which lights it.
+fn led(board: &Board) -> u64 {
+    let port = match board.part {
+        Part::H743 => 4, // PE3
+        Part::F427 => 1, // PB1
+    };
+    board.gpio + 0x400 * port + 0x18
+}
+
+fn led_pin(board: &Board) -> u64 {
+    match board.part {
+        Part::H743 => 3,
+        Part::F427 => 1,
+    }
 }

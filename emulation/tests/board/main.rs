@@ -16,6 +16,7 @@ mod memory_map;
 mod power;
 mod repeat;
 mod reply_time;
+mod self_test;
 mod supply;
 mod tcp;
 mod watchdog;
