@@ -1,7 +1,7 @@
 //! Images behind an ArduPilot bootloader, or behind what stands in its place (`emulation::bootloader`): instructions
 //! that leave the part as the bootloader leaves it, and jump as it jumps.
 
-use crate::support::{crash, engines, first_byte, on_each_board, others_are_well, symbol};
+use crate::support::{Task, crash, engines, first_byte, hijack, on_each_board, others_are_well, symbol};
 use emulation::{Board, Bootloader, Image, Jump, Leftover, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
@@ -108,12 +108,23 @@ fn priorities_that_a_bootloader_leaves_are_put_right() {
     on_each_board(|board| {
         let (sender, receiver) = mpsc::channel();
         let bootloader = Bootloader { leaves: vec![Leftover::Priorities], ..Bootloader::default() };
+        let code = board.ram.start + 0x18000;
         Run::new(board, Image::Ardupilot)
             .engines()
             .bootloader(bootloader)
-            .at(500 * MILLIS, move |bench| {
-                let words = (0xE000_E400..0xE000_E4F0).step_by(4).map(|at| bench.word(at).expect("the NVIC"));
-                sender.send(words.collect::<Vec<_>>()).expect("the test waits");
+            .at(300 * MILLIS, move |bench| {
+                // A test cannot look at the core's registers, so a few instructions in RAM copy NVIC_IPR:
+                // movw r0, #0xE400; movt r0, #0xE000; adr r1, . + 0x104; movs r2, #60;
+                // ldmia r0!, {r3}; stmia r1!, {r3}; subs r2, #1; bne .-6; bx lr
+                let words = [0x4000_F24E, 0x0000_F2CE, 0x223C_A140, 0xC108_C808, 0xD1FB_3A01, 0x0000_4770];
+                for (i, word) in words.into_iter().enumerate() {
+                    bench.set_word(code + 4 * i as u64, word);
+                }
+                hijack(bench, board, Image::Ardupilot, Task::Supervisor, code);
+            })
+            .at(599 * MILLIS, move |bench| {
+                let copied = (0..60).map(|i| bench.word(code + 0x10C + 4 * i).expect("RAM"));
+                sender.send(copied.collect::<Vec<_>>()).expect("the test waits");
             })
             .until(600 * MILLIS)
             .go();

@@ -127,7 +127,7 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
 fn the_log_says_every_second_that_there_is_no_crystal() {
     on_each_board(|board| {
         let run = |dead: bool| {
-            let run = Run::new(board, Image::Release).engines().with_errors().until(3500 * MILLIS);
+            let run = Run::new(board, Image::Release).engines().with_errors().until(3900 * MILLIS);
             let run = run.record(led(board)).at(0, move |bench| {
                 if dead {
                     bench.break_crystal()
@@ -143,10 +143,10 @@ fn the_log_says_every_second_that_there_is_no_crystal() {
                     .filter(|write| (from..to).contains(&write.at) && write.value == lit)
                     .count()
             };
-            (report.lines("board: no crystal").count(), flashes(2950 * MILLIS, 3450 * MILLIS))
+            (report.lines("board: no crystal").count(), flashes(2950 * MILLIS, 3900 * MILLIS))
         };
         assert_eq!(run(false), (0, 1), "{}", board.name);
-        assert_eq!(run(true), (3, 4), "{}", board.name);
+        assert_eq!(run(true), (3, 5), "{}", board.name);
     });
 }
 
