@@ -2,8 +2,7 @@
 //! the clock security system: the first is turned off after each write that turns it on (`emulation/src/quirks.rs`), the
 //! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
 
-use crate::support::{Task, crash, hijack, on_each_board, others_are_well};
-use emulation::board::Part;
+use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well};
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -126,42 +125,19 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
 #[test]
 fn the_log_says_every_second_that_there_is_no_crystal() {
     on_each_board(|board| {
+        let led = Led::of(board);
         let run = |dead: bool| {
             let run = Run::new(board, Image::Release).engines().with_errors().until(3900 * MILLIS);
-            let run = run.record(led(board)).at(0, move |bench| {
+            let run = run.record(led.register).at(0, move |bench| {
                 if dead {
-                    bench.break_crystal()
+                    bench.break_crystal();
                 }
             });
             let report = run.go();
-            // Each flash is one write that lights the LED.
-            let flashes = |from, to| {
-                let lit = 1 << (led_pin(board) + 16);
-                report
-                    .written
-                    .iter()
-                    .filter(|write| (from..to).contains(&write.at) && write.value == lit)
-                    .count()
-            };
-            (report.lines("board: no crystal").count(), flashes(2950 * MILLIS, 3900 * MILLIS))
+            let flashes = led.lit(&report).into_iter().filter(|at| *at > 2950 * MILLIS);
+            (report.lines("board: no crystal").count(), flashes.count())
         };
         assert_eq!(run(false), (0, 1), "{}", board.name);
         assert_eq!(run(true), (3, 5), "{}", board.name);
     });
-}
-
-/// Where the LED is switched: BSRR of its port, whose upper half puts the pin low, which lights it.
-fn led(board: &Board) -> u64 {
-    let port = match board.part {
-        Part::H743 => 4, // PE3
-        Part::F427 => 1, // PB1
-    };
-    board.gpio + 0x400 * port + 0x18
-}
-
-fn led_pin(board: &Board) -> u64 {
-    match board.part {
-        Part::H743 => 3,
-        Part::F427 => 1,
-    }
 }

@@ -10,6 +10,7 @@ mod boot;
 mod crystal;
 mod cut;
 mod engine;
+mod first_flash;
 mod harness;
 mod line_errors;
 mod memory_map;

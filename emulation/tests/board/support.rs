@@ -134,3 +134,38 @@ pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, co
     let at = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
     bench.set_word(at, code as u32 | 1);
 }
+
+/// The status LED of a board: lit while its pin is low.
+#[derive(Clone, Copy, Debug)]
+pub struct Led {
+    /// BSRR of its GPIO port: the lower half puts pins high, the upper half low.
+    pub register: u64,
+    pin: u64,
+}
+
+impl Led {
+    /// Of the boards that the tests with an LED run on.
+    pub fn of(board: &Board) -> Self {
+        let (port, pin) = match board.name {
+            "matek-h743" => ('E', 3),
+            "pixracer" => ('B', 1),
+            other => panic!("where is the LED of {other}?"),
+        };
+        Self { register: board.gpio + 0x400 * (port as u64 - 'A' as u64) + 0x18, pin }
+    }
+
+    /// When it was lit, in a run that recorded its register.
+    pub fn lit(&self, report: &Report) -> Vec<Nanos> {
+        self.writes(report, self.pin + 16)
+    }
+
+    /// When it was put out.
+    pub fn dark(&self, report: &Report) -> Vec<Nanos> {
+        self.writes(report, self.pin)
+    }
+
+    fn writes(&self, report: &Report, bit: u64) -> Vec<Nanos> {
+        let writes = report.written.iter().filter(|write| write.register == self.register);
+        writes.filter(|write| write.value >> bit & 1 == 1).map(|write| write.at).collect()
+    }
+}
