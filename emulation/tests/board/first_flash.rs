@@ -5,7 +5,8 @@ use crate::support::{Led, crash, engines, first_byte, on_each_board};
 use emulation::board::{Part, Pin};
 use emulation::engines::Protocol;
 use emulation::{Board, Bootloader, Image, Jump, Report, Run, bootloader, turnaround};
-use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
+use sim::line::Line;
 use sim::zk::ZkEcu;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -41,6 +42,35 @@ fn span(values: impl IntoIterator<Item = Nanos>) -> String {
 fn gpio(board: &Board, pin: Pin) -> u64 {
     board.gpio + 0x400 * u64::from(pin.port as u8 - b'A')
 }
+
+/// A serial adapter on the bench, which sends the same bytes over and over; it does not listen.
+#[derive(Debug)]
+struct Adapter {
+    next: Nanos,
+    bytes: &'static [u8],
+}
+
+impl Ecu for Adapter {
+    fn next_wake(&self) -> Nanos {
+        self.next
+    }
+
+    fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>) {
+        if now >= self.next {
+            self.next = now + SECOND / 8;
+            tx.extend(self.bytes);
+        }
+    }
+
+    fn heard(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
+
+    fn power(&mut self, _: Nanos, _: bool) {}
+}
+
+/// An AMT set of an engine in standby, as docs/first-flash.md has it.
+const AMT_SET: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
+/// Its reply: standby, throttle at idle.
+const STANDBY: [u8; 5] = [0xFF, 0x12, 0x20, 0x12, 0x20];
 
 /// A start from power-on, with everything that hangs on it.
 fn start(board: &'static Board) -> Report {
@@ -149,6 +179,42 @@ fn the_expectations_of_the_first_flash() {
         }
         assert!(number <= 12);
 
+        // Nothing on the ports but an adapter on the first, from 2 s on.
+        let nobody = || Adapter { next: Nanos::MAX, bytes: &[] };
+        let report = Run::new(board, Image::Release)
+            .ecu("SERIAL2", Line::n1(2400), Adapter { next: 2 * SECOND, bytes: &AMT_SET })
+            .ecu("SERIAL4", Line::n1(9600), nobody())
+            .ecu("SERIAL5", Line::n1(115_200), nobody())
+            .record(led.register)
+            .until(5 * SECOND)
+            .go();
+        let flashes = led.lit(&report).into_iter().filter(|at| (3 * SECOND..4 * SECOND).contains(at)).count();
+        row(13, "no ECU: flashes of the LED in a second", flashes.to_string());
+        for port in ["SERIAL4", "SERIAL5"] {
+            let sent = &report.wire(port).tx;
+            let ends: Vec<_> =
+                sent.chunks(4).map(|command| command[0].end).filter(|end| *end > SECOND).collect();
+            let baud = report.wire(port).line().baud;
+            row(
+                if port == "SERIAL4" { 14 } else { 15 },
+                &format!("no ECU: command to command, {baud} baud"),
+                span(ends.windows(2).map(|two| two[1] - two[0])),
+            );
+        }
+        let replies = &report.wire("SERIAL2").tx;
+        assert!(replies.chunks(5).all(|reply| reply.iter().map(|tx| tx.byte).eq(STANDBY)), "{replies:?}");
+        row(
+            16,
+            "sets of an adapter, every 125 ms: first reply after the first set, replies in 3 s",
+            format!("{}, {}", time(replies[0].end - 2 * SECOND), replies.len() / 5),
+        );
+        row(
+            17,
+            "its reply: from the start bit to the last stop bit",
+            time(5 * board.ports[0].byte_ns(Line::n1(2400)) as Nanos),
+        );
+        row(18, "`left: LinkUp` after the first set", time(report.when("left: LinkUp") - 2 * SECOND));
+
         // The reset pin, with engines' ECUs connected and none running.
         let at = 3 * SECOND;
         let report = Run::new(board, Image::Release)
@@ -237,5 +303,5 @@ fn the_expectations_of_the_first_flash() {
     std::fs::write(emulation::image::folder().join("first-flash.md"), &text)
         .expect("the table is kept beside the images");
     // Each time has its own test; this one is there so that the table can be made at any time.
-    assert_eq!(table.len(), 20);
+    assert_eq!(table.len(), 26);
 }

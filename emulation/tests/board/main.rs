@@ -9,6 +9,7 @@ mod babble;
 mod boot;
 mod crystal;
 mod cut;
+mod driver;
 mod engine;
 mod first_flash;
 mod harness;
