@@ -43,7 +43,7 @@ pub enum Leftover {
     DataCache,
     /// The PLL clocks the core, with ArduPilot's dividers; kernel clocks come from other sources than after a reset.
     Pll,
-    /// The independent watchdog runs, with 512 ms left.
+    /// The independent watchdog runs, with 1.25 ms left.
     Watchdog,
     /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
     Vtor,
@@ -111,8 +111,14 @@ impl Bootloader {
             }
         }
         if leaves(Leftover::Watchdog) {
-            // Started without a feed it counts down from 0xFFF at the shortest prescaler: 512 ms.
-            code.write(board.watchdog as u32, 0xCCCC);
+            // 10 counts of 4 periods of its 32 kHz: a start that takes it over late is too late.
+            let watchdog = board.watchdog as u32;
+            code.write(watchdog, 0xCCCC);
+            code.write(watchdog, 0x5555);
+            code.write(watchdog + 4, 0);
+            code.write(watchdog + 8, 9);
+            code.wait_clear(watchdog + 12, 0b11);
+            code.write(watchdog, 0xAAAA);
         }
         if leaves(Leftover::Mpu) {
             // Region 6, 32 KiB, no access; the rest as without an MPU.
@@ -415,6 +421,15 @@ impl Code {
         self.set(2, bits);
         let top = self.0.len();
         self.push(&[0x6801, 0x4011, 0x4291]); // ldr r1, [r0]; ands r1, r2; cmp r1, r2
+        self.branch_back_unless_equal(top);
+    }
+
+    /// Until none of these bits is set.
+    fn wait_clear(&mut self, address: u32, bits: u32) {
+        self.set(0, address);
+        self.set(2, bits);
+        let top = self.0.len();
+        self.push(&[0x6801, 0x4011]); // ldr r1, [r0]; ands r1, r2
         self.branch_back_unless_equal(top);
     }
 
