@@ -71,6 +71,9 @@ pub enum ResetCause {
     LowPower,
     /// The reset pin: a button or a debug probe.
     Pin,
+    /// None: the firmware went back to its first instruction, because it had lost its crystal.
+    #[cfg(feature = "ardupilot-bootloader")]
+    Restart,
     /// No flag is set.
     Unknown,
 }
@@ -83,6 +86,8 @@ impl ResetCause {
             Self::Watchdog | Self::WindowWatchdog | Self::Software | Self::LowPower | Self::Pin => {
                 Reset::Warm
             }
+            #[cfg(feature = "ardupilot-bootloader")]
+            Self::Restart => Reset::Warm,
             Self::PowerOn | Self::BrownOut | Self::Unknown => Reset::PowerLost,
         }
     }

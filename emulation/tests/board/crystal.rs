@@ -113,7 +113,10 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
             .0;
         assert!(report.resets.is_empty(), "{:?}\n{}", report.resets, report.log_text());
         assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
-        assert_eq!(report.lines("last reset: ").count(), 3, "{}", report.log_text());
+        // What was retained is as good as after a reset: an engine that runs goes on with its order.
+        let causes: Vec<_> =
+            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
+        assert_eq!(causes, ["PowerOn", "Restart", "Restart"], "{}", report.log_text());
         let crashed = report.when("has no handler, resetting");
         let again = report.lines("left: LinkUp").next_back().expect("up again").at;
         assert!(again > crashed, "{}", report.log_text());
