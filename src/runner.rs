@@ -160,23 +160,24 @@ impl<'a> Runner<'a> {
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     async fn transmit<W: Write>(&self, mut tx: W) -> ! {
+        // Bytes of a transmission that was given up may still wait in the driver.
+        let mut stuck = false;
         loop {
             let transmission = self.outgoing.wait().await;
-            let late = transmission.start_by.is_some_and(|start_by| Instant::now() > start_by);
-            let result = if late {
-                Err(NotSent::TooLate)
-            } else {
-                let write = async {
-                    tx.write_all(transmission.as_bytes()).await?;
-                    // Over when the last stop bit is out.
-                    tx.flush().await
-                };
-                match with_timeout(WRITE_LIMIT, write).await {
-                    Ok(Ok(())) => Ok(()),
-                    Ok(Err(_)) => Err(NotSent::Failed),
-                    Err(_) => Err(NotSent::GaveUp),
+            let write = async {
+                if stuck {
+                    // Nothing goes behind them: it would leave when nobody means it any more.
+                    tx.flush().await.map_err(|_| NotSent::Failed)?;
                 }
+                if transmission.start_by.is_some_and(|start_by| Instant::now() > start_by) {
+                    return Err(NotSent::TooLate);
+                }
+                tx.write_all(transmission.as_bytes()).await.map_err(|_| NotSent::Failed)?;
+                // Over when the last stop bit is out.
+                tx.flush().await.map_err(|_| NotSent::Failed)
             };
+            let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::GaveUp));
+            stuck = result == Err(NotSent::GaveUp);
             let now = Instant::now();
             self.channel.with(|engine| match result {
                 Ok(()) => engine.sent(now),

@@ -89,6 +89,28 @@ fn zk_8_a_hand_over_lasts() {
     }
 }
 
+/// Whoever handed the engine over takes it back, also below a source that streams run, which has no say in it.
+#[test]
+fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
+    for reached in [false, true] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        assert_eq!(scenario.command_from(Command::Standby, Origin::Bench), Ok(Accepted::Behind(Origin::Rc)));
+        scenario.pass(SECOND);
+        assert_eq!(scenario.command_from(Command::HandOverToPwm, Origin::Bench), Ok(Accepted::InForce));
+        if reached {
+            scenario.says(Says::Starting).says(Says::Running);
+        }
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        for origin in [Origin::Mavlink, Origin::Bench] {
+            for _ in 0..2 {
+                scenario.command(run(50)).unwrap_err();
+                scenario.command_from(Command::Standby, origin).unwrap();
+            }
+            assert_eq!(scenario.wire() == Wire::Standby, origin == Origin::Bench, "{origin:?}");
+        }
+    }
+}
+
 /// Each interlock of a start holds for a hand-over, and a refusal uses the permission up.
 #[test]
 fn zk_8_a_hand_over_counts_as_a_start() {
@@ -112,6 +134,25 @@ fn zk_8_a_hand_over_counts_as_a_start() {
 // ---------------------------------------------------------------------------------------------
 // Service commands and refusals
 // ---------------------------------------------------------------------------------------------
+
+/// An ECU that was not heard for three frames may be another one when it comes back.
+#[test]
+fn zk_13_nothing_that_moves_fuel_goes_to_an_ecu_that_is_in_a_gap() {
+    for service in MOVE_FUEL {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.silent().pass(140_000);
+        assert!(scenario.would_answer(action(service)).is_ok(), "{service:?} before the gap");
+        scenario.pass(20_000);
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        let refused = Err(Rejected::Start(Interlock::Link));
+        assert_eq!(scenario.command(action(service)), refused, "{service:?} in the gap");
+        // The first reports of an ECU that comes back may still be those of before.
+        scenario.says(Says::Standby);
+        assert_eq!(scenario.would_answer(action(service)), refused, "{service:?} after it");
+        scenario.pass(SECOND);
+        assert_eq!(scenario.would_answer(action(service)), Ok(Accepted::InForce), "{service:?} 1 s later");
+    }
+}
 
 /// A service command needs an engine that is heard and stopped; a rate does not. One that moves fuel or heats needs one that
 /// is cold, armed, and no longer cooling as well.
@@ -329,6 +370,10 @@ proptest! {
                             prop_assert!(after.armed && before.link == LinkState::Up);
                             prop_assert_eq!(before.ordered.order, Order::Standby);
                         }
+                    }
+                    // Its source is heard all the same: it is known to want the engine to run.
+                    (_, Err(Rejected::NeedsVersion { known: None, .. })) => {
+                        prop_assert_eq!(after.ordered.order, before.ordered.order);
                     }
                     (_, Err(_)) => prop_assert_eq!(after.ordered, before.ordered),
                     _ => {}

@@ -1585,3 +1585,163 @@ fn an_engine_in_doubt_keeps_no_other_from_a_start() {
         assert!(!scenario.bench.machine.keeps_others_from_start(us(scenario.now() + 20 * SECOND)));
     }
 }
+
+// ---------------------------------------------------------------------------------------------
+// Faults in a start
+// ---------------------------------------------------------------------------------------------
+
+/// Two error sets end a start, whatever the exhaust says: its ECU could start the engine again when the fault clears. One odd
+/// set ends nothing.
+#[test]
+fn amt_8_two_error_sets_end_a_start() {
+    for says in [Says::Standby, Says::Starting] {
+        for (sets, fault, egt, over) in
+            [(1, 1, 26, false), (2, 1, 26, true), (2, 1 << 3, 26, true), (2, 1, 500, true)]
+        {
+            let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+            assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+            scenario.says(says);
+            for i in 1..=20 {
+                scenario.values.egt = 26 + (egt - 26) * i / 20;
+                scenario.fly(run(0), Origin::Rc, EVERY);
+            }
+            scenario.bench.events();
+            scenario.values.fault = fault;
+            scenario.fly(run(0), Origin::Rc, sets * EVERY);
+            let expected = if over { vec![End::FaultInStart] } else { vec![] };
+            assert_eq!(ends(&mut scenario), expected, "{says:?} {sets} sets, fault {fault}, {egt} °C");
+            // It stays so when the fault clears.
+            scenario.values.fault = 0;
+            scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+            assert_eq!(
+                scenario.order() == Order::Standby,
+                over,
+                "{says:?} {sets} sets, fault {fault}, {egt} °C"
+            );
+        }
+    }
+}
+
+/// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
+/// end it. One that had reached running before the reset is an engine in flight.
+#[test]
+fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
+    for (reached, faults) in [(false, false), (false, true), (true, true)] {
+        let config = Ecu::Amt.config();
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        if reached {
+            scenario.says(Says::Running).fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        let mut scenario = scenario.reset(config);
+        scenario.values.egt = 500;
+        scenario.says(Says::Unknown).fly(run(20), Origin::Rc, SECOND);
+        let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
+        assert_eq!(scenario.order(), order, "{reached}");
+        if faults {
+            scenario.values.fault = 1;
+            scenario.fly(run(20), Origin::Rc, 2 * EVERY);
+        } else {
+            // The time of a start.
+            scenario.fly(run(20), Origin::Rc, 118 * SECOND);
+            assert_eq!(scenario.order(), order);
+            scenario.fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        assert_eq!(scenario.order() == Order::Standby, !reached, "{reached} {faults}");
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
+// Orders that were given up
+// ---------------------------------------------------------------------------------------------
+
+/// Flies at 80 % under RC, which speaks for so long after the ECU fell silent. Gives when it spoke last.
+fn given_up(ecu: Ecu, rc_for: u64, lower: Option<Command>) -> (Scenario, u64) {
+    let mut scenario = Scenario::started(ecu, percent(80));
+    scenario.silent();
+    let end = scenario.now() + rc_for;
+    while scenario.now() < end {
+        scenario.command(run(80)).ok();
+        if let Some(command) = lower {
+            scenario.command_from(command, Origin::Mavlink).ok();
+        }
+        scenario.pass(PERIOD);
+    }
+    (scenario, end - PERIOD)
+}
+
+/// When the order is given up in doubt, the run was still RC's: a lower source's stream of standby waits for the loss of RC
+/// and its time, as it does while the order is in force. RC's own counts at once.
+#[test]
+fn standby_of_a_lower_source_waits_where_the_order_was_given_up() {
+    for ecu in BOTH {
+        let (mut scenario, last) = given_up(ecu, 11 * SECOND, Some(Command::Standby));
+        assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
+        // Default: 5 s after the fail-safe stage began.
+        let due = last + AGE + HOLD + 5 * SECOND;
+        while scenario.now() < due - PERIOD {
+            scenario.fly(Command::Standby, Origin::Mavlink, PERIOD);
+            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {} µs before", due - scenario.now());
+        }
+        scenario.fly(Command::Standby, Origin::Mavlink, 2 * PERIOD);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+
+        let (mut scenario, _) = given_up(ecu, 11 * SECOND, None);
+        scenario.fly(Command::Standby, Origin::Rc, 2 * PERIOD);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: RC's own");
+    }
+}
+
+/// An engine that comes back after its order was given up goes on where the stages of loss are by then. With its source
+/// there it goes on at what the ECU reports.
+#[test]
+fn an_engine_that_comes_back_is_where_its_loss_would_have_taken_it() {
+    // RC is lost at 0.5 s, the hold ends at 1.5 s, and 80 % have fallen by 3.1 s.
+    for (later, expected) in [(SECOND, 80), (2_500_000, 30), (4 * SECOND, 0)] {
+        let (mut scenario, last) = given_up(Ecu::Amt, 5 * SECOND, None);
+        assert_eq!(scenario.order(), Order::Listen);
+        scenario.to(last + later - 2 * EVERY);
+        scenario.values.half_percents = 160;
+        scenario.says = Some(Says::Running);
+        while !matches!(scenario.order(), Order::Run(_)) {
+            scenario.pass(EVERY);
+        }
+        let tenths = scenario.tenths();
+        assert!(tenths.abs_diff(expected * 10) <= 30, "{tenths} after {later} µs");
+    }
+    let (mut scenario, _) = given_up(Ecu::Amt, 9 * SECOND, None);
+    scenario.values.half_percents = 160;
+    scenario.says = Some(Says::Running);
+    scenario.fly(run(80), Origin::Rc, 4 * EVERY);
+    assert_eq!(scenario.tenths(), 800, "RC is there");
+}
+
+// ---------------------------------------------------------------------------------------------
+// After a reset
+// ---------------------------------------------------------------------------------------------
+
+/// What a record holds of a demand is what went out of it. The first word of its source after a reset is no move of the stick.
+#[test]
+fn the_first_word_after_a_reset_rises() {
+    for ecu in BOTH {
+        let config = ecu.config();
+        let mut scenario = Scenario::started(ecu, percent(10));
+        scenario.fly(run(10), Origin::Rc, SECOND);
+        let mut scenario = scenario.reset(config);
+        scenario.values.half_percents = 20;
+        scenario.says(Says::Running);
+        assert_eq!(scenario.order(), Order::Run(percent(10)), "{ecu:?}");
+        scenario.command(run(80)).unwrap();
+        let from = scenario.now();
+        while scenario.order() != Order::Run(percent(80)) {
+            let most = 100 + (scenario.now() - from) / 2_000 + 10;
+            assert!(u64::from(scenario.tenths()) <= most, "{ecu:?}: {} of {most}", scenario.tenths());
+            scenario.fly(run(80), Origin::Rc, EVERY);
+        }
+        assert!(scenario.now() >= from + 1_300_000, "{ecu:?}");
+        // The stick is moved: no slew is set.
+        scenario.command(run(100)).unwrap();
+        assert_eq!(scenario.tenths(), 1000, "{ecu:?}");
+    }
+}

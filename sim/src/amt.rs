@@ -357,6 +357,11 @@ impl AmtEcu {
         (session.next_tick % in_flight.every.max(1) < in_flight.lasts).then_some(in_flight.shows)
     }
 
+    /// The engine runs, and is reported as something else.
+    pub fn hides_that_it_runs(&self) -> bool {
+        self.turbine.phase() == Phase::Running && self.shown_in_flight().is_some()
+    }
+
     /// Control steps and verdicts up to `now`.
     fn catch_up(&mut self, now: Nanos) {
         if matches!(self.power, Power::Unborn) {

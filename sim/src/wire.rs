@@ -23,7 +23,7 @@ use crate::line::Line;
 
 pub use self::faults::{Babble, Direction, Entry, Fate, Faults, FramingAs};
 use self::lane::{Arrival, Ends, Lane};
-use self::node::Port;
+use self::node::{FramingHandler, Port};
 pub use self::node::{WireError, WireRx, WireTx};
 
 /// Everything about a connection that is set before it is made.
@@ -271,6 +271,12 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
+    /// At each byte with a framing error that arrives as data, the UART's interrupt does this, as one that counts the flags of
+    /// its status register.
+    pub fn on_framing_error(&self, count: impl Fn() + 'static) {
+        self.change(|wire| wire.port.borrow_mut().framing_handler = Some(FramingHandler(Box::new(count))));
+    }
+
     /// What the node's UART makes of bytes with a framing error.
     pub fn framing(&self, framing: FramingAs) {
         self.change(|wire| wire.port.borrow_mut().framing = framing);
@@ -305,9 +311,9 @@ impl<E: Ecu> Plug<E> {
         })
     }
 
-    /// A UART whose transmitter hangs: while `true`, no write and no flush of the node ever ends.
+    /// A UART whose transmitter hangs: while `true`, no flush of the node ever ends, and no write that finds the ring full.
     ///
-    /// The byte in the shifter still goes out; the ring stays as it is.
+    /// The byte in the shifter still goes out. What is written meanwhile waits in the ring, as it does in a driver with a buffer.
     pub fn stall_tx(&self, stalled: bool) {
         self.change(|wire| {
             wire.not_before = clock::now_ns();

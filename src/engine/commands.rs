@@ -128,11 +128,13 @@ impl Engine {
         let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
         match &self.mode {
             Mode::Listen(_) if above.is_none() => {
-                if !self.settled(now) {
+                if !self.settled(now) || self.run_of_a_higher_one(now, origin) {
                     return Ok(Accepted::Held);
                 }
                 self.standby(now, origin);
             }
+            // Whoever handed it over takes it back.
+            Mode::Pwm { .. } if origin == self.ordered.origin => self.standby(now, origin),
             // Where nothing runs yet, one word of whoever it is ends it.
             Mode::Pwm { life, .. } if above.is_none() && (in_control || !life.reached()) => {
                 self.standby(now, origin);
@@ -157,6 +159,19 @@ impl Engine {
         self.ended_by_loss = false;
         self.order(now, Order::Standby, origin);
         Ok(Accepted::InForce)
+    }
+
+    /// Nothing is in force, but it is known whose demand was: a lower source's standby counts when that one has been lost for
+    /// as long as it takes to end its run.
+    fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
+        let Mode::Listen(finding) = &self.mode else { return false };
+        if finding.ruler.priority() <= origin.priority() {
+            return false;
+        }
+        let lost_at = self.sources.silent_from(finding.ruler).unwrap_or(finding.since);
+        let after = self.config.loss.hold + self.config.loss.lower_standby_after;
+        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks()));
+        lost_at.checked_add(left).is_none_or(|at| now < at)
     }
 
     fn permit_in_standby(&mut self, origin: Origin) {
@@ -303,6 +318,8 @@ impl Engine {
         }
         if service.moves_fuel() {
             self.require_cold()?;
+            // It may be another ECU that comes back, which may know the command as another one.
+            self.steady_link(now).map_err(Rejected::Start)?;
         }
         if service.closes_pump() && self.pump.is_some() {
             self.close_pump();
@@ -401,12 +418,7 @@ impl Engine {
         if !self.is_idle(demand) {
             return Err(Interlock::NotIdle);
         }
-        let stable = self.link.up_since().is_some_and(|since| now >= since + rules.link_stable);
-        // A gap that has begun is not yet a loss, and a start in it would end at once.
-        let steady = self.last_gap.is_none_or(|gap| now >= gap + rules.link_stable);
-        if self.link.state() != LinkState::Up || !stable || !steady || self.link.gap_at().is_none() {
-            return Err(Interlock::Link);
-        }
+        self.steady_link(now)?;
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
             return Err(Interlock::Fault);
         }
@@ -427,6 +439,16 @@ impl Engine {
             return Err(Interlock::OtherStarting);
         }
         Ok(())
+    }
+
+    /// Whether the ECU has been heard for a while without a gap.
+    fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
+        let time = self.config.start.link_stable;
+        let stable = self.link.up_since().is_some_and(|since| now >= since + time);
+        // A gap that has begun is not yet a loss.
+        let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
+        let heard = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
+        if stable && steady && heard { Ok(()) } else { Err(Interlock::Link) }
     }
 
     /// Whether the exhaust is known to be cool, in two values in a row: AMT frames carry no checksum.

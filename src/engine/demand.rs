@@ -38,6 +38,8 @@ pub(super) struct Shape {
     pub running: bool,
     /// Nothing puts that in doubt.
     pub living: bool,
+    /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
+    pub spoken: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
@@ -62,7 +64,7 @@ impl Run {
     /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
     pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
-        if sources.has_spoken(self.ruler) {
+        if sources.has_wanted(self.ruler) {
             // Silence from before the reset is over.
             self.carried = Duration::from_ticks(0);
         }
@@ -295,7 +297,7 @@ impl Shaper {
             }
             Plan::To(demand) => {
                 let target = reduced(demand, shape.reduced_to);
-                self.rising &= !shape.running || self.moving.demand() != target;
+                self.rising &= !shape.running || !shape.spoken || self.moving.demand() != target;
                 (target, slew)
             }
             Plan::FailSafe { asked, ruled } => {

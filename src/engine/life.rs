@@ -5,6 +5,7 @@
 //! `docs/failsafe.md` ("One life, one start").
 
 use super::exhaust::Burning;
+use crate::command::Origin;
 use crate::link::{Sign, Stage};
 use embassy_time::{Duration, Instant};
 
@@ -46,6 +47,8 @@ pub enum End {
     GapInStart,
     /// The ECU reports faults only, and the exhaust is cold or cools.
     NotBurning,
+    /// The ECU reports faults only, in a start.
+    FaultInStart,
     /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
     /// reports what it does.
     Unconfirmed,
@@ -60,6 +63,7 @@ impl End {
             Self::StartsAgain => "the ECU starts the engine again",
             Self::GapInStart => "the ECU fell silent during the start",
             Self::NotBurning => "the exhaust is cold",
+            Self::FaultInStart => "the ECU reported a fault during the start",
             Self::Unconfirmed => "nothing says for too long whether the engine runs",
         }
     }
@@ -106,6 +110,11 @@ impl Life {
             faulted: 0,
             answers: true,
         }
+    }
+
+    /// Goes on with a start that is under way.
+    pub const fn found_starting(stage: Stage) -> Self {
+        Self { progress: Progress::Starting(stage), ..Self::ordered() }
     }
 
     /// Goes on with an engine that two reports said to be running.
@@ -206,9 +215,19 @@ impl Life {
             Sign::State { .. } => None,
             _ => self.restarting,
         };
-        let cold = self.only_faults() && self.reached() && exhaust == Burning::No;
-        self.answers = end.is_none() && !cold && self.may_answer(sign, fit, exhaust);
-        end.or(cold.then_some(End::NotBurning))
+        let end = end.or_else(|| self.fault_end(exhaust));
+        self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
+        end
+    }
+
+    /// With faults in place of a state the exhaust is the evidence of an engine that runs. A start ends: its ECU could start
+    /// the engine anew when the fault clears.
+    fn fault_end(&self, exhaust: Burning) -> Option<End> {
+        match (self.only_faults(), self.reached()) {
+            (false, _) => None,
+            (true, false) => Some(End::FaultInStart),
+            (true, true) => (exhaust == Burning::No).then_some(End::NotBurning),
+        }
     }
 
     /// How one frame fits, given how far the engine has come.
@@ -324,8 +343,12 @@ pub(super) struct Finding {
     pub silent_since: Instant,
     /// Silence from before the last reset.
     pub carried: Duration,
+    /// Whose demand was in force before, if that is known: a lower source's standby waits for its loss.
+    pub ruler: Origin,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
+    /// The record says that it was started, and had not reached running.
+    pub started: bool,
     alive: u8,
     ending: u8,
     throttle: Option<crate::units::Throttle>,
@@ -351,7 +374,9 @@ impl Finding {
             since,
             silent_since: since,
             carried: Duration::from_ticks(0),
+            ruler: Origin::Node,
             ran,
+            started: false,
             alive: 0,
             ending: 0,
             throttle: None,
@@ -361,6 +386,16 @@ impl Finding {
     /// The same, with sources that fell silent earlier.
     pub const fn silent_since(self, silent_since: Instant) -> Self {
         Self { silent_since, ..self }
+    }
+
+    /// The same, in a start that a reset has cut short.
+    pub const fn in_a_start(self) -> Self {
+        Self { started: true, ..self }
+    }
+
+    /// The same, where this source's demand was in force before.
+    pub const fn ruled_by(self, ruler: Origin) -> Self {
+        Self { ruler, ..self }
     }
 
     /// The same, with this silence from before a reset.

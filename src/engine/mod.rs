@@ -37,7 +37,7 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origi
 use crate::config::EngineConfig;
 use crate::ecu::AnyLink;
 use crate::line::LineError;
-use crate::link::{Link, Output, Sign, earlier};
+use crate::link::{Link, Output, Sign, Stage, earlier};
 use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -84,6 +84,8 @@ enum Beginning {
     Found {
         /// Two reports say so; otherwise the exhaust does.
         confirmed: bool,
+        /// It is in a start, this far.
+        starting: Option<Stage>,
         /// Since when no source has wanted anything.
         silent_since: Instant,
     },
@@ -164,7 +166,7 @@ pub struct Engine {
     start_wait: Option<StartWait>,
     /// When the last start was asked for.
     last_start: Option<Instant>,
-    /// When the ECU was last not heard for three expected frames: it may have restarted.
+    /// When the ECU was last not heard for three expected frames, or said that it was powered up: it has, or may have, restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
     /// The last stage of loss brought it to standby.
@@ -488,6 +490,7 @@ impl Engine {
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
+            Beginning::Found { starting: Some(stage), .. } => Life::found_starting(stage),
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
             Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
@@ -515,7 +518,7 @@ impl Engine {
         self.mode = Mode::Run(Run {
             began: now,
             life,
-            start_by: started.then(|| now + self.start_time()),
+            start_by: (!life.reached()).then(|| now + self.start_time()),
             ruler: origin,
             demand,
             shaped: demand,
@@ -554,6 +557,9 @@ impl Engine {
 
     /// One frame, before its reply is handed out: what it says about the life of the engine.
     fn judge(&mut self, now: Instant, sign: Sign) {
+        if sign == Sign::PowerUp {
+            self.last_gap = Some(now);
+        }
         self.see_exhaust(now, sign);
         let exhaust = self.exhaust.burning();
         let answers = self.link.answers_frames();
@@ -731,14 +737,14 @@ impl Engine {
     /// Nothing has confirmed the life in time: permission and order are gone, the engine is not. Should the ECU report a
     /// running engine, however late, it goes on as one that was found running. A start ends.
     fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm, silent_since) = match &self.mode {
+        let (reached, pwm, silent_since, ruler) = match &self.mode {
             Mode::Run(run) => {
                 let hold = self.config.loss.hold;
                 let since = run.fail_safe_at.map(|at| at.checked_sub(hold).unwrap_or(Instant::MIN));
-                (run.life.reached(), false, since)
+                (run.life.reached(), false, since, run.ruler)
             }
             // ID 0 leaves the PWM input in charge for as long as it takes.
-            Mode::Pwm { life, .. } => (life.reached(), true, None),
+            Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
             _ => return,
         };
         if pwm && reached {
@@ -751,7 +757,7 @@ impl Engine {
         self.failed = true;
         // The stages of loss go on where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since));
+        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since).ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         self.event(Event::RunWithdrawn(End::Unconfirmed));
     }
@@ -852,6 +858,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
+            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,

@@ -5,9 +5,10 @@
 
 use super::keep::Record;
 use super::life::{Finding, Found};
+use super::sources::Intent;
 use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX, Run};
 use crate::command::{Demand, Order, Origin};
-use crate::link::{Link, Sign};
+use crate::link::{Link, Sign, Stage};
 use crate::telemetry::{Event, LossStage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
@@ -79,7 +80,8 @@ impl Engine {
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let ran = kept.is_some_and(|kept| kept.ran);
         let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
-        self.mode = Mode::Listen(Finding::new(now, ran).carrying(silent));
+        let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
+        self.mode = Mode::Listen(Finding::new(now, ran).carrying(silent).ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
@@ -96,7 +98,9 @@ impl Engine {
                 }
             }
             // A start that the reset has cut short.
-            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(silent)),
+            Order::Run(_) => {
+                self.mode = Mode::Listen(Finding::new(now, false).carrying(silent).in_a_start());
+            }
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -124,7 +128,8 @@ impl Engine {
             Mode::Listen(finding) => {
                 let silent = finding.carried + self.at.saturating_duration_since(finding.silent_since);
                 let silent = if self.sources.any_spoken() { Duration::from_ticks(0) } else { silent };
-                Record { ran: finding.ran, silent: Record::steps(silent), ..Record::new(Order::Listen, by) }
+                let silent = Record::steps(silent);
+                Record { ran: finding.ran, silent, ..Record::new(Order::Listen, finding.ruler) }
             }
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
             Mode::Standby => Record::new(Order::Standby, by),
@@ -192,14 +197,34 @@ impl Engine {
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It is nobody's, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
-                let demand = Demand::Throttle(throttle.unwrap_or(Throttle::IDLE));
                 let confirmed = found == Found::Running;
-                // After a start of the node nobody has been waited for yet.
+                let wanted = matches!(self.sources.ruler(now), Some((_, Intent::Run(_))));
                 let silent_since = match &self.mode {
-                    Mode::Listen(finding) if finding.silent_since < finding.since => finding.silent_since,
+                    Mode::Listen(finding) if !wanted => {
+                        // Whose demand was in force may have fallen silent since; or whoever spoke. After a start of the node
+                        // nobody has been waited for yet.
+                        let spoke = || self.sources.all_silent_from(now).flatten();
+                        let lost =
+                            self.sources.silent_from(finding.ruler).or_else(spoke).unwrap_or(now).min(now);
+                        if finding.silent_since < finding.since {
+                            finding.silent_since.min(lost)
+                        } else {
+                            lost
+                        }
+                    }
                     _ => now,
                 };
-                self.begin(now, demand, Origin::Node, Beginning::Found { confirmed, silent_since });
+                let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
+                let demand = Demand::Throttle(throttle);
+                // The start that a reset has cut short goes on as one, until its ECU says running.
+                let starting = match (&self.mode, sign) {
+                    (Mode::Listen(Finding { started: true, .. }), Sign::State { stage, .. }) => {
+                        Some(stage).filter(|stage| *stage != Stage::Running)
+                    }
+                    _ => None,
+                };
+                let beginning = Beginning::Found { confirmed, starting, silent_since };
+                self.begin(now, demand, Origin::Node, beginning);
                 if let Mode::Run(run) = &mut self.mode {
                     run.life.answer();
                 }
@@ -207,5 +232,15 @@ impl Engine {
                 self.event(Event::WentOn(demand));
             }
         }
+    }
+
+    /// Where the stages of loss would have taken this throttle by now, had the ECU been heard.
+    fn lost_throttle(&self, now: Instant, silent_since: Instant, reported: Throttle) -> Throttle {
+        let loss = &self.config.loss;
+        let falling = now.saturating_duration_since(silent_since + loss.hold);
+        let fallen = falling.as_millis().saturating_mul(loss.ramp.into()) / 1000;
+        let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
+        let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());
+        throttle.unwrap_or(reported).max(loss.throttle.min(reported))
     }
 }

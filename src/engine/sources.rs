@@ -45,6 +45,8 @@ struct Source {
     standby_at: Option<Instant>,
     /// It has spoken since the node started; otherwise it was resumed.
     spoken: bool,
+    /// When it last wanted something, since the node started.
+    wanted: Option<Instant>,
 }
 
 /// All sources of one engine.
@@ -136,9 +138,21 @@ impl Sources {
             let period =
                 before.map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.heard));
             let standby_at = before.and_then(|source| source.standby_at);
-            let spoken = true;
-            *slot =
-                Some(Source { intent, heard: now, silent_from, since, was_lost, period, standby_at, spoken });
+            let wanted = match intent {
+                Intent::Nothing => before.and_then(|source| source.wanted),
+                _ => Some(now),
+            };
+            *slot = Some(Source {
+                intent,
+                heard: now,
+                silent_from,
+                since,
+                was_lost,
+                period,
+                standby_at,
+                spoken: true,
+                wanted,
+            });
         }
     }
 
@@ -159,6 +173,7 @@ impl Sources {
                     period: Duration::from_ticks(0),
                     standby_at: None,
                     spoken: false,
+                    wanted: None,
                 });
             }
             None => {}
@@ -212,8 +227,7 @@ impl Sources {
 
     /// When any source last wanted something, since the node started.
     pub fn last_word(&self) -> Option<Instant> {
-        let wants = |source: &Source| source.spoken && source.intent != Intent::Nothing;
-        self.each().filter(|(_, source)| wants(source)).map(|(_, source)| source.heard).max()
+        self.each().filter_map(|(_, source)| source.wanted).max()
     }
 
     /// Its last gap was a loss: it comes back by a take-over.
@@ -226,9 +240,9 @@ impl Sources {
         self.each().any(|(_, source)| source.spoken)
     }
 
-    /// Whether a source has spoken since the node started.
-    pub fn has_spoken(&self, origin: Origin) -> bool {
-        self.source(origin).is_some_and(|source| source.spoken && source.intent != Intent::Nothing)
+    /// Whether a source has wanted something since the node started.
+    pub fn has_wanted(&self, origin: Origin) -> bool {
+        self.source(origin).is_some_and(|source| source.wanted.is_some())
     }
 
     /// The next instant at which a source is lost. One comes to be in control only when it speaks, or when that happens.

@@ -119,6 +119,7 @@ impl Ecu {
     }
 }
 
+#[derive(Clone)]
 pub struct Scenario {
     pub ecu: Ecu,
     pub bench: Bench<Engine>,
@@ -256,6 +257,11 @@ impl Scenario {
     pub fn command_from(&mut self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
         let free = self.others_allow_start;
         self.bench.act(|engine, now| engine.command(now, command, origin, free))
+    }
+
+    /// What would be answered to a command now.
+    pub fn would_answer(&self, command: Command) -> Result<Accepted, Rejected> {
+        self.clone().command(command)
     }
 
     pub fn now(&self) -> u64 {

@@ -113,6 +113,7 @@ impl Disturber {
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
             }
+            53..56 => (Fault::Framing(500_000), rng.spread(patience, 10 * SECOND)),
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
@@ -288,12 +289,26 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             add(&mut history.mute);
             add(&mut history.deaf);
         }
-        Fault::Damage(_, true) | Fault::Noise(true) => {
+        Fault::Damage(to_node, to_ecu) => {
             add(&mut history.noise);
-            add(&mut history.noise_to_ecu);
+            if to_ecu {
+                add(&mut history.noise_to_ecu);
+            }
+            if to_node {
+                add(&mut history.garbled);
+            }
         }
-        Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) | Fault::OneWrongFrame => {
-            add(&mut history.noise)
+        Fault::Noise(to_ecu) => {
+            add(&mut history.noise);
+            add(&mut history.garbled);
+            if to_ecu {
+                add(&mut history.noise_to_ecu);
+            }
+        }
+        Fault::Framing(_) => add(&mut history.noise),
+        Fault::OneWrongFrame => {
+            add(&mut history.noise);
+            history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
         _ => {}

@@ -142,6 +142,8 @@ pub struct Sample {
     pub flow: f64,
     /// The ECU reports a fault (AMT: error sets, with no state in them).
     pub fault: bool,
+    /// It runs, and its ECU reports another state than that.
+    pub hidden: bool,
 }
 
 impl Sample {
@@ -343,6 +345,10 @@ pub struct History {
     pub noise: Spans,
     /// Those on the way to the ECU are.
     pub noise_to_ecu: Spans,
+    /// Nothing that comes from the ECU can be told from garbage.
+    pub garbled: Spans,
+    /// When one frame came that no ECU sent.
+    pub forged: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
@@ -370,6 +376,8 @@ impl History {
             deaf: Spans::default(),
             noise: Spans::default(),
             noise_to_ecu: Spans::default(),
+            garbled: Spans::default(),
+            forged: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
             other_failed: Spans::default(),

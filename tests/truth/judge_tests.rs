@@ -104,7 +104,7 @@ impl Story {
         };
         let mut at = micros(from);
         while at < micros(to) {
-            self.0.samples.push(Sample { at, phase, lit, rpm, egt, flow, fault: false });
+            self.0.samples.push(Sample { at, phase, lit, rpm, egt, flow, fault: false, hidden: false });
             at += 50 * MS;
         }
         self

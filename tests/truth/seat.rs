@@ -134,6 +134,12 @@ impl Seat {
     /// Everything here but the node does what it does, once.
     pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
+        let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
+        let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
+        if at >= self.disturber.next() || starts && !seen {
+            // As it was just before something goes wrong.
+            self.look();
+        }
         let notes = self.disturber.disturb(rng, &self.plug, &mut self.history, at);
         for text in notes {
             self.note(text);
@@ -193,11 +199,14 @@ impl Seat {
         let (sample, ignitions, restart, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
             let turbine = ecu.turbine();
-            let (fault, restart, given_up, pwm) = match ecu {
-                AnyEcu::Amt(ecu) => (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false),
+            let (fault, restart, given_up, pwm, hidden) = match ecu {
+                AnyEcu::Amt(ecu) => {
+                    let hidden = ecu.hides_that_it_runs();
+                    (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false, hidden)
+                }
                 AnyEcu::Zk(ecu) => {
                     let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
-                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm)
+                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm, false)
                 }
             };
             let phase = turbine.phase();
@@ -210,6 +219,7 @@ impl Seat {
                 egt: turbine.egt(),
                 flow: turbine.fuel_flow(),
                 fault,
+                hidden,
             };
             let ignitions: Vec<u64> =
                 turbine.history().ignitions.iter().skip(seen).map(|at| at / 1000).collect();

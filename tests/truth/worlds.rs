@@ -13,6 +13,7 @@ use embassy_time::{Duration, Ticker};
 use jetlink::channels::Handle;
 use jetlink::config::EngineConfig;
 use jetlink::engine::keep::{self, Memory};
+use jetlink::line::LineError;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use sim::clock;
@@ -20,6 +21,7 @@ use sim::turbine::Phase;
 use sim::wire::{WireRx, WireTx};
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
 
@@ -219,7 +221,6 @@ fn boot<const N: usize>(
     fate: &mut Fate,
     end: u64,
 ) -> Option<Blow> {
-    static ERRORS: LineErrors = LineErrors::new();
     let reset = match cause {
         Cause::Watchdog => keep::Reset::Warm,
         Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
@@ -227,8 +228,12 @@ fn boot<const N: usize>(
     let node = Node::with_memory(configs, memory, reset).expect("valid");
     let handles = node.handles();
     let mut tasks: Tasks<'_> = nature(seats);
-    for (runner, (rx, tx)) in node.runners().into_iter().zip(halves.drain(..)) {
-        tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
+    for ((runner, (rx, tx)), seat) in node.runners().into_iter().zip(halves.drain(..)).zip(seats.iter()) {
+        // As the firmware's interrupt does it.
+        let errors = Rc::new(LineErrors::new());
+        let counted = Rc::clone(&errors);
+        seat.plug.on_framing_error(move || counted.count(LineError::Framing));
+        tasks.push(Box::pin(async move { runner.run(rx, tx, &errors).await }));
     }
     let mut all = pin!(poll_all(&mut tasks));
     let mut blow = fate.next(rng);

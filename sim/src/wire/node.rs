@@ -42,6 +42,15 @@ impl embedded_io_async::Error for WireError {
     }
 }
 
+/// What an interrupt of the UART does at each framing error.
+pub(super) struct FramingHandler(pub(super) Box<dyn Fn()>);
+
+impl core::fmt::Debug for FramingHandler {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("FramingHandler")
+    }
+}
+
 /// What the two halves and the plug share.
 #[derive(Debug)]
 pub(super) struct Port {
@@ -54,6 +63,7 @@ pub(super) struct Port {
     rx: VecDeque<Result<u8, WireError>>,
     rx_ring: usize,
     pub(super) framing: FramingAs,
+    pub(super) framing_handler: Option<FramingHandler>,
     pub(super) overruns: u64,
     reader: Option<Waker>,
     writer: Option<Waker>,
@@ -70,6 +80,7 @@ impl Port {
             rx: VecDeque::with_capacity(rx_ring),
             rx_ring: rx_ring.max(1),
             framing: FramingAs::default(),
+            framing_handler: None,
             overruns: 0,
             reader: None,
             writer: None,
@@ -78,6 +89,11 @@ impl Port {
     }
 
     pub(super) fn receive(&mut self, arrival: Arrival) {
+        if let (Arrival::Framing(_), FramingAs::Data, Some(handler)) =
+            (&arrival, self.framing, &self.framing_handler)
+        {
+            (handler.0)();
+        }
         let received = match (arrival, self.framing) {
             (Arrival::Good(byte), _) | (Arrival::Framing(byte), FramingAs::Data) => Ok(byte),
             (Arrival::Framing(_), FramingAs::Error) => Err(WireError::Framing),
@@ -210,7 +226,7 @@ impl Write for WireTx {
         poll_fn(|cx| {
             let mut port = self.port.borrow_mut();
             let space = port.tx_ring - port.tx.len();
-            if port.stalled || space == 0 {
+            if space == 0 {
                 register(&mut port.writer, cx);
                 return Poll::Pending;
             }

@@ -1,7 +1,7 @@
 //! How fast a demand may rise.
 
 use super::{Case, Rule};
-use crate::history::{Ask, MS, SECOND, Told, Word};
+use crate::history::{Ask, MS, SECOND, Said, Told, Word};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
 const STEP: f64 = 7.0;
@@ -14,26 +14,49 @@ impl Case<'_> {
             Ask::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
         }
     }
-    /// A pilot moved the stick just now, from a demand that was in force to this one or more. What goes out may be reduced
+    /// A pilot moved the stick since the frame before, from a demand that was in force to this one or more. What goes out may be reduced
     /// because another engine has failed.
-    fn moved(&self, at: u64, from: f64, to: f64) -> bool {
+    fn moved(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
         let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
         let part =
             self.h.rules.when_other_fails.filter(|_| failed).map_or(1.0, |part| f64::from(part) / 1000.0);
-        self.moved_to(at, from, to) || self.moved_to(at, from / part, to / part)
+        self.moved_to(when, at, from, to) || self.moved_to(when, at, from / part, to / part)
     }
 
-    fn moved_to(&self, at: u64, from: f64, to: f64) -> bool {
-        let reach = 3 * self.h.rules.period + 50 * MS;
+    fn moved_to(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
+        // Where sets could not be read there was no frame since.
+        let reach = at - when + 3 * self.h.rules.period + 50 * MS;
         self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
-            let Word::Run(ask) = said.word else { return false };
-            let words = self.voices.until(said.source, said.at.saturating_sub(1));
-            let Some(&(when, Word::Run(before))) = words.last() else { return false };
-            // One after the other: a source that was away has to rise at the rate.
-            let fresh = said.at <= when + self.voices.age(said.source);
-            let in_force = from + STEP >= self.share(before);
-            fresh && in_force && self.share(ask) + STEP >= to
+            matches!(said.word, Word::Run(ask) if self.share(ask) + STEP >= to)
+                && matches!(said.word, Word::Run(ask) if self.was_in_force(*said, ask, at.saturating_sub(reach), from))
         })
+    }
+
+    /// The words of a source just before this one, with no gap between them, say a demand that was on the wire. Several may
+    /// come in one slot, and one word of standby between two of run changes nothing.
+    fn was_in_force(&self, said: Said, ask: Ask, since: u64, from: f64) -> bool {
+        let Said { source, at, .. } = said;
+        let mut next = at;
+        let mut standby = 0;
+        for &(when, word) in self.voices.until(source, at.saturating_sub(1)).iter().rev() {
+            // A source that was away has to rise at the rate.
+            if next > when + self.voices.age(source) {
+                return false;
+            }
+            match word {
+                Word::Run(before) if from + STEP >= self.share(before) => return true,
+                // A throttle and a speed do not compare.
+                Word::Run(before) if core::mem::discriminant(&before) != core::mem::discriminant(&ask) => {
+                    return true;
+                }
+                Word::Run(_) if when < since => return false,
+                Word::Run(_) => standby = 0,
+                Word::Standby if standby == 0 => standby = 1,
+                _ => return false,
+            }
+            next = when;
+        }
+        false
     }
 
     pub(super) fn rate(&mut self) {
@@ -64,7 +87,8 @@ impl Case<'_> {
                 let time = (at - when) + rules.period + 20 * MS;
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
-                let fast = share > low + risen(rules.rise) && !self.moved(at, low + risen(rules.rise), share);
+                let fast =
+                    share > low + risen(rules.rise) && !self.moved(when, at, low + risen(rules.rise), share);
                 if (slow || fast) && share > idle + STEP {
                     self.verdict.finding(
                         Rule::Rate,

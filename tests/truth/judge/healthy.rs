@@ -6,7 +6,7 @@ use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, W
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
 /// After a disturbance that is over, until everything goes its way again.
-const SETTLES: u64 = 2 * SECOND;
+const SETTLES: u64 = 1500 * MS;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
@@ -16,10 +16,14 @@ impl Case<'_> {
         let cut = h.mute.union(&h.deaf).longer(SETTLES);
         // Up for less than it takes to find out, again and again, is as good as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
-        let gap = down.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
-        // What is damaged for longer than the ECU waits is as good as cut.
-        // Damage on the way to the node costs an AMT ECU its replies, a ZK ECU nothing.
-        let damage = if self.is_amt() { &h.noise } else { &h.noise_to_ecu };
+        // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
+        let silent = if self.is_amt() { down.union(&h.noise) } else { down.clone() };
+        let silent = silent.at_least(patience.saturating_sub(300 * MS));
+        let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
+        let gap = Spans::from(&silent).longer(SETTLES);
+        // What is damaged on the way to the ECU for longer than it waits is as good as cut. On the way to the node damage costs
+        // a ZK ECU nothing, and an AMT ECU its replies where no set can be told from garbage.
+        let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
         let damage = damage.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         let zk = !self.is_amt();
         // Which ECU it is at that time.
@@ -89,6 +93,7 @@ impl Case<'_> {
         // With error sets an AMT ECU gives no state.
         let dumb = if self.is_amt() { self.faults.clone() } else { Spans::default() };
         let hidden = self.blind.union(&self.h.noise).union(&self.down).union(&dumb);
+        let hidden = hidden.union(&self.h.times(|sample| sample.hidden));
         at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
     }
 
@@ -123,18 +128,32 @@ impl Case<'_> {
             );
         }
     }
+    /// When a source that was in control for sure last said run: it had spoken for a while, with nobody above it.
+    fn ruled_for_sure(&self, source: usize, at: u64, spoken: u64) -> Option<u64> {
+        let rules = &self.h.rules;
+        self.voices.in_control_for_sure(source, at, spoken).filter(|when| {
+            let above = (0..source).filter_map(|above| Some((above, self.voices.last(above, *when)?)));
+            // While it waits to take over from a higher one that was lost, the stages of loss of that one go on.
+            above.into_iter().all(|(above, (last, word))| {
+                word == Word::Nothing || *when >= last + self.voices.age(above) + rules.takeover
+            })
+        })
+    }
+
     /// Whether a higher source, which says run, keeps this one's standby from taking effect.
-    fn holds_against(&self, higher: usize, source: usize, at: u64, slack: u64) -> bool {
+    fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
-        let Some(sure) = self.voices.in_control_for_sure(higher, at, rules.recover_after + rules.takeover)
-        else {
+        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
             return false;
         };
         let lost = sure + self.voices.age(higher);
-        // Or the other one has taken over since, with a run of its own.
-        let took_over = self.voices.until(source, at).iter().rev().take_while(|(when, _)| *when > lost);
-        let took_over = took_over.clone().any(|(_, word)| matches!(word, Word::Run(_)));
+        // Or another one has taken over since, with a run of its own.
+        let took_over = (0..4).filter(|other| *other != higher).any(|other| {
+            let words = self.voices.until(other, at).iter().rev();
+            let mut words = words.take_while(|(when, _)| when + self.voices.age(other) > lost);
+            words.any(|(_, word)| matches!(word, Word::Run(_)))
+        });
         at + slack < lost + rules.hold + rules.lower_standby_after && !took_over
     }
 
@@ -158,7 +177,7 @@ impl Case<'_> {
             let period = words.len().checked_sub(3).map_or(0, |third| first - words[third].0);
             let near = second - first <= self.voices.age(source).max(2 * period) + MS;
             let fresh = at <= second + self.voices.age(source) + rules.takeover + slack;
-            near && fresh && (0..source).all(|higher| !self.holds_against(higher, source, at, slack))
+            near && fresh && (0..source).all(|higher| !self.holds_against(higher, at, slack))
         });
         asked || self.silent_for_good(at)
     }
@@ -179,10 +198,7 @@ impl Case<'_> {
             return false;
         }
         // A source that speaks now and then is not in control, and the stages go on.
-        let sure = |source| {
-            let spoken = rules.recover_after + rules.takeover + slack;
-            self.voices.in_control_for_sure(source, at, spoken)
-        };
+        let sure = |source| self.ruled_for_sure(source, at, rules.recover_after + rules.takeover + slack);
         let sure = (0..4).filter_map(sure).max();
         let last = self.voices.last_run(at).unwrap_or(0);
         let heard = sure.unwrap_or(last).min(last);
@@ -221,7 +237,20 @@ impl Case<'_> {
             let since = at.saturating_sub(h.rules.gives_up_after + 500 * MS);
             let run = |at| self.voices.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
-            if mark == Mark::GivenUp && ran && run(at) && run(since) && !exempt && self.known_to_run(since) {
+            // With nothing retained, and error sets only, nobody knows that it ran.
+            let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
+            let unknown = power.is_some_and(|reset| {
+                self.is_amt()
+                    && h.samples(reset.up, at.saturating_sub(200 * MS)).iter().all(|sample| sample.fault)
+            });
+            if mark == Mark::GivenUp
+                && !unknown
+                && ran
+                && run(at)
+                && run(since)
+                && !exempt
+                && self.known_to_run(since)
+            {
                 // Nothing but a gap within the ECU's patience is allowed to a node.
                 let hidden = self.down.within(since, at) + h.noise.within(since, at);
                 let text = format!(
@@ -239,8 +268,9 @@ impl Case<'_> {
         let h = self.h;
         let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         // The fail-safe of a limit holds until standby.
-        let ran = h.samples(since.saturating_sub(60 * SECOND), at);
-        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(since, at);
+        let start = since.saturating_sub(60 * SECOND);
+        let ran = h.samples(start, at);
+        let over = |egt| ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(start, at);
         let limit_egt = matches!(h.rules.limit_egt, Some((egt, false)) if over(egt));
         let limit_rpm = matches!(h.rules.limit_rpm, Some((rpm, false)) if ran.iter().any(|sample| sample.rpm > rpm - 1500.0));
         let limit_fault = h.rules.limit_fault == Some(false) && ran.iter().any(|sample| sample.fault);
@@ -259,10 +289,15 @@ impl Case<'_> {
         let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
         // A node that was reset, or did not hear the ECU, has to find out what its engine does.
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
+        // With error sets only an AMT engine whose exhaust falls may be any: its demand is not raised.
+        let dumb =
+            if self.is_amt() { self.faults.longer(self.two_states() + SECOND) } else { Spans::default() };
+        let hidden = hidden.union(&dumb);
         let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
         let mut since: Option<(u64, usize, Ask)> = None;
         let mut reported = 0;
         let mut frame = 0;
+        let mut low_since = None;
         for sample in &h.samples {
             let at = sample.at;
             let run = self.voices.run_in_control(at).filter(|(source, _)| {
@@ -296,10 +331,12 @@ impl Case<'_> {
             let Some((from, source, ask)) =
                 since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
             else {
+                low_since = None;
                 continue;
             };
             let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
             if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
+                low_since = None;
                 continue;
             }
             // What shut it down is another matter.
@@ -319,7 +356,9 @@ impl Case<'_> {
                 }
                 _ => true,
             };
-            if low {
+            // A reduction begins before its reason shows.
+            low_since = low.then(|| low_since.unwrap_or(at));
+            if low_since.is_some_and(|since| at >= since + SECOND) {
                 let text = format!(
                     "source {source} says run at {ask} since {}, and {} is on the wire",
                     seconds(from),

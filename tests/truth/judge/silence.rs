@@ -21,8 +21,11 @@ impl Case<'_> {
             let doubt = hidden.touches(from.saturating_sub(2 * SECOND), wire.min(to));
             let doubtful = rules.standby_after.unwrap_or(10 * SECOND) + 2 * SECOND;
             let turbine = wire + SPIN_DOWN + if doubt { doubtful } else { 0 };
+            // Until the ECU reports a running engine it is the throttle of a start.
+            let starts = h.samples(from, to).iter().any(|sample| !sample.runs() || sample.hidden);
+            let safe = if starts { rules.fail_safe.max(rules.start_throttle) } else { rules.fail_safe };
             let lowest = |ask| match ask {
-                Ask::Throttle(tenths) => tenths <= rules.fail_safe + 6,
+                Ask::Throttle(tenths) => tenths <= safe + 6,
                 Ask::Rpm(rpm) => f64::from(rpm) <= rules.idle_rpm + 0.006 * rules.max_rpm,
             };
             if wire >= to {

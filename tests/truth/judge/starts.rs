@@ -128,7 +128,9 @@ impl Case<'_> {
         let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
         let began = first.map_or(at, |frame| frame.at.min(at));
         let longest = |until| self.longest_gap(start.source, start.at, until);
-        if began > start.waits_until.saturating_add(100 * MS) {
+        // Whether it waited shows at the next slot at the earliest.
+        let waited = began > start.at + self.h.rules.period + 100 * MS;
+        if waited && began > start.waits_until.saturating_add(100 * MS) {
             return who("waited, and was withdrawn");
         }
         if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
@@ -158,11 +160,16 @@ impl Case<'_> {
             if mark != Mark::Ignition || h.pwm.contains(at) {
                 continue;
             }
+            // An ECU that hears nothing any more acts on the last word that came to it.
+            let frames = &h.frames[..h.frames.partition_point(|frame| frame.at <= at)];
+            let heard = frames.iter().rev().find(|frame| frame.arrived && frame.told.switch().is_some());
+            let told =
+                heard.filter(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at);
             let mut why = "no source said standby and then run at idle".to_string();
             let mut by = None;
             for (index, start) in starts.iter().enumerate().rev().filter(|(_, start)| start.at <= at).take(8)
             {
-                match self.not_by(start, at) {
+                match self.not_by(start, told.max(start.at)) {
                     None if start.used => {
                         let used = format!("the start of source {} was used before", start.source);
                         why = used;
@@ -201,6 +208,11 @@ impl Case<'_> {
         for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Run)) {
             let at = frame.at;
             if at < reported || self.live.contains(at) || h.pwm.contains(at) {
+                continue;
+            }
+            // AMT sets carry no checksum: to one that nobody sent, and that says running, there is a reply.
+            let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
+            if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
                 continue;
             }
             let went_out = self.live.last_before(at).map(|(_, to)| to);
@@ -251,8 +263,10 @@ impl Case<'_> {
                     let noise = h.noise.within(out, at);
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
-                    let time = if self.is_amt() && fault { 45 * SECOND } else { self.two_states() };
-                    (out, out + time + noise.min(10 * SECOND) + down)
+                    // With faults in place of a state the exhaust has to be cold.
+                    let hot = h.samples(out, at).iter().find(|sample| sample.egt < 290.0);
+                    let hot = if self.is_amt() && fault { hot.map_or(at, |cold| cold.at) - out } else { 0 };
+                    (out, out + hot + self.two_states() + noise.min(10 * SECOND) + down)
                 });
                 // With error sets only the exhaust tells.
                 let by_exhaust = |out| {
@@ -261,6 +275,20 @@ impl Case<'_> {
                 };
                 if seen.is_some_and(|(out, until)| at <= until && (unseen(out) || by_exhaust(out + 100 * MS)))
                 {
+                    continue;
+                }
+                // A node that was reset did not hear the power-up, and the first reports still say that the engine runs, with its
+                // shaft turning: a running engine.
+                let stale = anew.is_some_and(|anew| {
+                    let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
+                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 2.0);
+                    h.rules.stale > 0
+                        && self.is_amt()
+                        && at < anew + reports
+                        && turns
+                        && self.down.touches(anew, at)
+                });
+                if stale {
                     continue;
                 }
                 // An order that a start gave is taken back: what was under way is out with the next frames.

@@ -57,8 +57,14 @@ impl Case<'_> {
             let frames = || h.frames[first..].iter().take_while(move |frame| frame.at < to);
             let mut closes = 0;
             let mut closed_last = false;
+            let mut up = 0;
             let wrong = frames().filter(|frame| frame.at > from + late).find(|frame| {
                 let close = frame.told == Told::Action(CLOSE_PUMP);
+                // A node that begins anew knows that a pump was open, not how often it was closed.
+                let last = h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= frame.at).last();
+                if last.is_some_and(|last| core::mem::replace(&mut up, last) != last) {
+                    closes = 0;
+                }
                 if close {
                     closes += 1;
                 }
