@@ -73,7 +73,7 @@ pub fn wants_internal_oscillator() -> bool {
 
 /// Looks at the TX pins, which have just been pulled up. To be called before anything drives them.
 pub fn look_at_tx(tx: &[(Gpio, usize)]) {
-    cortex_m::asm::delay(10_000); // 0.2 ms and more, for 40 kΩ and a long wire
+    cortex_m::asm::delay(10_000); // 0.16 ms and more, for 40 kΩ and a long wire
     let high = tx.iter().enumerate().filter(|(_, (port, pin))| port.idr().read().0 >> pin & 1 == 1);
     TX_HIGH.store(high.fold(0, |bits, (nth, _)| bits | 1 << nth), Ordering::Relaxed);
     TX.store(tx.len() as u32, Ordering::Relaxed);
