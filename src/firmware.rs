@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
 //! | `events`, one for each ECU | thread mode | logs what happens |
-//! | `status` | thread mode | logs a line a second for each engine, drives the LED |
+//! | `status` | thread mode | logs a line a second for each engine, one for the board when there is news, drives the LED |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
@@ -18,6 +18,7 @@ use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
 use jetlink::config::ENGINES;
 use jetlink::engine::keep::Reset;
+use jetlink::health::ClockSource;
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::Runner;
@@ -64,7 +65,20 @@ fn main() -> ! {
     }
     log_ports();
 
+    #[cfg(all(feature = "selftest", feature = "stm32"))]
+    {
+        board::selftest::measure(board.reset_cause);
+        board::selftest::count_cycles();
+    }
+
     let node = node(board.reset_cause.retained());
+    node.set_clock(match board.oscillator {
+        Oscillator::Crystal => ClockSource::Crystal,
+        Oscillator::Internal => ClockSource::Internal,
+    });
+    // The node is built on the stack: what the firmware needs from here on is much less, and a mark of its own.
+    let starting = board::stack::deepest();
+    board::stack::paint();
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for handle in node.handles() {
@@ -72,7 +86,9 @@ fn main() -> ! {
             let heard = defmt::unwrap!(handle.events());
             spawner.spawn(defmt::unwrap!(events(handle.name(), heard)));
         }
-        spawner.spawn(defmt::unwrap!(status(node, board.led, board.oscillator)));
+        spawner.spawn(defmt::unwrap!(status(node, board.led, starting)));
+        #[cfg(all(feature = "selftest", feature = "stm32"))]
+        spawner.spawn(defmt::unwrap!(self_test(starting, board.oscillator)));
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
         #[cfg(feature = "trial")]
@@ -143,19 +159,32 @@ async fn events(name: &'static str, mut events: Events<'static>) {
     }
 }
 
-/// Status LED: one flash a second when all is well, five when an engine needs a look or the crystal does not run.
+/// Status LED: one flash a second when all is well, five when an engine or the board needs a look.
 #[embassy_executor::task]
-async fn status(node: &'static Node<N>, mut led: Led, oscillator: Oscillator) {
+async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
     let mut second = Ticker::every(Duration::from_secs(1));
+    let mut logged = 0;
     loop {
         second.next().await;
-        let mut flashes = if oscillator == Oscillator::Crystal { 1 } else { 5 };
+        let mut flashes = if node.health().needs_attention() { 5 } else { 1 };
         for handle in node.handles() {
             let telemetry = handle.telemetry();
             defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));
             if telemetry.needs_attention() {
                 flashes = 5;
             }
+        }
+        if node.health().clock == ClockSource::Internal {
+            defmt::info!("board: no crystal, all baud rates come from the chip's own oscillator");
+        }
+        let deepest = board::stack::deepest();
+        if deepest > logged {
+            logged = deepest;
+            defmt::info!(
+                "board: stack {=u32} bytes deep since the start, {=u32} while it started",
+                deepest,
+                starting
+            );
         }
         for _ in 0..flashes {
             led.set(true);
@@ -241,6 +270,12 @@ async fn demonstration(node: &'static Node<N>) {
 #[embassy_executor::task]
 async fn trial(node: &'static Node<N>) {
     crate::trial::run(node).await
+}
+
+#[cfg(all(feature = "selftest", feature = "stm32"))]
+#[embassy_executor::task]
+async fn self_test(starting: u32, oscillator: Oscillator) {
+    board::selftest::report(starting, oscillator).await
 }
 
 #[cfg(feature = "count")]

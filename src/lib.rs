@@ -9,7 +9,7 @@
 //! | [`ecu::amt::link`], [`ecu::zk::link`] | one protocol's conversation: reply window, cadence, loss, what is known of the ECU |
 //! | [`engine`] | one engine in plain words: command, demand, emergency stop, stages of loss |
 //! | [`runner`], [`channels`] | bytes and time between one engine and one UART; handles for everybody else |
-//! | [`node`], [`config`] | all engines of one board |
+//! | [`node`], [`config`], [`health`] | all engines of one board, and how the board is |
 //!
 //! Codecs, links and engines do no IO and read no clock: time comes in as an argument. So every rule of
 //! timing can be tested as a table, and whoever reads a link reads the protocol.
@@ -27,6 +27,7 @@ pub mod command;
 pub mod config;
 pub mod ecu;
 pub mod engine;
+pub mod health;
 pub mod line;
 pub mod link;
 pub mod node;

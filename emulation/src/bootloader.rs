@@ -33,6 +33,8 @@ pub enum Leftover {
     PendSv,
     /// Two interrupts of peripherals are enabled and pending, one of them for ever. Only behind PRIMASK.
     Interrupts,
+    /// Every interrupt has the lowest priority; only a start that sets them all is the same as after a reset.
+    Priorities,
     /// A timer's interrupt is enabled, and the timer runs out a few milliseconds after the jump.
     LiveTimer,
     /// Region 6 of the MPU is on, over the beginning of the application's RAM, and lets nobody in.
@@ -41,7 +43,7 @@ pub enum Leftover {
     DataCache,
     /// The PLL clocks the core, with ArduPilot's dividers; kernel clocks come from other sources than after a reset.
     Pll,
-    /// The independent watchdog runs, with 512 ms left.
+    /// The independent watchdog runs, with 1.25 ms left.
     Watchdog,
     /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
     Vtor,
@@ -69,7 +71,7 @@ impl Default for Bootloader {
 
 impl Leftover {
     /// What the present bootloader leaves, and more: all that goes together.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Primask,
         Self::Basepri,
         Self::Faultmask,
@@ -77,6 +79,7 @@ impl Leftover {
         Self::SysTick,
         Self::PendSv,
         Self::Interrupts,
+        Self::Priorities,
         Self::LiveTimer,
         Self::Mpu,
         Self::DataCache,
@@ -108,8 +111,14 @@ impl Bootloader {
             }
         }
         if leaves(Leftover::Watchdog) {
-            // Started without a feed it counts down from 0xFFF at the shortest prescaler: 512 ms.
-            code.write(board.watchdog as u32, 0xCCCC);
+            // 10 counts of 4 periods of its 32 kHz: a start that takes it over late is too late.
+            let watchdog = board.watchdog as u32;
+            code.write(watchdog, 0xCCCC);
+            code.write(watchdog, 0x5555);
+            code.write(watchdog + 4, 0);
+            code.write(watchdog + 8, 9);
+            code.wait_clear(watchdog + 12, 0b11);
+            code.write(watchdog, 0xAAAA);
         }
         if leaves(Leftover::Mpu) {
             // Region 6, 32 KiB, no access; the rest as without an MPU.
@@ -134,6 +143,15 @@ impl Bootloader {
             // One far up in the table: UART8.
             code.write(NVIC_ISER + 8, 1 << 19);
             code.write(NVIC_ISPR + 8, 1 << 19);
+        }
+        if leaves(Leftover::Priorities) {
+            // 240 of them, four to a word.
+            code.set(0, NVIC_IPR);
+            code.set(1, 0xF0F0_F0F0);
+            code.set(2, 60);
+            let top = code.0.len();
+            code.push(&[0xC002, 0x3A01]); // stmia r0!, {r1}; subs r2, #1
+            code.branch_back_unless_equal(top);
         }
         if leaves(Leftover::LiveTimer) {
             // TIM2, ChibiOS's system timer: 2 ms at the slowest, over and over.
@@ -335,6 +353,7 @@ const SYST_RVR: u32 = 0xE000_E014;
 const SYST_CVR: u32 = 0xE000_E018;
 const NVIC_ISER: u32 = 0xE000_E100;
 const NVIC_ISPR: u32 = 0xE000_E200;
+const NVIC_IPR: u32 = 0xE000_E400;
 const ICSR: u32 = 0xE000_ED04;
 const VTOR: u32 = 0xE000_ED08;
 const CCR: u32 = 0xE000_ED14;
@@ -402,6 +421,15 @@ impl Code {
         self.set(2, bits);
         let top = self.0.len();
         self.push(&[0x6801, 0x4011, 0x4291]); // ldr r1, [r0]; ands r1, r2; cmp r1, r2
+        self.branch_back_unless_equal(top);
+    }
+
+    /// Until none of these bits is set.
+    fn wait_clear(&mut self, address: u32, bits: u32) {
+        self.set(0, address);
+        self.set(2, bits);
+        let top = self.0.len();
+        self.push(&[0x6801, 0x4011]); // ldr r1, [r0]; ands r1, r2
         self.branch_back_unless_equal(top);
     }
 

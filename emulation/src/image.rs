@@ -19,12 +19,21 @@ pub enum Image {
     PlayEcu,
     /// Linked behind an ArduPilot bootloader (feature `ardupilot-bootloader`).
     Ardupilot,
+    /// Measures its oscillators and reports on the board (feature `selftest`).
+    SelfTest,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Release, Self::Demo, Self::AllPorts, Self::Wedge, Self::PlayEcu, Self::Ardupilot];
+    pub const ALL: [Self; 7] = [
+        Self::Release,
+        Self::Demo,
+        Self::AllPorts,
+        Self::Wedge,
+        Self::PlayEcu,
+        Self::Ardupilot,
+        Self::SelfTest,
+    ];
 
     /// The feature that makes it, besides the board's.
     pub const fn feature(self) -> Option<&'static str> {
@@ -35,6 +44,7 @@ impl Image {
             Self::Wedge => Some("wedge"),
             Self::PlayEcu => Some("play-ecu"),
             Self::Ardupilot => Some("ardupilot-bootloader"),
+            Self::SelfTest => Some("selftest"),
         }
     }
 

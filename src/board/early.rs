@@ -5,6 +5,8 @@
 //! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
 
 use super::{Oscillator, ResetCause, chip};
+#[cfg(feature = "ardupilot-bootloader")]
+use core::sync::atomic::AtomicU32;
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::pac::{
     gpio::{
@@ -36,6 +38,8 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
         port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
         port.moder().modify(|w| w.set_moder(pin, Moder::INPUT));
     }
+    #[cfg(feature = "selftest")]
+    super::selftest::look_at_tx(tx);
     // A probe that halts the core must not be answered by a reset.
     chip::freeze_watchdog_while_halted();
     // Before the watchdog: what it ends from here on, the bootloader lets start again.
@@ -44,8 +48,14 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
     // 2.0 s at 32 kHz, 1.4 s to 3.9 s at 47 kHz and 17 kHz: the start takes some milliseconds, and 0.1 s more
     // without a crystal.
     watch(Pr::from_bits(2), 0xFFF);
+    super::stack::paint();
     let cause = chip::reset_cause();
-    let oscillator = if chip::start_crystal(bypass) { Oscillator::Crystal } else { Oscillator::Internal };
+    #[cfg(feature = "ardupilot-bootloader")]
+    let cause = if take_restart() && cause == ResetCause::Unknown { ResetCause::Restart } else { cause };
+    let crystal = chip::start_crystal(bypass);
+    #[cfg(feature = "selftest")]
+    let crystal = crystal && !super::selftest::wants_internal_oscillator();
+    let oscillator = if crystal { Oscillator::Crystal } else { Oscillator::Internal };
     WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
     // Still on the chip's own oscillator, whose speed the flash allows at any voltage.
     chip::wait_for_supply(feed);
@@ -113,9 +123,27 @@ pub fn end() -> ! {
     }
 }
 
+/// Holds `RESTARTED` from a restart to the next start: no flag of a reset tells of one, and what is kept is as good as
+/// after any other.
+// SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
+// is believed, where no flag says that the RAM may have been without power.
+#[cfg(feature = "ardupilot-bootloader")]
+#[unsafe(link_section = ".kept.restart")]
+static RESTART: AtomicU32 = AtomicU32::new(0);
+
+#[cfg(feature = "ardupilot-bootloader")]
+const RESTARTED: u32 = 0x7E57_A27D;
+
+/// Whether this start is a restart, asked once.
+#[cfg(feature = "ardupilot-bootloader")]
+fn take_restart() -> bool {
+    RESTART.swap(0, Ordering::Relaxed) == RESTARTED
+}
+
 /// Goes back to the image's first instruction, from wherever this is called.
 #[cfg(feature = "ardupilot-bootloader")]
 fn restart() -> ! {
+    RESTART.store(RESTARTED, Ordering::Relaxed);
     // SAFETY: `Reset` and `__pre_init` (start.rs) rely on nothing: they leave the handler that this may be called in,
     // set the stack and initialise the memory. Nothing runs on after this.
     unsafe { core::arch::asm!("cpsid i", "b Reset", options(noreturn)) }

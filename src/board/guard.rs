@@ -11,9 +11,19 @@ unsafe extern "C" {
     static _stack_end: u32;
 }
 
+/// The first address of the guard, above the statics.
+fn base() -> u32 {
+    (&raw const _stack_end as u32).next_multiple_of(SIZE)
+}
+
+/// The first address above the guard, which belongs to the stack.
+pub fn end() -> u32 {
+    base() + SIZE
+}
+
 /// Arms the guard, above the statics. To be called once, at the start.
 pub fn arm() {
-    let base = (&raw const _stack_end as u32).next_multiple_of(SIZE);
+    let base = base();
     // SAFETY: registers of the core, and nothing else uses the MPU. Region 0 takes away memory that belongs to the stack
     // alone, far below where it is now; everything else stays as it is without an MPU (PRIVDEFENA). In the handler of
     // hard faults the MPU does not count (HFNMIENA 0), so that it can still use the stack.

@@ -20,6 +20,9 @@ pub mod guard;
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+#[cfg(all(feature = "selftest", feature = "stm32"))]
+pub mod selftest;
+pub mod stack;
 mod start;
 #[cfg(feature = "stm32")]
 mod stm32;
@@ -65,6 +68,9 @@ pub enum ResetCause {
     LowPower,
     /// The reset pin: a button or a debug probe.
     Pin,
+    /// None: the firmware went back to its first instruction, because it had lost its crystal.
+    #[cfg(feature = "ardupilot-bootloader")]
+    Restart,
     /// No flag is set.
     Unknown,
 }
@@ -77,6 +83,8 @@ impl ResetCause {
             Self::Watchdog | Self::WindowWatchdog | Self::Software | Self::LowPower | Self::Pin => {
                 Reset::Warm
             }
+            #[cfg(feature = "ardupilot-bootloader")]
+            Self::Restart => Reset::Warm,
             Self::PowerOn | Self::BrownOut | Self::Unknown => Reset::PowerLost,
         }
     }

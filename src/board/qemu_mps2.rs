@@ -110,6 +110,7 @@ static __INTERRUPTS: [Handler; 32] = {
 
 /// Starts the clock and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
+    super::stack::paint();
     clock::start();
     let mut core = defmt::unwrap!(cortex_m::Peripherals::take());
     // SAFETY: the executor's interrupt is still off, and no critical section relies on priorities.

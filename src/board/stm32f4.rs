@@ -1,6 +1,9 @@
 //! What boards with an STM32F427 share: the names and registers that differ from one family of
 //! chips to another.
 
+#[cfg(feature = "selftest")]
+pub mod facts;
+
 use super::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use embassy_stm32::{
     Config,

@@ -13,7 +13,8 @@ cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-
                            that has an engine, and the log on the terminal
     BOARD                  matek-h743, pixracer, pixhawk-6c, cube-orange or nucleo-h743zi2
     --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
-                           ardupilot-bootloader (behind a bootloader, as far as it can tell)
+                           ardupilot-bootloader (behind a bootloader, as far as it can tell),
+                           selftest (reports on the board after 7 s)
     --tcp PORT             TCP port of the telemetry UART on this machine; 5760 unless told";
 
 fn main() -> ExitCode {

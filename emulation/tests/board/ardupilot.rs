@@ -1,7 +1,8 @@
 //! Images behind an ArduPilot bootloader, or behind what stands in its place (`emulation::bootloader`): instructions
 //! that leave the part as the bootloader leaves it, and jump as it jumps.
 
-use crate::support::{crash, engines, first_byte, on_each_board, others_are_well, symbol};
+use crate::support::{Task, crash, engines, first_byte, hijack, on_each_board, others_are_well, symbol};
+use emulation::board::Part;
 use emulation::{Board, Bootloader, Image, Jump, Leftover, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
@@ -99,6 +100,54 @@ fn each_thing_that_a_bootloader_leaves_is_put_right() {
             }
         }
         served(board, Image::Ardupilot, Jump::New, &[Leftover::Vtor]);
+    });
+}
+
+/// What the core's own registers hold, `words` of them, some time after a start behind a bootloader that leaves this. A test
+/// cannot look at them, so a few instructions in RAM copy them; the first two put their address, `from`, into r0.
+fn core_registers(board: &'static Board, leftover: Leftover, from: [u32; 2], words: u8) -> Vec<u32> {
+    let (sender, receiver) = mpsc::channel();
+    let bootloader = Bootloader { leaves: vec![leftover], ..Bootloader::default() };
+    let code = board.ram.start + 0x18000;
+    Run::new(board, Image::Ardupilot)
+        .engines()
+        .bootloader(bootloader)
+        .at(300 * MILLIS, move |bench| {
+            // adr r1, . + 0x104; movs r2, #words; ldmia r0!, {r3}; stmia r1!, {r3}; subs r2, #1; bne .-6; bx lr
+            let copy = [0x2200_A140 | u32::from(words) << 16, 0xC108_C808, 0xD1FB_3A01, 0x0000_4770];
+            for (i, word) in from.into_iter().chain(copy).enumerate() {
+                bench.set_word(code + 4 * i as u64, word);
+            }
+            hijack(bench, board, Image::Ardupilot, Task::Supervisor, code);
+        })
+        .at(599 * MILLIS, move |bench| {
+            let copied = (0..u64::from(words)).map(|i| bench.word(code + 0x10C + 4 * i).expect("RAM"));
+            sender.send(copied.collect()).expect("the test waits");
+        })
+        .until(600 * MILLIS)
+        .go();
+    receiver.recv().expect("the run came by")
+}
+
+/// A UART's interrupt below the engines' executor would wait while an engine works.
+#[test]
+fn priorities_that_a_bootloader_leaves_are_put_right() {
+    on_each_board(|board| {
+        // movw r0, #0xE400; movt r0, #0xE000: NVIC_IPR.
+        let words = core_registers(board, Leftover::Priorities, [0x4000_F24E, 0x0000_F2CE], 60);
+        let others: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).filter(|&byte| byte != 0).collect();
+        assert_eq!(others, [0x60], "all but the executor's are the highest");
+    });
+}
+
+/// With it, what is kept over a reset would stay in it. Cache contents are not modelled: that it is cleaned first is not shown.
+#[test]
+fn a_data_cache_that_a_bootloader_leaves_is_off() {
+    on_each_board(|board| {
+        // movw r0, #0xED14; movt r0, #0xE000: CCR, where bit 16 is the data cache and bit 17 the instruction cache.
+        let control = core_registers(board, Leftover::DataCache, [0x5014_F64E, 0x0000_F2CE], 1)[0];
+        let instruction_cache = u32::from(board.part == Part::H743);
+        assert_eq!(control >> 16 & 3, instruction_cache << 1, "{control:#x}");
     });
 }
 

@@ -2,7 +2,7 @@
 //! the clock security system: the first is turned off after each write that turns it on (`emulation/src/quirks.rs`), the
 //! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
 
-use crate::support::{Task, hijack, on_each_board, others_are_well};
+use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well};
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -95,5 +95,52 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
             let again = report.lines("left: LinkUp").next_back().expect("up again").at;
             assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
         }
+    });
+}
+
+/// Nor does a crash after that: the bootloader would wait for the crystal, so the image begins again without a reset.
+#[test]
+fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
+    on_each_board(|board| {
+        let stop = |bench: &mut Bench<'_>| stop_crystal(bench, board, Image::Ardupilot, Task::Supervisor);
+        let report = Run::new(board, Image::Ardupilot)
+            .engines()
+            .at(SECOND, stop)
+            .at(2500 * MILLIS, |bench| crash(bench, board, Image::Ardupilot))
+            .with_errors()
+            .until(4500 * MILLIS)
+            .go_unchecked()
+            .0;
+        assert!(report.resets.is_empty(), "{:?}\n{}", report.resets, report.log_text());
+        assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
+        // What was retained is as good as after a reset: an engine that runs goes on with its order.
+        let causes: Vec<_> =
+            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
+        assert_eq!(causes, ["PowerOn", "Restart", "Restart"], "{}", report.log_text());
+        let crashed = report.when("has no handler, resetting");
+        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        assert!(again > crashed, "{}", report.log_text());
+        assert!(report.faults.is_empty());
+    });
+}
+
+/// Telemetry has it, and so has the log, every second, and the LED.
+#[test]
+fn the_log_says_every_second_that_there_is_no_crystal() {
+    on_each_board(|board| {
+        let led = Led::of(board);
+        let run = |dead: bool| {
+            let run = Run::new(board, Image::Release).engines().with_errors().until(3900 * MILLIS);
+            let run = run.record(led.register).at(0, move |bench| {
+                if dead {
+                    bench.break_crystal();
+                }
+            });
+            let report = run.go();
+            let flashes = led.lit(&report).into_iter().filter(|at| *at > 2950 * MILLIS);
+            (report.lines("board: no crystal").count(), flashes.count())
+        };
+        assert_eq!(run(false), (0, 1), "{}", board.name);
+        assert_eq!(run(true), (3, 5), "{}", board.name);
     });
 }

@@ -1,13 +1,15 @@
 //! Where the image lies in the part's memory, and how deep its stack gets.
 
 use crate::support::{Task, hijack, on_all_boards, on_each_board, symbol};
-use emulation::{Bench, Image, Run};
+use emulation::{Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
 
 /// Of the stack while the firmware runs, and while it starts.
 const RUNNING: u64 = 8 * 1024;
 const STARTING: u64 = 64 * 1024;
+/// What the firmware paints its stack with.
+const PAINT: u32 = 0xC5C5_C5C5;
 
 #[test]
 fn stack_statics_and_vectors_are_where_they_should_be() {
@@ -21,42 +23,38 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
         assert!(board.ram.contains(&statics_end), "{statics_end:#x}");
 
         let (sender, receiver) = mpsc::channel();
-        let first = sender.clone();
-        let stack = move |bench: &mut Bench<'_>| -> Vec<_> {
-            (statics_end..board.ram.end).step_by(4).map(|at| bench.word(at)).collect()
-        };
         let report = Run::new(board, Image::Release)
             .engines()
-            .at(SECOND, move |bench| {
-                let words = stack(bench);
-                // What the start has left there goes, so that what is used from now on shows.
-                for at in (statics_end..board.ram.end - RUNNING).step_by(4) {
-                    bench.set_word(at, 0);
-                }
-                first.send((words, stack(bench))).expect("the test waits");
-            })
             .at(10 * SECOND, move |bench| {
                 let first_words = [0, 4].map(|offset| bench.word(vectors + offset));
                 assert_eq!(first_words, [Some(board.ram.end as u32), Some(reset as u32 | 1)]);
-                sender.send((stack(bench), Vec::new())).expect("the test waits");
+                let words: Vec<_> =
+                    (statics_end..board.ram.end).step_by(4).map(|at| bench.word(at)).collect();
+                sender.send(words).expect("the test waits");
             })
             .until(10 * SECOND + 1)
             .go();
         assert_eq!(report.lines("left: link").count(), 9);
-        let (starting, wiped) = receiver.recv().expect("the run came by");
-        let (running, _) = receiver.recv().expect("the run came by");
-        let size = |words: usize| 4 * (running.len() - words) as u64;
-        let starting = size(starting.iter().position(|&word| word != Some(0)).expect("a stack"));
+        let words = receiver.recv().expect("the run came by");
+        let size = |words: usize| 4 * words as u64;
+        // The firmware paints the uppermost 64 KiB, and what lies below is never touched.
+        let (below, painted) = words.split_at(words.len() - STARTING as usize / 4);
+        assert!(below.iter().all(|&word| word == Some(0)), "something below the painted stack is used");
         let running =
-            size(running.iter().zip(wiped).position(|(after, before)| *after != before).expect("a stack"));
-        let (statics, free) = (statics_end - board.ram.start, board.ram.end - statics_end - starting);
+            size(painted.len() - painted.iter().position(|&word| word != Some(PAINT)).expect("a stack"));
+        // The mark that the firmware logs is the one that its memory shows.
+        let logged = report.lines("board: stack ").next_back().expect("the mark").text.clone();
+        let numbers: Vec<u64> = logged.split(' ').filter_map(|word| word.parse().ok()).collect();
+        let [marked, starting] = numbers[..] else { panic!("{logged}") };
+        let (statics, free) = (statics_end - board.ram.start, size(below.len()));
         println!(
             "{}: {statics} bytes of statics; {starting} of stack used at the start, {running} afterwards; {free} never \
              touched",
             board.name
         );
+        assert_eq!(marked, running, "{logged}");
         assert!((100..RUNNING).contains(&running), "{running} bytes of stack");
-        assert!((100..STARTING).contains(&starting), "{starting} bytes of stack at the start");
+        assert!((RUNNING..STARTING).contains(&starting), "{starting} bytes of stack at the start");
         assert!(free > 64 * 1024, "{free} bytes free");
     });
 }

@@ -150,3 +150,36 @@ pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, co
     let at = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
     bench.set_word(at, code as u32 | 1);
 }
+
+/// The status LED of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct Led {
+    /// BSRR of its GPIO port: the lower half puts pins high, the upper half low.
+    pub register: u64,
+    pin: u8,
+    lit: bool,
+}
+
+impl Led {
+    /// Of this board.
+    pub fn of(board: &Board) -> Self {
+        let (port, pin, lit) = board.led;
+        Self { register: board.gpio + 0x400 * u64::from(port as u8 - b'A') + 0x18, pin, lit }
+    }
+
+    /// When it was lit, in a run that recorded its register.
+    pub fn lit(&self, report: &Report) -> Vec<Nanos> {
+        self.writes(report, self.lit)
+    }
+
+    /// When it was put out.
+    pub fn dark(&self, report: &Report) -> Vec<Nanos> {
+        self.writes(report, !self.lit)
+    }
+
+    fn writes(&self, report: &Report, high: bool) -> Vec<Nanos> {
+        let bit = self.pin + if high { 0 } else { 16 };
+        let writes = report.written.iter().filter(|write| write.register == self.register);
+        writes.filter(|write| write.value >> bit & 1 == 1).map(|write| write.at).collect()
+    }
+}

@@ -1,6 +1,7 @@
 //! The watchdog bites when a task stands still, and only then.
 
 use crate::support::{on_each_board, others_are_well};
+use emulation::board::Part;
 use emulation::{Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -36,5 +37,23 @@ fn a_silent_line_is_no_reason_to_bite() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).until(5 * SECOND).go();
         assert!(report.resets.is_empty() && report.logged("left: LinkLost"));
+    });
+}
+
+/// A probe that halts the core must not be answered by a reset: the bit in DBGMCU comes before the watchdog. That the
+/// watchdog then stands still is the part's to do; nothing halts the core here.
+#[test]
+fn it_is_told_to_stand_still_while_a_probe_halts_the_core_before_it_starts() {
+    on_each_board(|board| {
+        let (freeze, bit) = match board.part {
+            Part::H743 => (0x5C00_1054, 18), // APB4FZ1, WDGLSD1 (RM0433, 60.5.8)
+            Part::F427 => (0xE004_2008, 12), // APB1_FZ, DBG_IWDG_STOP (RM0090, 38.16.4)
+        };
+        let run = Run::new(board, Image::Release).engines().record(freeze).record(board.watchdog);
+        let report = run.until(SECOND / 10).go();
+        let frozen =
+            report.written.iter().position(|write| write.register == freeze && write.value >> bit & 1 == 1);
+        let started = report.written.iter().position(|write| write.register == board.watchdog);
+        assert!(frozen.is_some() && frozen < started, "{:?}", report.written);
     });
 }
