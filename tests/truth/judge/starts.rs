@@ -200,7 +200,7 @@ impl Case<'_> {
             let tripped = out.is_some_and(|out| {
                 let since = h.samples(out, at.saturating_sub(100 * MS));
                 self.is_amt()
-                    && self.runs.touches(out.saturating_sub(SECOND), out)
+                    && self.runs.touches(out.saturating_sub(5 * SECOND), out)
                     && !since.is_empty()
                     && since.iter().all(|sample| sample.fault && sample.egt > 290.0)
             });
