@@ -125,7 +125,8 @@ fn amt_3_reports_of_a_running_engine() {
     // State, then without a gap (turning, slow), then after one (turning, slow).
     for (state, without, after) in [
         (0b00000, (Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
-        (0b00001, (Doubt, Ends(AtRest)), (Doubt, Ends(AtRest))),
+        // The exhaust is cold here.
+        (0b00001, (Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
         (0b00010, (GoesOn, Ends(StartsAgain)), (Answered, Ends(StartsAgain))),
         (0b00100, (GoesOn, Doubt), (Answered, Doubt)),
         (0b01000, (GoesOn, Doubt), (Answered, Doubt)),
@@ -1761,6 +1762,28 @@ fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
             scenario.pass(EVERY);
         }
         assert_eq!(scenario.wire(), Wire::Run(tenths));
+    }
+}
+
+/// A shaft that coasts beside a cleared start is no verdict; with an exhaust that does not burn it is, in two sets, before the
+/// ECU can start the engine again.
+#[test]
+fn amt_start_clearance_with_a_cold_exhaust_ends_a_life() {
+    for (egt, ended) in [(500, false), (26, true)] {
+        let mut scenario = flying(Ecu::Amt);
+        for i in 1..=40 {
+            scenario.values.egt = 26 + (egt - 26) * i / 40;
+            let _ = scenario.command(run(50));
+            scenario.pass(EVERY);
+        }
+        for _ in 0..2 {
+            scenario.command(run(50)).unwrap();
+            let mut frame = report(Ecu::Amt, 0b00001, TURNING);
+            frame[3] = u8::try_from((egt + 50) * 10 / 46).unwrap();
+            hear(&mut scenario, &frame);
+        }
+        assert_eq!(scenario.order() == Order::Standby, ended, "{egt} °C");
+        assert_eq!(ends(&mut scenario), if ended { vec![End::AtRest] } else { vec![] });
     }
 }
 

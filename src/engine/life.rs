@@ -187,7 +187,7 @@ impl Life {
             return Some(End::PowerUp);
         }
         self.count_faults(now, sign);
-        let fit = self.fit(sign);
+        let fit = self.fit(sign, exhaust);
         let end = match fit {
             Fit::Fits => {
                 self.advance(sign);
@@ -236,7 +236,7 @@ impl Life {
     }
 
     /// How one frame fits, given how far the engine has come.
-    fn fit(&self, sign: Sign) -> Fit {
+    fn fit(&self, sign: Sign, exhaust: Burning) -> Fit {
         let gap = self.after_gap();
         let (stage, turning) = match sign {
             Sign::State { stage, turning, .. } => (stage, turning),
@@ -251,7 +251,7 @@ impl Life {
             (Progress::Ordered, Stage::Rest) => Fit::Fits,
             (_, Stage::Rest) => Fit::Ends(End::AtRest),
             (Progress::Ordered, Stage::Clearance) => Fit::Fits,
-            (_, Stage::Clearance) if slow => Fit::Ends(End::AtRest),
+            (_, Stage::Clearance) if slow || exhaust == Burning::No => Fit::Ends(End::AtRest),
             // A shaft that coasts beside a cleared start: no engine that runs is reported so, and run would start it.
             (_, Stage::Clearance) => Fit::Doubtful,
             // After a gap any starting state is a start again: of ZK at any shaft speed.

@@ -202,7 +202,8 @@ impl Case<'_> {
                 self.is_amt()
                     && self.runs.touches(out.saturating_sub(5 * SECOND), out)
                     && !since.is_empty()
-                    && since.iter().all(|sample| sample.fault && sample.egt > 290.0)
+                    && since.iter().any(|sample| sample.fault)
+                    && since.iter().all(|sample| sample.egt > 290.0 && sample.at < out + 4 * SECOND)
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
