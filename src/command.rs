@@ -222,6 +222,8 @@ pub enum Interlock {
     SupplyLow(Millivolts),
     /// A limit whose action is more than to be told is passed.
     Limit(Watched),
+    /// A fuel pump that a service command opened is not closed yet.
+    PumpOpen,
     /// Another engine of the group starts, or was started less than the configured gap ago.
     OtherStarting,
 }
@@ -240,6 +242,7 @@ impl core::fmt::Display for Interlock {
             }
             Self::SupplyLow(supply) => write!(f, "the supply has only {} mV", supply.get()),
             Self::Limit(watched) => write!(f, "a limit is passed: {}", watched.name()),
+            Self::PumpOpen => f.write_str("the fuel pump is open: it is being closed, command standby again"),
             Self::OtherStarting => {
                 f.write_str("another engine of the group is starting, or was started just now")
             }

@@ -167,8 +167,9 @@ pub trait Link {
     fn gap_at(&self) -> Option<Instant>;
     /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
     fn answers_frames(&self) -> bool;
-    /// When a life that has been in doubt since then loses its order, should nothing confirm it.
-    fn doubt_ends(&self, since: Instant) -> Instant;
+    /// When a life that has been in doubt since then loses its order, should nothing confirm it. `None`: not before its
+    /// sources are silent and the stages of loss have run out.
+    fn doubt_ends(&self, since: Instant) -> Option<Instant>;
     /// The gap that [`Link::gap_at`] announced is there: nothing said before it holds for what comes after it.
     fn gap(&mut self);
     /// The ECU was given its switch by ZK ID 6, so it ignores the one of ID 1 (ZK-9).
@@ -281,8 +282,7 @@ impl Presence {
 pub(crate) struct Beat {
     /// Bytes of a frame.
     frame_len: u8,
-    /// A longer pause separates two bursts.
-    pause: Duration,
+    line: Line,
     last: Option<Instant>,
     good: Option<Instant>,
     last_byte: Option<Instant>,
@@ -297,13 +297,16 @@ const GAP_FRAMES: u32 = 3;
 
 impl Beat {
     pub fn new(frame_len: u8, line: Line) -> Self {
-        let pause = line.time_of(2) + Duration::from_millis(2);
-        Self { frame_len, pause, last: None, good: None, last_byte: None, burst: 0, gap: false }
+        Self { frame_len, line, last: None, good: None, last_byte: None, burst: 0, gap: false }
     }
 
-    /// Bytes came, of whatever kind.
-    pub fn bytes(&mut self, now: Instant, count: usize) {
-        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);
+    /// Bytes came, of whatever kind, with a frame expected at this interval.
+    pub fn bytes(&mut self, now: Instant, count: usize, interval: Duration) {
+        // A longer pause separates two bursts. At a high rate there is little between two frames.
+        let frame = self.line.time_of(self.frame_len.into());
+        let rest = interval.as_ticks().saturating_sub(frame.as_ticks());
+        let pause = (self.line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3));
+        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > pause);
         self.last_byte = Some(now);
         let before = if paused { 0 } else { self.burst };
         self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
@@ -326,10 +329,6 @@ impl Beat {
     /// When the gap begins, with frames expected at this interval.
     pub fn gap_at(&self, interval: Duration) -> Option<Instant> {
         self.last.filter(|_| !self.gap)?.checked_add(interval * GAP_FRAMES)
-    }
-
-    pub const fn last(&self) -> Option<Instant> {
-        self.last
     }
 
     /// The gap was seen.

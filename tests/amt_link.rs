@@ -727,7 +727,7 @@ fn amt_12_a_gap_is_doubt() {
     silence(&mut bench, 374_000);
     assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)));
     assert!(!doubts(&mut bench));
-    for gap in [376_000, 3_900_000] {
+    for gap in [376_000, 3_700_000] {
         let mut bench = flying();
         silence(&mut bench, gap);
         assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)), "{gap}");

@@ -95,7 +95,7 @@ fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     for reached in [false, true] {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         assert_eq!(scenario.command_from(Command::Standby, Origin::Bench), Ok(Accepted::Behind(Origin::Rc)));
-        scenario.pass(SECOND);
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.command_from(Command::HandOverToPwm, Origin::Bench), Ok(Accepted::InForce));
         if reached {
             scenario.says(Says::Starting).says(Says::Running);

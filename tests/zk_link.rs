@@ -1018,11 +1018,14 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
             frames.rotate_left(1);
         }
         assert_eq!(frames, expected, "{order:?} of version {version}");
-        // When the link is lost the version is forgotten, and ID 7 ends with it (ZK-7).
+        // When the link is lost the version is forgotten; the engine is in mode 3 all the same.
         bench.run_to(bench.now() + 600_000);
         bench.frames();
-        bench.run_to(bench.now() + 1_000_000);
-        assert!(bench.bytes().iter().all(|frame| frame[..] == zk::keep_alive()), "{order:?}");
+        let mut frames = turns(&mut bench, 4);
+        if frames[0] != expected[0] {
+            frames.rotate_left(1);
+        }
+        assert_eq!(frames, expected, "{order:?} of version {version}, lost");
         // A stop and a standby go out blind.
         for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
             bench.order(bench.now(), order).unwrap();
@@ -1066,7 +1069,8 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
                 let count = frames.iter().filter(|frame| closes(frame)).count();
                 assert_eq!(
                     count,
-                    if voltage == Some(0) { 1 } else { 10 },
+                    // One that was measured less than 0.1 s after the first frame may be from before it.
+                    if voltage == Some(0) { 2 } else { 10 },
                     "{order:?} {version:?} {voltage:?}"
                 );
                 assert!(!closes(&frames[0]), "a stop first");
@@ -1144,12 +1148,20 @@ fn every_status_is_a_sign() {
     }
 }
 
-/// A gap begins three of the ECU's intervals behind its last frame. Damaged frames keep the beat; half a frame does not.
+/// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it says and what it was asked for.
+/// Damaged frames keep the beat; half a frame does not.
 #[test]
 fn three_frames_that_fail_are_a_gap() {
     let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());
-    for (rate, three) in [(0, 150_000), (1, 60_000), (2, 30_000)] {
-        let mut bench = link(Config::DEFAULT, LINE);
+    for (asked, rate, three) in [
+        (Rate::Hz20, 0, 150_000),
+        (Rate::Hz20, 1, 150_000),
+        (Rate::Hz20, 2, 150_000),
+        (Rate::Hz50, 0, 150_000),
+        (Rate::Hz50, 1, 60_000),
+        (Rate::Hz100, 2, 30_000),
+    ] {
+        let mut bench = link(Config { rate: asked, ..Config::DEFAULT }, LINE);
         assert_eq!(gap(&bench), None, "nothing was heard yet");
         bench.rx(100_000, &zk::identity(160, 4, rate));
         assert_eq!(gap(&bench), Some(100_000 + three), "rate {rate}");

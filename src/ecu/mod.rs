@@ -192,7 +192,7 @@ impl Link for AnyLink {
         each!(self, link => link.answers_frames())
     }
 
-    fn doubt_ends(&self, since: Instant) -> Instant {
+    fn doubt_ends(&self, since: Instant) -> Option<Instant> {
         each!(self, link => link.doubt_ends(since))
     }
 

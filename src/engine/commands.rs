@@ -87,6 +87,7 @@ impl Engine {
         self.close_pump();
         let starting = match &self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => !life.reached(),
+            Mode::Listen(finding) => finding.started.is_some(),
             _ => false,
         };
         if starting {
@@ -128,15 +129,19 @@ impl Engine {
         let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
         match &self.mode {
             Mode::Listen(_) if above.is_none() => {
-                if !self.settled(now) || self.run_of_a_higher_one(now, origin) {
+                if !self.begun || !self.settled(now) || self.run_of_a_higher_one(now, origin) {
                     return Ok(Accepted::Held);
                 }
                 self.standby(now, origin);
             }
             // Whoever handed it over takes it back.
             Mode::Pwm { .. } if origin == self.ordered.origin => self.standby(now, origin),
-            // Where nothing runs yet, one word of whoever it is ends it.
-            Mode::Pwm { life, .. } if above.is_none() && (in_control || !life.reached()) => {
+            // Where nothing runs yet, one word of whoever it is ends it; then whoever is above it.
+            Mode::Pwm { life, .. }
+                if above.is_none()
+                    && (!life.reached()
+                        || in_control && origin.priority() > self.ordered.origin.priority()) =>
+            {
                 self.standby(now, origin);
             }
             // One that was lost may end the start, too: it takes no second word.
@@ -167,12 +172,15 @@ impl Engine {
     /// as long as it takes to end its run.
     fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
         let Mode::Listen(finding) = &self.mode else { return false };
-        if finding.ruler.priority() <= origin.priority() {
+        // Of an engine that is known to have run, and not for whom, every source may be the lower one; but not the highest.
+        let unknown = finding.ran && finding.ruler == Origin::Node;
+        let ruler = if unknown { Origin::SOURCES[0] } else { finding.ruler };
+        if ruler.priority() <= origin.priority() {
             return false;
         }
-        let lost_at = self.sources.silent_from(finding.ruler).unwrap_or(finding.since);
+        let lost_at = self.sources.silent_from(ruler).unwrap_or(finding.since);
         let after = self.config.loss.hold + self.config.loss.lower_standby_after;
-        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks()));
+        let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.lost_for.as_ticks()));
         lost_at.checked_add(left).is_none_or(|at| now < at)
     }
 
@@ -232,7 +240,12 @@ impl Engine {
             Ok(Accepted::InForce) => self.begin(now, demand, origin, Beginning::FromStandby),
             Ok(Accepted::StartWaits) => {}
             // Whatever kept it from the start: its next run does not start the engine later.
-            _ => self.use_up(origin),
+            _ => {
+                if matches!(result, Err(Rejected::Start(Interlock::PumpOpen))) {
+                    self.close_pump();
+                }
+                self.use_up(origin);
+            }
         }
         result
     }
@@ -287,7 +300,10 @@ impl Engine {
             return Err(Rejected::Behind(above));
         }
         let idle = Demand::Throttle(Throttle::IDLE);
-        let permitted = matches!(self.mode, Mode::Standby)
+        // A source that was lost has to say standby again, for a while.
+        let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
+        let permitted = in_control
+            && matches!(self.mode, Mode::Standby)
             && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
         let result = if permitted {
             self.interlocks(now, idle, others_allow_start).map_err(Rejected::Start)
@@ -353,7 +369,9 @@ impl Engine {
         let Demand::Rpm(rpm) = demand else { return demand };
         let own =
             self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
-        let governed = self.config.governor.map(|governor| governor.max_rpm);
+        // A governor's maximum is none of an ECU that has not given its version yet.
+        let waits = matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }));
+        let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
         let told = core::mem::replace(&mut self.clamp_told, max.is_some());
         match max {
@@ -421,6 +439,9 @@ impl Engine {
             return Err(Interlock::NotIdle);
         }
         self.steady_link(now)?;
+        if self.pump.is_some() || self.link.closing_pump() {
+            return Err(Interlock::PumpOpen);
+        }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
             return Err(Interlock::Fault);
         }

@@ -14,6 +14,8 @@ use heapless::Deque;
 
 /// The last stage of loss of an order to run without a living engine, after the fail-safe stage began.
 pub(super) const RUN_OUT: Duration = Duration::from_secs(10);
+/// In so long two reports confirm a life that one has put in doubt: the state of a ZK ECU comes round twice in 0.9 s at 20 Hz.
+const CONFIRMS_WITHIN: Duration = Duration::from_secs(2);
 /// Between two updates of a demand that moves.
 const STEP: Duration = Duration::from_millis(20);
 /// Stands for the maximum rpm of an engine that does not tell its own, when a rate in % is made one in rpm.
@@ -58,21 +60,27 @@ pub(super) struct Arbitration<'a> {
     pub config: &'a Supervision,
     /// The ECU reports a running engine, and nothing puts that in doubt.
     pub living: bool,
+    /// Since when something does.
+    pub doubted: Option<Instant>,
 }
 
 impl Run {
     /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
     pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
+        // Silence from before the reset is over.
         if sources.has_wanted(self.ruler) {
-            // Silence from before the reset is over.
             self.carried = Duration::from_ticks(0);
+        }
+        if sources.last_word().is_some() {
+            self.all_carried = Duration::from_ticks(0);
         }
         match sources.ruler(now) {
             // Of the source in control, or of one above it, standby comes at once.
-            // Of an engine that was found running nobody knows whose it is: any source may be the lower one.
+            // Of an engine that was found running nobody knows whose it is: any source but the highest may be the lower one.
             Some((origin, Intent::Standby))
-                if origin.priority() >= self.ruler.priority() && self.ruler != Origin::Node =>
+                if origin == Origin::SOURCES[0]
+                    || origin.priority() >= self.ruler.priority() && self.ruler != Origin::Node =>
             {
                 Some(origin)
             }
@@ -94,7 +102,8 @@ impl Run {
                     None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
-                if now >= latest || self.shaper.is_close(demand, &config.takeover) {
+                // Resets that follow one another would begin the wait anew each time.
+                if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
                     self.taking_over = None;
                     self.fail_safe_at = None;
                     self.carried = Duration::from_ticks(0);
@@ -139,8 +148,14 @@ impl Run {
         let until_fail_safe =
             by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
         let before =
-            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
-        fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))
+            self.all_carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+        let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
+        // One odd report, a gap or a reset raises doubt long after the stages have run out, and is no verdict. A loop of
+        // resets is.
+        match by.doubted.filter(|_| by.config.loss.standby_after.is_none() && !self.resumed_low) {
+            Some(since) => Some(at.max(since.checked_add(CONFIRMS_WITHIN)?)),
+            None => Some(at),
+        }
     }
 
     /// When the next stage of loss begins.
@@ -394,9 +409,13 @@ impl Moving {
             (moving, target) => {
                 let from = match (target, shape.throttle, shape.rpm) {
                     _ if rates.up.is_none() => target,
-                    (Demand::Throttle(asked), Some(now), _) => Demand::Throttle(asked.min(now)),
-                    (Demand::Rpm(asked), _, Some(now)) => Demand::Rpm(asked.min(now.value)),
-                    _ => target,
+                    (Demand::Throttle(asked), now, _) => {
+                        Demand::Throttle(asked.min(now.unwrap_or(Throttle::IDLE)))
+                    }
+                    (Demand::Rpm(asked), _, now) => {
+                        let idle = shape.idle_rpm.unwrap_or(Rpm::new(0));
+                        Demand::Rpm(asked.min(now.map_or(idle, |now| now.value)))
+                    }
                 };
                 *moving = Self::new(now, from);
                 if from == target { None } else { moving.follow(now, target, rates, shape) }

@@ -21,6 +21,8 @@ const STEP_UP: i32 = 5000;
 const STEP_OVER: Duration = Duration::from_millis(100);
 /// After a lower demand the exhaust cools for this long as was asked for.
 const LOWERED: Duration = Duration::from_secs(5);
+/// A demand that is lowered over and over excuses a cold exhaust for this long at most.
+const EXCUSED_MAX: Duration = Duration::from_secs(15);
 /// Values in a row that have to agree.
 const AGREEING: u8 = 2;
 
@@ -50,6 +52,8 @@ pub(super) struct Exhaust {
     falling: u8,
     /// It fell in the last interval, however slowly.
     cools: bool,
+    /// Since when a lower demand excuses a fall, without a pause.
+    excused_since: Option<Instant>,
     /// The sensor was broken or jumped: a cold value is believed again only after two hot ones.
     distrusted: bool,
 }
@@ -65,6 +69,7 @@ impl Exhaust {
             mark: None,
             falling: 0,
             cools: false,
+            excused_since: None,
             distrusted: false,
         }
     }
@@ -95,7 +100,10 @@ impl Exhaust {
                 return;
             }
         }
-        let asked_for = lowered.is_some_and(|at| now < at + LOWERED);
+        let lowered = lowered.is_some_and(|at| now < at + LOWERED);
+        let since = if lowered { Some(self.excused_since.unwrap_or(now)) } else { None };
+        self.excused_since = since;
+        let asked_for = since.is_some_and(|since| now < since + EXCUSED_MAX);
         self.see_fall(now, egt, asked_for);
         let hot = egt > self.limit;
         self.above = if hot { self.above.saturating_add(1) } else { 0 };
@@ -105,7 +113,7 @@ impl Exhaust {
             self.state = Burning::NotKnown;
         } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !asked_for {
             self.state = Burning::No;
-        } else if self.falling > 0 || self.cools {
+        } else if self.falling > 0 || self.cools || self.below >= AGREEING {
             // A fall was seen: no longer certain, and not yet the contrary.
             if self.state == Burning::Yes {
                 self.state = Burning::NotKnown;

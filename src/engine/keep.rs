@@ -14,13 +14,20 @@ use embassy_time::Duration;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Changes with the layout, so that an older firmware's memory is not believed.
-const LAYOUT: u32 = 0x4A4C_0004;
+const LAYOUT: u32 = 0x4A4C_0005;
 const WORDS: usize = 8;
 /// Silence is retained in steps of this, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
-const SILENCE_STEPS_MAX: u64 = 0xFFFF;
+const SILENCE_STEPS_MAX: u32 = 0xFFFF;
 /// Steps of 0.2 s, while a source has spoken since the last reset.
 const COARSE: u32 = 10;
+/// Bits of a demand in its word; the rest is for the silence of all sources, whose higher bits stand elsewhere.
+const DEMAND_BITS: u32 = 18;
+const SILENCE_LOW: u32 = u32::BITS - DEMAND_BITS;
+/// Where those are, behind the silence of one source and four bits of resets.
+const SILENCE_HIGH_AT: u32 = 20;
+const ALL_SILENCE_STEPS_MAX: u32 = (1 << (SILENCE_LOW + u32::BITS - SILENCE_HIGH_AT)) - 1;
+const RESETS_MAX: u32 = 15;
 
 /// What the reset was that the node comes out of.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -55,10 +62,14 @@ pub struct Record {
     pub by_id6: bool,
     /// A service command may have opened the fuel pump, and it was not closed.
     pub pump_open: bool,
-    /// How long every source has been silent, resets included. In steps of 20 ms, 21 min at most.
+    /// How long the source in control has been silent, resets included. In steps of 20 ms, 21 min at most.
     pub silent: Duration,
-    /// Resets in a row in which no source has spoken.
+    /// The same for every source. In steps of 20 ms, for longer than anything here lasts.
+    pub all_silent: Duration,
+    /// Resets in a row in which the source in control has not spoken; 15 at most.
     pub resets: u8,
+    /// How long ago the start that is under way was ordered, in s; 0 without one.
+    pub starting: u16,
     /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
     pub said_arm: u8,
     /// The sources that have to disarm before their "arm" counts again, in the same way.
@@ -79,7 +90,9 @@ impl Record {
             by_id6: false,
             pump_open: false,
             silent: Duration::from_ticks(0),
+            all_silent: Duration::from_ticks(0),
             resets: 0,
+            starting: 0,
             said_arm: 0,
             must_disarm: 0,
         }
@@ -91,25 +104,40 @@ impl Record {
         let order = match self.order {
             Order::EmergencyStop => Order::EmergencyStop,
             Order::Standby => Order::Standby,
+            // It becomes ID 0, which leaves a running engine to its PWM input.
+            Order::Pwm if self.ran => Order::Pwm,
             Order::Run(_) | Order::Doubt(_) | Order::Pwm | Order::Listen => Order::Listen,
         };
         let origin = match order {
-            Order::EmergencyStop => self.origin,
+            Order::EmergencyStop | Order::Pwm => self.origin,
             _ => Origin::Node,
         };
-        let (ran, by_id6, pump_open, silent) = (self.ran, self.by_id6, self.pump_open, self.silent);
-        let (said_arm, must_disarm) = (self.said_arm, self.must_disarm);
-        Self { ran, by_id6, pump_open, silent, said_arm, must_disarm, ..Self::new(order, origin) }
+        let (ran, by_id6, pump_open) = (self.ran, self.by_id6, self.pump_open);
+        let (silent, all_silent) = (self.silent, self.all_silent);
+        let (said_arm, must_disarm, resets) = (self.said_arm, self.must_disarm, self.resets);
+        let starting = self.starting;
+        Self {
+            ran,
+            by_id6,
+            pump_open,
+            silent,
+            all_silent,
+            resets,
+            starting,
+            said_arm,
+            must_disarm,
+            ..Self::new(order, origin)
+        }
     }
 
     /// Silence in the steps in which it is retained.
     pub(super) fn steps(silent: Duration) -> Duration {
-        SILENCE_STEP * silence_steps(silent)
+        SILENCE_STEP * steps(silent)
     }
 
     /// The same, coarse: the record of a source that speaks does not change with every word.
     pub(super) fn coarse_steps(silent: Duration) -> Duration {
-        let steps = silence_steps(silent);
+        let steps = steps(silent);
         SILENCE_STEP * (steps - steps % COARSE)
     }
 }
@@ -212,9 +240,8 @@ fn checksum(words: &[u32; WORDS]) -> u32 {
     digest.finalize()
 }
 
-fn silence_steps(silent: Duration) -> u32 {
-    let steps = silent.as_ticks() / SILENCE_STEP.as_ticks();
-    steps.min(SILENCE_STEPS_MAX) as u32
+fn steps(silent: Duration) -> u32 {
+    u32::try_from(silent.as_ticks() / SILENCE_STEP.as_ticks()).unwrap_or(u32::MAX)
 }
 
 fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
@@ -237,14 +264,21 @@ fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
         | u32::from(record.by_id6) << 20
         | u32::from(record.pump_open) << 21
         | (record.loss as u32) << 24;
-    let silence = silence_steps(record.silent) | u32::from(record.resets) << 16;
-    let arming = u32::from(record.said_arm) | u32::from(record.must_disarm) << 8;
+    let all_silent = steps(record.all_silent).min(ALL_SILENCE_STEPS_MAX);
+    let silence = steps(record.silent).min(SILENCE_STEPS_MAX)
+        | u32::from(record.resets).min(RESETS_MAX) << 16
+        | all_silent >> SILENCE_LOW << SILENCE_HIGH_AT;
+    let arming =
+        u32::from(record.said_arm) | u32::from(record.must_disarm) << 8 | u32::from(record.starting) << 16;
+    let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
     let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
     words[WORDS - 1] = checksum(&words);
     words
 }
 
 fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<Record> {
+    let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
+    let value = value & ((1 << DEMAND_BITS) - 1);
     let order = match flags & 0xFF {
         1 => Order::EmergencyStop,
         2 => Order::Standby,
@@ -275,9 +309,11 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         pump_open: flag(21),
         loss,
         silent: SILENCE_STEP * (silence & 0xFFFF),
-        resets: u8::try_from(silence >> 16).ok()?,
+        all_silent: SILENCE_STEP * all_silent,
+        resets: u8::try_from(silence >> 16 & RESETS_MAX).ok()?,
         said_arm: u8::try_from(arming & 0xFF).ok()?,
-        must_disarm: u8::try_from(arming >> 8).ok()?,
+        must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
+        starting: u16::try_from(arming >> 16).ok()?,
     })
 }
 
@@ -317,9 +353,11 @@ mod tests {
                         pump_open: flag(5),
                         loss,
                         silent: Duration::from_millis(20 * flags as u64),
-                        resets: flags as u8,
+                        all_silent: Duration::from_secs(21_000 * flags as u64),
+                        resets: flags as u8 & 15,
                         said_arm: flags as u8 & 31,
                         must_disarm: flags as u8 >> 1,
+                        starting: flags as u16 * 1000,
                     };
                     memory.store(&record, OURS);
                     assert_eq!(load(&memory), Some(record));
@@ -373,8 +411,13 @@ mod tests {
         let memory = Memory::new();
         let full = Record { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
         memory.store(&full, OURS);
-        let left =
-            Record { ran: true, by_id6: true, pump_open: true, ..Record::new(Order::Listen, Origin::Node) };
+        let left = Record {
+            ran: true,
+            by_id6: true,
+            pump_open: true,
+            resets: 2,
+            ..Record::new(Order::Listen, Origin::Node)
+        };
         assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
         assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
         assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");

@@ -12,6 +12,9 @@ use embassy_time::{Duration, Instant};
 /// Reports in a row that have to agree before they confirm or end a life.
 const AGREEING: u8 = 2;
 
+/// Two throttles agree within this, in tenths of a percent: a running engine's may move.
+const AGREED_BAND: u16 = 20;
+
 /// How far an engine has come in this life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Progress {
@@ -29,6 +32,8 @@ struct Doubt {
     since: Instant,
     /// The ECU was not heard for a while, or the node was reset: it may have restarted meanwhile.
     gap: bool,
+    /// The ECU sent faults in place of a state.
+    faults: bool,
     confirming: u8,
     ending: u8,
 }
@@ -124,7 +129,7 @@ impl Life {
 
     /// After a reset of the node with an order in force: in doubt until two reports say.
     pub const fn after_reset(now: Instant) -> Self {
-        let doubt = Doubt { since: now, gap: true, confirming: 0, ending: 0 };
+        let doubt = Doubt { since: now, gap: true, faults: false, confirming: 0, ending: 0 };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
@@ -170,8 +175,8 @@ impl Life {
         if self.progress == Progress::Ordered {
             return Some(End::GapInStart);
         }
-        let since = self.doubt.map_or(now, |doubt| doubt.since);
-        self.doubt = Some(Doubt { since, gap: true, confirming: 0, ending: 0 });
+        let (since, faults) = self.doubt.map_or((now, false), |doubt| (doubt.since, doubt.faults));
+        self.doubt = Some(Doubt { since, gap: true, faults, confirming: 0, ending: 0 });
         None
     }
 
@@ -247,15 +252,24 @@ impl Life {
             (_, Stage::Rest) => Fit::Ends(End::AtRest),
             (Progress::Ordered, Stage::Clearance) => Fit::Fits,
             (_, Stage::Clearance) if slow => Fit::Ends(End::AtRest),
-            (_, Stage::Clearance) => Fit::Neither,
+            // A shaft that coasts beside a cleared start: no engine that runs is reported so, and run would start it.
+            (_, Stage::Clearance) => Fit::Doubtful,
             // After a gap any starting state is a start again: of ZK at any shaft speed.
             (_, Stage::Ignition | Stage::FuelRamp | Stage::Restart) if gap => Fit::Ends(End::StartsAgain),
             (_, Stage::Starting) if gap && slow => Fit::Ends(End::StartsAgain),
-            (_, Stage::Restart | Stage::Unknown) => Fit::Neither,
+            (Progress::Starting(_), Stage::StartedUp | Stage::Calibrating) if gap && slow => {
+                Fit::Ends(End::StartsAgain)
+            }
+            (_, Stage::Restart) | (Progress::Ordered | Progress::Starting(_), Stage::Unknown) => Fit::Neither,
             (Progress::Reached, Stage::Ignition | Stage::FuelRamp | Stage::Starting) if slow => {
                 Fit::Ends(End::StartsAgain)
             }
-            // Idle calibration and "started up" in flight are neither.
+            // Idle calibration and "started up" in flight are neither, with a shaft that turns.
+            (Progress::Reached, Stage::StartedUp | Stage::Calibrating | Stage::Unknown)
+                if turning == Some(false) =>
+            {
+                Fit::Doubtful
+            }
             (Progress::Reached, _) => Fit::Neither,
             (Progress::Starting(before), stage) if stage < before && slow => Fit::Ends(End::StartsAgain),
             (_, _) => Fit::Fits,
@@ -299,7 +313,7 @@ impl Life {
 
     fn raise(&mut self, now: Instant) -> &mut Doubt {
         self.candidate = None;
-        self.doubt.get_or_insert(Doubt { since: now, gap: false, confirming: 0, ending: 0 })
+        self.doubt.get_or_insert(Doubt { since: now, gap: false, faults: false, confirming: 0, ending: 0 })
     }
 
     /// With faults in place of a state nothing says that the engine runs: the next state has to.
@@ -308,7 +322,7 @@ impl Life {
             Sign::Faulted { .. } => {
                 self.faulted = self.faulted.saturating_add(1);
                 if self.only_faults() && self.reached() {
-                    self.raise(now);
+                    self.raise(now).faults = true;
                 }
             }
             Sign::State { .. } => self.faulted = 0,
@@ -321,8 +335,11 @@ impl Life {
         let Some(doubt) = self.doubt else { return true };
         match sign {
             Sign::PowerUp | Sign::Shaft { .. } => false,
-            Sign::State { turning, .. } => {
-                turning == Some(true) && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
+            // After faults only a report that says running; else it may be the engine's last turns.
+            Sign::State { stage, turning, .. } => {
+                turning == Some(true)
+                    && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
+                    && (!doubt.faults || stage == Stage::Running)
             }
             // Values that cannot be read are no gap: a second of noise must not cost the replies, and so the engine.
             Sign::Damaged => !doubt.gap,
@@ -341,14 +358,15 @@ pub(super) struct Finding {
     pub since: Instant,
     /// Since when no source has wanted anything, as far as that began before.
     pub silent_since: Instant,
-    /// Silence from before the last reset.
+    /// Silence of all sources from before the last reset, and of the one whose demand was in force.
     pub carried: Duration,
+    pub lost_for: Duration,
     /// Whose demand was in force before, if that is known: a lower source's standby waits for its loss.
     pub ruler: Origin,
     /// The record says that the engine ran, and nothing has ended that.
     pub ran: bool,
-    /// The record says that it was started, and had not reached running.
-    pub started: bool,
+    /// The record says that it was started so long ago, and had not reached running.
+    pub started: Option<Duration>,
     alive: u8,
     ending: u8,
     throttle: Option<crate::units::Throttle>,
@@ -374,9 +392,10 @@ impl Finding {
             since,
             silent_since: since,
             carried: Duration::from_ticks(0),
+            lost_for: Duration::from_ticks(0),
             ruler: Origin::Node,
             ran,
-            started: false,
+            started: None,
             alive: 0,
             ending: 0,
             throttle: None,
@@ -388,9 +407,9 @@ impl Finding {
         Self { silent_since, ..self }
     }
 
-    /// The same, in a start that a reset has cut short.
-    pub const fn in_a_start(self) -> Self {
-        Self { started: true, ..self }
+    /// The same, in a start that began so long ago, and that a reset has cut short.
+    pub const fn in_a_start(self, since: Duration) -> Self {
+        Self { started: Some(since), ..self }
     }
 
     /// The same, where this source's demand was in force before.
@@ -399,8 +418,8 @@ impl Finding {
     }
 
     /// The same, with this silence from before a reset.
-    pub const fn carrying(self, carried: Duration) -> Self {
-        Self { carried, ..self }
+    pub const fn carrying(self, carried: Duration, lost_for: Duration) -> Self {
+        Self { carried, lost_for, ..self }
     }
 
     /// The ECU was not heard for a while: what it reported before counts no more.
@@ -417,7 +436,9 @@ impl Finding {
                 let turning = turning == Some(true);
                 let alive = match stage {
                     Stage::Running => turning,
-                    Stage::Rest | Stage::Ignition | Stage::FuelRamp | Stage::Restart => false,
+                    Stage::Rest | Stage::Clearance | Stage::Ignition | Stage::FuelRamp | Stage::Restart => {
+                        false
+                    }
                     _ => answers && turning,
                 };
                 let ends = match stage {
@@ -425,7 +446,10 @@ impl Finding {
                     Stage::Clearance | Stage::Starting => !turning,
                     _ => false,
                 };
-                let same = self.throttle == throttle;
+                let same = match (self.throttle, throttle) {
+                    (Some(a), Some(b)) => a.tenths().abs_diff(b.tenths()) <= AGREED_BAND,
+                    (a, b) => a == b,
+                };
                 self.throttle = throttle;
                 self.alive = match alive {
                     true if same => self.alive.saturating_add(1),

@@ -84,8 +84,8 @@ enum Beginning {
     Found {
         /// Two reports say so; otherwise the exhaust does.
         confirmed: bool,
-        /// It is in a start, this far.
-        starting: Option<Stage>,
+        /// It is in a start, this far, that was ordered so long ago.
+        starting: Option<(Stage, Duration)>,
         /// Since when no source has wanted anything.
         silent_since: Instant,
     },
@@ -98,6 +98,8 @@ enum Beginning {
 struct Run {
     /// When it was ordered.
     began: Instant,
+    /// How long its start had taken before a reset.
+    started_before: Duration,
     /// The life of the engine that this run belongs to.
     life: Life,
     /// When it has to run by.
@@ -117,6 +119,8 @@ struct Run {
     stage: LossStage,
     /// Silence of the source in control from before the last reset.
     carried: Duration,
+    /// The same of every source.
+    all_carried: Duration,
     /// It goes on after a reset, which is reported when its life is confirmed.
     resumed: bool,
     /// The ECU has shown a speed control of its own in this run: while its version is not known again after a loss of the
@@ -490,17 +494,17 @@ impl Engine {
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
-            Beginning::Found { starting: Some(stage), .. } => Life::found_starting(stage),
+            Beginning::Found { starting: Some((stage, _)), .. } => Life::found_starting(stage),
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
             Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
         };
-        let (limited, stage, carried, resumed_low) = match beginning {
+        let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
             Beginning::Reset(record) => {
                 let low = record.resets >= RESETS_MAX;
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
-                (record.limited, stage, record.silent, low)
+                (record.limited, stage, (record.silent, record.all_silent), low)
             }
-            _ => (false, LossStage::None, Duration::from_ticks(0), false),
+            _ => (false, LossStage::None, Default::default(), false),
         };
         let fail_safe_at = match stage {
             LossStage::None | LossStage::Hold => None,
@@ -515,10 +519,21 @@ impl Engine {
             _ => fail_safe_at,
         };
         let started = beginning == Beginning::FromStandby;
+        let started_before = match beginning {
+            Beginning::Found { starting: Some((_, before)), .. } => before,
+            _ => Duration::from_ticks(0),
+        };
+        if started {
+            self.close_pump();
+        }
         self.mode = Mode::Run(Run {
             began: now,
+            started_before,
             life,
-            start_by: (!life.reached()).then(|| now + self.start_time()),
+            start_by: (!life.reached()).then(|| {
+                let left = self.start_time().as_ticks().saturating_sub(started_before.as_ticks());
+                now + Duration::from_ticks(left)
+            }),
             ruler: origin,
             demand,
             shaped: demand,
@@ -528,8 +543,13 @@ impl Engine {
             fail_safe_at,
             stage,
             carried,
+            all_carried,
             resumed: matches!(beginning, Beginning::Reset(_)),
-            own_speed_control: false,
+            // Where the switch went by ID 6, an rpm was the ECU's own to hold.
+            own_speed_control: matches!(
+                beginning,
+                Beginning::Reset(Record { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
+            ),
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),
@@ -688,7 +708,7 @@ impl Engine {
     fn expire(&mut self, now: Instant) {
         if let Some(pump) = self.pump {
             let age = self.config.ages.of(pump.origin);
-            let heard = self.sources.last_heard(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
+            let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
             if now >= pump.until || now >= heard.checked_add(age).unwrap_or(Instant::MAX) {
                 self.close_pump();
             }
@@ -705,7 +725,7 @@ impl Engine {
             Mode::Run(Run { life, start_by, .. }) | Mode::Pwm { life, start_by } => {
                 let restart = life.restarting().map(|since| since + start_time);
                 let by = if life.reached() { restart } else { *start_by };
-                let doubt = life.in_doubt().map(|since| self.link.doubt_ends(since));
+                let doubt = life.in_doubt().and_then(|since| self.link.doubt_ends(since));
                 (by.filter(|by| now >= *by), doubt.is_some_and(|ends| now >= ends))
             }
             Mode::Listen(finding) => {
@@ -790,7 +810,8 @@ impl Engine {
         let living = self.lives();
         let Mode::Run(run) = &mut self.mode else { return };
         let mut told: Deque<Event, 4> = Deque::new();
-        let by = Arbitration { sources: &self.sources, config: &self.config, living };
+        let doubted = run.life.in_doubt();
+        let by = Arbitration { sources: &self.sources, config: &self.config, living, doubted };
         let standby_by = run.rule(now, by, &mut told);
         for event in &told {
             self.event(*event);
@@ -862,7 +883,12 @@ impl Engine {
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
-            throttle: self.link.report().throttle.map(|throttle| throttle.value),
+            throttle: self
+                .link
+                .report()
+                .throttle
+                .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
+                .map(|throttle| throttle.value),
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
                 && self.link.speed_control().is_err(),
@@ -891,8 +917,10 @@ impl Engine {
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }
-            Mode::Pwm { life, .. } => {
-                let order = if life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
+            Mode::Pwm { life, start_by } => {
+                // After a reset it is ID 0 for good: what flies the engine by its PWM input goes on, and is not handed over anew.
+                let resumed = start_by.is_none();
+                let order = if resumed || life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
                 let origin = self.ordered.origin;
                 self.order(now, order, origin);
             }
@@ -971,15 +999,15 @@ impl Engine {
         let wait = self.start_wait.map(|wait| wait.until);
         let pump = self.pump.and_then(|pump| {
             let age = self.config.ages.of(pump.origin);
-            let heard = self.sources.last_heard(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
+            let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
             heard.checked_add(age).map(|silent| silent.min(pump.until))
         });
         let sources = self.sources.deadline(now);
         let of_mode = match &self.mode {
             Mode::Listen(finding) => self.listened_out(now, *finding),
             Mode::Run(run) => {
-                let living = self.lives();
-                let by = Arbitration { sources: &self.sources, config: &self.config, living };
+                let (living, doubted) = (self.lives(), run.life.in_doubt());
+                let by = Arbitration { sources: &self.sources, config: &self.config, living, doubted };
                 let take_over = run.taking_over.map(|(_, at)| at);
                 [run.loss_deadline(&by), take_over, run.next, self.life_deadline(&run.life, run.start_by)]
                     .into_iter()
@@ -997,7 +1025,7 @@ impl Engine {
     fn life_deadline(&self, life: &Life, start_by: Option<Instant>) -> Option<Instant> {
         let start = start_by.filter(|_| !life.reached());
         let restart = life.restarting().map(|since| since + self.start_time());
-        let doubt = life.in_doubt().map(|since| self.link.doubt_ends(since));
+        let doubt = life.in_doubt().and_then(|since| self.link.doubt_ends(since));
         [start, restart, doubt].into_iter().flatten().min()
     }
 

@@ -28,6 +28,11 @@ fn mask(flags: [bool; Origin::ALL.len()]) -> u8 {
     flags.iter().rev().fold(0, |mask, flag| mask << 1 | u8::from(*flag))
 }
 
+/// Seconds that have begun, as a record keeps them.
+fn seconds(time: Duration) -> u16 {
+    u16::try_from(time.as_secs() + 1).unwrap_or(u16::MAX)
+}
+
 impl Engine {
     /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
     /// does not take its place.
@@ -50,7 +55,7 @@ impl Engine {
                 self.mode = Mode::Stop(kept.origin);
             }
             Order::Standby => self.mode = Mode::Standby,
-            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran)),
+            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran).ruled_by(kept.origin)),
         }
         if kept.pump_open {
             let origin = Origin::Node;
@@ -80,8 +85,9 @@ impl Engine {
     fn go_on(&mut self, now: Instant, kept: Option<Record>) {
         let ran = kept.is_some_and(|kept| kept.ran);
         let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
+        let all_silent = kept.map_or(Duration::from_ticks(0), |kept| kept.all_silent + RESET_TAKES);
         let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
-        self.mode = Mode::Listen(Finding::new(now, ran).carrying(silent).ruled_by(ruler));
+        self.mode = Mode::Listen(Finding::new(now, ran).carrying(all_silent, silent).ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
@@ -91,16 +97,19 @@ impl Engine {
                 // After resets in a row without a word it is not waited for once more.
                 let believed_silent = if low { Duration::MAX } else { silent };
                 self.sources.resume(now, kept.origin, demand, lost, believed_silent);
-                let record = Record { silent, resets: self.resets, ..kept };
+                let record = Record { silent, all_silent, resets: self.resets, ..kept };
                 self.begin(now, demand, kept.origin, Beginning::Reset(record));
                 if kept.loss != LossStage::None {
                     self.event(Event::SourceLoss(kept.loss));
                 }
             }
             // A start that the reset has cut short.
-            Order::Run(_) => {
-                self.mode = Mode::Listen(Finding::new(now, false).carrying(silent).in_a_start());
+            Order::Run(_) | Order::Listen if kept.starting > 0 => {
+                let since = Duration::from_secs(kept.starting.into());
+                self.mode =
+                    Mode::Listen(Finding::new(now, false).carrying(all_silent, silent).in_a_start(since));
             }
+            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(all_silent, silent)),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -126,23 +135,59 @@ impl Engine {
         let kept = match &self.mode {
             Mode::Listen(_) if self.kept.is_some() => self.kept.unwrap_or(Record::new(Order::Listen, by)),
             Mode::Listen(finding) => {
-                let silent = finding.carried + self.at.saturating_duration_since(finding.silent_since);
-                let silent = if self.sources.any_spoken() { Duration::from_ticks(0) } else { silent };
-                let silent = Record::steps(silent);
-                Record { ran: finding.ran, silent, ..Record::new(Order::Listen, finding.ruler) }
+                let since = self.at.saturating_duration_since(finding.silent_since);
+                let spoken = self.sources.any_spoken();
+                let of = |before| if spoken { Duration::from_ticks(0) } else { before + since };
+                let (all_silent, silent) = (of(finding.carried), Record::steps(of(finding.lost_for)));
+                let all_silent = Record::steps(all_silent);
+                match finding.started {
+                    // Another reset in a start that one has cut short already.
+                    Some(since) => Record {
+                        ran: false,
+                        silent,
+                        all_silent,
+                        starting: seconds(since + self.at.saturating_duration_since(finding.since)),
+                        ..Record::new(Order::Run(Demand::Throttle(Throttle::IDLE)), finding.ruler)
+                    },
+                    None => Record {
+                        ran: finding.ran,
+                        silent,
+                        all_silent,
+                        ..Record::new(Order::Listen, finding.ruler)
+                    },
+                }
             }
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
             Mode::Standby => Record::new(Order::Standby, by),
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
                 let silent = self.silent(run);
-                let spoken = self.sources.any_spoken();
+                let spoken = self.sources.has_wanted(run.ruler);
                 let silent = if spoken { Record::coarse_steps(silent) } else { Record::steps(silent) };
-                Record { limited, loss, ran, silent, ..Record::new(self.run_to_keep(run), run.ruler) }
+                let all_silent = match self.sources.last_word() {
+                    Some(word) => Record::coarse_steps(self.at.saturating_duration_since(word)),
+                    None => Record::steps(run.all_carried + self.at.saturating_duration_since(run.began)),
+                };
+                let since = run.started_before + self.at.saturating_duration_since(run.began);
+                let starting = if ran { 0 } else { seconds(since) };
+                Record {
+                    limited,
+                    loss,
+                    ran,
+                    silent,
+                    all_silent,
+                    starting,
+                    ..Record::new(self.run_to_keep(run), run.ruler)
+                }
             }
             Mode::Pwm { life, .. } => Record { ran: life.reached(), ..Record::new(Order::Pwm, by) },
         };
-        let resets = if self.sources.any_spoken() { 0 } else { self.resets };
+        // A lower source that speaks is none that a dead one's demand may be held for.
+        let spoken = match &self.mode {
+            Mode::Run(run) => self.sources.has_wanted(run.ruler),
+            _ => self.sources.any_spoken(),
+        };
+        let resets = if spoken { 0 } else { self.resets };
         Record {
             armed: self.armed,
             failed: self.failed,
@@ -155,10 +200,15 @@ impl Engine {
         }
     }
 
-    /// How long every source has been silent, resets included.
+    /// How long the source in control has been silent, resets included.
     fn silent(&self, run: &Run) -> Duration {
-        match self.sources.last_word() {
+        match self.sources.last_wanted(run.ruler) {
             Some(word) => self.at.saturating_duration_since(word),
+            None if run.ruler == Origin::Node && run.fail_safe_at.is_some() => {
+                let hold = self.config.loss.hold;
+                let since = run.fail_safe_at.and_then(|at| at.checked_sub(hold)).unwrap_or(Instant::MIN);
+                self.at.saturating_duration_since(since)
+            }
             None => run.carried + self.at.saturating_duration_since(run.began),
         }
     }
@@ -193,7 +243,9 @@ impl Engine {
         let reported = self.link.report().throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
         let throttle = throttle.or(reported.map(|throttle| throttle.value));
         match (found, throttle) {
-            (Found::Nothing, _) | (Found::Running, None) => {}
+            (Found::Nothing, _) => {}
+            // It comes round within a second; an ECU that never says it is brought to idle.
+            (Found::Running, None) if now < self.started + THROTTLE_MAX_AGE => {}
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It is nobody's, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
@@ -204,8 +256,10 @@ impl Engine {
                         // Whose demand was in force may have fallen silent since; or whoever spoke. After a start of the node
                         // nobody has been waited for yet.
                         let spoke = || self.sources.all_silent_from(now).flatten();
-                        let lost =
-                            self.sources.silent_from(finding.ruler).or_else(spoke).unwrap_or(now).min(now);
+                        let known = self.sources.silent_from(finding.ruler).or_else(spoke);
+                        // Silence of before a reset counts until somebody speaks.
+                        let kept = now.checked_sub(finding.lost_for).unwrap_or(Instant::MIN);
+                        let lost = known.unwrap_or(kept).min(now);
                         if finding.silent_since < finding.since {
                             finding.silent_since.min(lost)
                         } else {
@@ -216,10 +270,14 @@ impl Engine {
                 };
                 let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
-                // The start that a reset has cut short goes on as one, until its ECU says running.
+                // The start that a reset has cut short goes on as one, until its ECU says running. So does one that nobody
+                // knows of.
                 let starting = match (&self.mode, sign) {
-                    (Mode::Listen(Finding { started: true, .. }), Sign::State { stage, .. }) => {
-                        Some(stage).filter(|stage| *stage != Stage::Running)
+                    (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
+                        (stage != Stage::Running).then_some((stage, *since))
+                    }
+                    (_, Sign::State { stage: Stage::Starting, .. }) => {
+                        Some((Stage::Starting, Duration::from_ticks(0)))
                     }
                     _ => None,
                 };
@@ -241,6 +299,7 @@ impl Engine {
         let fallen = falling.as_millis().saturating_mul(loss.ramp.into()) / 1000;
         let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
         let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());
-        throttle.unwrap_or(reported).max(loss.throttle.min(reported))
+        let safe = loss.throttle.min(reported);
+        if self.resets >= RESETS_MAX { safe } else { throttle.unwrap_or(reported).max(safe) }
     }
 }

@@ -39,8 +39,9 @@ struct Source {
     since: Instant,
     /// It was lost before.
     was_lost: bool,
-    /// Between its last two words.
+    /// Between its last two words, and between the two before.
     period: Duration,
+    period_before: Duration,
     /// Its last word was standby, given then.
     standby_at: Option<Instant>,
     /// It has spoken since the node started; otherwise it was resumed.
@@ -91,7 +92,9 @@ impl Sources {
         let fresh = before.is_some_and(|source| now < source.silent_from);
         let changed = !fresh || before.is_some_and(|source| source.intent != Intent::Standby);
         // Two of its own periods, if that is longer.
-        let within = before.map_or(age, |source| age.max((source.period * 2).min(TWO_WORDS_MAX)));
+        // An outage is no period: two that follow one another are.
+        let period = |source: Source| source.period.min(source.period_before);
+        let within = before.map_or(age, |source| age.max((period(source) * 2).min(TWO_WORDS_MAX)));
         let second = before.and_then(|source| source.standby_at).is_some_and(|at| now <= at + within);
         let counts = second || !two_words;
         let intent = match before {
@@ -137,6 +140,7 @@ impl Sources {
             };
             let period =
                 before.map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.heard));
+            let period_before = before.map_or(Duration::from_ticks(0), |source| source.period);
             let standby_at = before.and_then(|source| source.standby_at);
             let wanted = match intent {
                 Intent::Nothing => before.and_then(|source| source.wanted),
@@ -149,6 +153,7 @@ impl Sources {
                 since,
                 was_lost,
                 period,
+                period_before,
                 standby_at,
                 spoken: true,
                 wanted,
@@ -171,6 +176,7 @@ impl Sources {
                     since: now,
                     was_lost,
                     period: Duration::from_ticks(0),
+                    period_before: Duration::from_ticks(0),
                     standby_at: None,
                     spoken: false,
                     wanted: None,
@@ -228,6 +234,11 @@ impl Sources {
     /// When any source last wanted something, since the node started.
     pub fn last_word(&self) -> Option<Instant> {
         self.each().filter_map(|(_, source)| source.wanted).max()
+    }
+
+    /// When a source last wanted something, since the node started.
+    pub fn last_wanted(&self, origin: Origin) -> Option<Instant> {
+        self.source(origin).and_then(|source| source.wanted)
     }
 
     /// Its last gap was a loss: it comes back by a take-over.

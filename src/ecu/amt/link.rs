@@ -113,6 +113,8 @@ pub struct AmtLink {
     damaged: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
+    /// When the last set that was replied to was complete.
+    replied: Option<Instant>,
     /// End of the window of a frame that has no reply yet.
     due: Option<Instant>,
     phase: Agreed<Phase>,
@@ -143,6 +145,7 @@ impl AmtLink {
             ctf_told: false,
             damaged: false,
             sending: None,
+            replied: None,
             due: None,
             phase: Agreed::new(None),
             switch: Agreed::new(None),
@@ -331,6 +334,7 @@ impl AmtLink {
             self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
         }
         self.sending = Some(window_end);
+        self.replied = Some(window_end - REPLY_WINDOW);
         self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
     }
 
@@ -380,7 +384,7 @@ impl Link for AmtLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken);
+        self.beat.bytes(now, taken, SET_INTERVAL);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -485,9 +489,9 @@ impl Link for AmtLink {
         true
     }
 
-    fn doubt_ends(&self, since: Instant) -> Instant {
-        // Only silence counts: an ECU that sends and gets no reply for longer than this stops its turbine by itself.
-        self.beat.last().unwrap_or(since) + self.config.serial_delay
+    fn doubt_ends(&self, since: Instant) -> Option<Instant> {
+        // An ECU that gets no reply for longer than this stops its turbine by itself.
+        Some(self.replied.unwrap_or(since) + self.config.serial_delay)
     }
 
     fn report(&self) -> &Report {

@@ -36,12 +36,10 @@ const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
 const SERVICE_ATTEMPTS: u8 = 3;
 /// For the ECU to show the switch that was ordered: status ID 1 comes round within 0.5 s.
 const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
-/// A life that nothing confirms within this loses permission and order.
-const UNCONFIRMED_MAX: Duration = Duration::from_secs(10);
 /// Frames of a close command for the pump; it ends sooner where the ECU reports a pump without voltage.
 const CLOSE_PUMP_FRAMES: u8 = 10;
-/// The pump voltage that ends it has to be as new as this.
-const PUMP_MAX_AGE: Duration = Duration::from_secs(1);
+/// From the frame that closes the pump to a voltage that shows it.
+const PUMP_CLOSES_WITHIN: Duration = Duration::from_millis(100);
 /// A shaft that turns slower than this share of the maximum is not running, where no idle speed is known.
 const HALF_IDLE_SHARE: u32 = 10;
 /// The same where no maximum is known either. Below 4000 rpm the reading of a shaft at rest is noise (field note).
@@ -181,6 +179,8 @@ pub struct ZkLink {
     /// Close commands for the pump that are left to send, and whether the next turn is for one.
     close_pump: u8,
     close_next: bool,
+    /// When the first of them went out.
+    closing_since: Option<Instant>,
     /// It may have been given one before we came: it ran when the first order was given, or it does not follow ID 1.
     wants_id6: bool,
     /// Reports in a row that the ECU obeys another switch than the one ordered.
@@ -201,6 +201,8 @@ pub struct ZkLink {
     // What decides how the ECU is spoken to changes only when two frames agree, and is forgotten with the link.
     identity: Agreed<(Version, Rpm)>,
     idle: Agreed<Rpm>,
+    /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
+    agreed_rate: Agreed<Option<Rate>>,
     /// Identities that agreed in a row since the link came up.
     identities: u8,
     // What is believed of the engine, debounced.
@@ -236,6 +238,7 @@ impl ZkLink {
             switch_by_id6: false,
             close_pump: 0,
             close_next: false,
+            closing_since: None,
             wants_id6: false,
             not_followed: 0,
             ordered_at: Instant::MIN,
@@ -246,6 +249,7 @@ impl ZkLink {
             began_by_id6: false,
             identity: Agreed::new(None),
             idle: Agreed::new(None),
+            agreed_rate: Agreed::new(None),
             identities: 0,
             phase: Agreed::new(None),
             switch: Agreed::new(None),
@@ -334,6 +338,7 @@ impl ZkLink {
                     }
                 }
                 report.rate = rate.map(|rate| Timed::new(rate, now));
+                self.agreed_rate.first_or_see(rate);
                 self.compare_rate(now, rate);
             }
             Status::Fuel { flow, total } => {
@@ -400,6 +405,13 @@ impl ZkLink {
         if before.map_or(!faults.is_empty(), |before| before.value != faults) {
             self.outbox.event(Event::Faults(faults));
         }
+    }
+
+    /// From one frame to the next: the slower one of what two reports agree on and what is asked for, because an ECU may answer
+    /// at either (ZK-10, ZK-11).
+    fn frame_interval(&self) -> Duration {
+        let reported = self.agreed_rate.get().flatten().unwrap_or(Rate::Hz20);
+        reported.interval().max(self.wanted_rate.interval())
     }
 
     /// Half of the engine's idle speed, as far as it is known.
@@ -502,8 +514,9 @@ impl ZkLink {
         if self.close_pump == 0 {
             return None;
         }
-        let closed = self.report.pump.is_some_and(|pump| {
-            pump.value.raw == 0 && pump.age(now) <= PUMP_MAX_AGE && self.close_pump < CLOSE_PUMP_FRAMES
+        // A voltage that was measured before it could have been closed says nothing.
+        let closed = self.closing_since.is_some_and(|since| {
+            self.report.pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= since + PUMP_CLOSES_WITHIN)
         });
         if closed {
             self.close_pump = 0;
@@ -515,6 +528,7 @@ impl ZkLink {
             return None;
         }
         self.close_pump -= 1;
+        self.closing_since.get_or_insert(now);
         Some(Control::Action(Action::ClosePump))
     }
 
@@ -618,9 +632,12 @@ impl ZkLink {
     /// forgotten ID 6 and ignores ID 7 (ZK-9).
     fn doubt(&mut self, demand: Demand) -> Control {
         let Demand::Rpm(rpm) = demand else { return Control::KeepAlive };
+        // Also when its version has been forgotten with the link: the engine is in mode 3 with this factor.
+        let in_mode_3 =
+            self.factor.is_some_and(|factor| factor == self.factor_sent && factor != RpmFactor::OFF);
         let known = self.switch_by_id6 && knows(self.agreed_version(), 4) && self.report.max_rpm.is_some();
         self.second_next = !self.second_next;
-        if !known || self.second_next {
+        if !(in_mode_3 || known) || self.second_next {
             return Control::KeepAlive;
         }
         Control::Rpm(RpmCode::for_target(rpm, self.factor()))
@@ -715,7 +732,7 @@ impl Link for ZkLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken);
+        self.beat.bytes(now, taken, self.frame_interval());
         if let Some(frame) = frame {
             self.frame(now, &frame);
         }
@@ -860,8 +877,7 @@ impl Link for ZkLink {
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        let rate = self.report.rate.map_or(Rate::Hz20, |rate| rate.value);
-        self.beat.gap_at(rate.interval())
+        self.beat.gap_at(self.frame_interval())
     }
 
     fn gap(&mut self) {
@@ -872,8 +888,9 @@ impl Link for ZkLink {
         false
     }
 
-    fn doubt_ends(&self, since: Instant) -> Instant {
-        since + UNCONFIRMED_MAX
+    fn doubt_ends(&self, _since: Instant) -> Option<Instant> {
+        // ID 0 commands nothing, and an rpm goes to an engine that is in mode 3 already: both go on.
+        None
     }
 
     fn switch_by_id6(&self) -> bool {
@@ -889,6 +906,7 @@ impl Link for ZkLink {
         self.cancel_service();
         self.close_pump = CLOSE_PUMP_FRAMES;
         self.close_next = false;
+        self.closing_since = None;
     }
 
     fn service_pending(&self) -> bool {

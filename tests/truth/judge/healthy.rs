@@ -136,11 +136,16 @@ impl Case<'_> {
     fn ruled_for_sure(&self, source: usize, at: u64, spoken: u64) -> Option<u64> {
         let rules = &self.h.rules;
         self.voices.in_control_for_sure(source, at, spoken).filter(|when| {
-            let above = (0..source).filter_map(|above| Some((above, self.voices.last(above, *when)?)));
-            // While it waits to take over from a higher one that was lost, the stages of loss of that one go on.
-            above.into_iter().all(|(above, (last, word))| {
-                word == Word::Nothing || *when >= last + self.voices.age(above) + rules.takeover
-            })
+            // While it waits to take over from a higher one that was lost, the stages of loss of that one go on. One that comes
+            // and goes is none to wait for.
+            let lost = |above| {
+                let last = self.voices.in_control_for_sure(above, *when, rules.recover_after)?;
+                Some(last + self.voices.age(above) + rules.takeover)
+            };
+            let words = self.voices.until(source, *when).iter().rev();
+            let runs = words.take_while(|(_, word)| matches!(word, Word::Run(_)));
+            let since = runs.last().map_or(*when, |(since, _)| *since);
+            (0..source).filter_map(lost).all(|lost| *when >= lost && *when >= since + rules.takeover)
         })
     }
 

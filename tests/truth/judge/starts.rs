@@ -194,6 +194,20 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
+            // With error sets only, the order goes on until the exhaust says that the engine is out: an ECU that clears its
+            // fault before that, and starts again on the run that it was told, cannot be seen.
+            let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
+            let tripped = out.is_some_and(|out| {
+                let since = h.samples(out, at.saturating_sub(100 * MS));
+                self.is_amt()
+                    && self.runs.touches(out.saturating_sub(5 * SECOND), out)
+                    && !since.is_empty()
+                    && since.iter().all(|sample| sample.fault && sample.egt > 290.0)
+            });
+            if let Some(out) = out.filter(|_| tripped) {
+                self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
+                continue;
+            }
             self.verdict.finding(Rule::Ignition, at, format!("ignition, and {why}"));
         }
         self.verdict.count("starts", starts.iter().filter(|start| start.used).count() as u64);
