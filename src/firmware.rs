@@ -20,10 +20,10 @@ use jetlink::config::ENGINES;
 use jetlink::engine::keep::Reset;
 use jetlink::health::ClockSource;
 use jetlink::line::Line;
-use jetlink::node::Node;
+use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::{LossStage, Telemetry};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 /// How many engines this node runs.
 const N: usize = ENGINES.len();
@@ -76,7 +76,7 @@ fn main() -> ! {
         Oscillator::Crystal => ClockSource::Crystal,
         Oscillator::Internal => ClockSource::Internal,
     });
-    // The node is built on the stack: what the firmware needs from here on is much less, and a mark of its own.
+    // The node is built by way of the stack: what the firmware needs from here on is much less, and a mark of its own.
     let starting = board::stack::deepest();
     board::stack::paint();
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
@@ -108,11 +108,11 @@ fn main() -> ! {
     })
 }
 
-/// Sets up all engines. Not a part of `main`: the node is built by value, and `main` never gives its stack back.
+/// Sets up all engines. Not a part of `main`: a channel is built on the stack, and `main` never gives its stack back.
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
-    static NODE: StaticCell<Node<N>> = StaticCell::new();
-    NODE.init_with(|| defmt::unwrap!(Node::with_memory(&ENGINES, &board::KEPT.0, reset)))
+    static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
+    defmt::unwrap!(NODE.take().build(&ENGINES, &board::KEPT.0, reset))
 }
 
 /// Logs what is on each port.

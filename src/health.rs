@@ -32,12 +32,16 @@ impl Health {
 }
 
 /// Holds a node's [`Health`]; the board's firmware writes it, telemetry reads it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct HealthCell {
     clock: AtomicU8,
 }
 
 impl HealthCell {
+    pub(crate) const fn new() -> Self {
+        Self { clock: AtomicU8::new(ClockSource::Unknown as u8) }
+    }
+
     pub(crate) fn set_clock(&self, clock: ClockSource) {
         self.clock.store(clock as u8, Ordering::Relaxed);
     }
@@ -56,7 +60,7 @@ mod tests {
 
     #[test]
     fn only_the_internal_oscillator_needs_attention() {
-        let cell = HealthCell::default();
+        let cell = HealthCell::new();
         assert_eq!(cell.get(), Health { clock: ClockSource::Unknown });
         for (clock, attention) in
             [(ClockSource::Crystal, false), (ClockSource::Internal, true), (ClockSource::Unknown, false)]

@@ -6,12 +6,55 @@ use crate::config::{ConfigError, EngineConfig, validate};
 use crate::engine::keep::{Memory, Reset};
 use crate::health::{ClockSource, Health, HealthCell};
 use crate::runner::Runner;
+use core::array::from_fn;
+use heapless::Vec;
 
 /// `N` engines, each on its own channel.
 #[derive(Debug)]
 pub struct Node<const N: usize> {
-    channels: [Channel; N],
+    /// All `N` of them: nobody gets hold of a node that is not whole.
+    channels: Vec<Channel, N>,
     health: HealthCell,
+}
+
+/// Place for a node, in which it is built channel by channel. A node is large, so a firmware has one of these in a static:
+/// [`Node::new`] and [`Node::with_memory`] need as much stack as the node takes, and more.
+#[derive(Debug)]
+pub struct NodePlace<const N: usize>(Node<N>);
+
+impl<const N: usize> NodePlace<N> {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self(Node { channels: Vec::new(), health: HealthCell::new() })
+    }
+
+    /// Builds the node here, as [`Node::with_memory`] does.
+    ///
+    /// # Errors
+    /// As [`Node::new`].
+    pub fn build(
+        &mut self,
+        engines: &[EngineConfig; N],
+        memory: &'static [Memory],
+        reset: Reset,
+    ) -> Result<&Node<N>, ConfigError> {
+        validate(engines)?;
+        self.0.channels.clear();
+        for engine in engines {
+            // There is a place for each of them.
+            let _ = self.0.channels.push(match memory.get(usize::from(engine.port)) {
+                Some(memory) => Channel::with_memory(engine, memory, reset),
+                None => Channel::new(engine),
+            });
+        }
+        Ok(&self.0)
+    }
+}
+
+impl<const N: usize> Default for NodePlace<N> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl<const N: usize> Node<N> {
@@ -21,9 +64,7 @@ impl<const N: usize> Node<N> {
     /// [`ConfigError`], with what is wrong in the table. [`crate::config::check`] finds the same while
     /// compiling.
     pub fn new(engines: &[EngineConfig; N]) -> Result<Self, ConfigError> {
-        validate(engines)?;
-        let channels = core::array::from_fn(|i| Channel::new(&engines[i]));
-        Ok(Self { channels, health: HealthCell::default() })
+        Self::with_memory(engines, &[], Reset::PowerLost)
     }
 
     /// The same, with memory that a reset leaves alone, by port: engines that run go on after a reset. One on a port
@@ -36,22 +77,19 @@ impl<const N: usize> Node<N> {
         memory: &'static [Memory],
         reset: Reset,
     ) -> Result<Self, ConfigError> {
-        validate(engines)?;
-        let channel = |engine: &EngineConfig| match memory.get(usize::from(engine.port)) {
-            Some(memory) => Channel::with_memory(engine, memory, reset),
-            None => Channel::new(engine),
-        };
-        Ok(Self { channels: engines.each_ref().map(channel), health: HealthCell::default() })
+        let mut place = NodePlace::new();
+        place.build(engines, memory, reset)?;
+        Ok(place.0)
     }
 
     /// The runner of each engine, in the order of the table. Each wants to run exactly once.
     pub fn runners(&self) -> [Runner<'_>; N] {
-        self.channels.each_ref().map(|channel| channel.runner_in(&self.channels))
+        from_fn(|i| self.channels[i].runner_in(&self.channels))
     }
 
     /// A handle to each engine, in the order of the table.
     pub fn handles(&self) -> [Handle<'_>; N] {
-        self.channels.each_ref().map(|channel| channel.handle_in(&self.channels))
+        from_fn(|i| self.channels[i].handle_in(&self.channels))
     }
 
     /// Commands every engine; the answers are in the order of the table.

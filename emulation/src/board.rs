@@ -109,6 +109,8 @@ pub struct Board {
     pub backup: u64,
     /// Registers that the firmware writes for the sake of the part, and the emulator does not have.
     pub not_modelled: Range<u64>,
+    /// Offset of a UART's first control register.
+    pub control_register: u64,
     /// Offset of the register that received bytes are read from.
     pub receive_register: u64,
     /// Offset of the register that bytes to be sent are written to.
@@ -175,6 +177,7 @@ const H743: Board = Board {
     watchdog: 0x5800_4800,
     backup: 0x5800_4050,
     not_modelled: 0..0,
+    control_register: 0x00,
     receive_register: 0x24,
     transmit_register: 0x28,
 };
@@ -210,6 +213,7 @@ pub static PIXRACER: Board = Board {
     watchdog: 0x4000_3000,
     backup: 0x4000_2850,
     not_modelled: 0x4001_3C00..0x4001_3C0C, // EXTI: the line of the voltage detector
+    control_register: 0x0C,
     receive_register: 0x04,
     transmit_register: 0x04,
 };

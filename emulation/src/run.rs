@@ -360,6 +360,15 @@ impl Bench<'_> {
         place.drop_next();
     }
 
+    /// The transmitter of a port's UART goes off, in the middle of what it sends. It is whole again when its UART is set up anew.
+    pub fn stop_transmitter(&mut self, port: &str) {
+        // CR1; its bit TE is the same on both parts.
+        let control = self.board.port(port).registers() + self.board.control_register;
+        let (now, chip) = (VirtualNanos(self.now), &mut self.session.board_mut().chip);
+        let enabled = chip.peek(now, control, Width::W32).expect("a UART");
+        chip.write(now, control, Width::W32, enabled & !(1 << 3)).expect("a UART");
+    }
+
     /// The crystal starts no more from here on; one that runs is not stopped.
     pub fn break_crystal(&mut self) {
         self.session.board_mut().dead_crystal = true;

@@ -21,6 +21,7 @@ mod power;
 mod repeat;
 mod reply_time;
 mod self_test;
+mod stuck;
 mod supply;
 mod table;
 mod tcp;

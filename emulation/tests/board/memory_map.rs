@@ -7,8 +7,9 @@ use std::sync::mpsc;
 
 /// Of the stack while the firmware runs, and while it starts.
 const RUNNING: u64 = 8 * 1024;
-const STARTING: u64 = 64 * 1024;
-/// What the firmware paints its stack with.
+const STARTING: u64 = 40 * 1024;
+/// What the firmware paints its stack with, and how much of it.
+const PAINTED: u64 = 64 * 1024;
 const PAINT: u32 = 0xC5C5_C5C5;
 
 #[test]
@@ -38,7 +39,7 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
         let words = receiver.recv().expect("the run came by");
         let size = |words: usize| 4 * words as u64;
         // The firmware paints the uppermost 64 KiB, and what lies below is never touched.
-        let (below, painted) = words.split_at(words.len() - STARTING as usize / 4);
+        let (below, painted) = words.split_at(words.len() - PAINTED as usize / 4);
         assert!(below.iter().all(|&word| word == Some(0)), "something below the painted stack is used");
         let running =
             size(painted.len() - painted.iter().position(|&word| word != Some(PAINT)).expect("a stack"));
