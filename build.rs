@@ -83,14 +83,16 @@ fn code(board: &Board) -> String {
     line(format!("clock: {mhz} {mode},"));
     line("ports: [".into());
     for port in board.ports {
-        let (gpio, number) = place(port.tx);
-        assert!(
-            gpio <= "GPIOE".into(),
-            "{}: only GPIO A to E have their clock early (`clock_gpio`)",
-            port.tx
-        );
+        let [(gpio, number), (rx_gpio, rx_number)] = [port.tx, port.rx].map(|pin| {
+            let (gpio, number) = place(pin);
+            assert!(gpio <= "GPIOE".into(), "{pin}: only GPIO A to E have their clock early (`clock_gpio`)");
+            (gpio, number)
+        });
         let name = format!("{}, {}, {}", port.name, port.uart, port.label);
-        line(format!("    {name:?} {} {} {} {gpio} {number},", port.uart, port.rx, port.tx));
+        line(format!(
+            "    {name:?} {} {} {} {gpio} {number} {rx_gpio} {rx_number},",
+            port.uart, port.rx, port.tx
+        ));
     }
     line("],".into());
     let telemetry = &board.telemetry;

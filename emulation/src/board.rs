@@ -212,7 +212,7 @@ pub static PIXRACER: Board = Board {
     clock_control: 0x4002_3800,
     watchdog: 0x4000_3000,
     backup: 0x4000_2850,
-    not_modelled: 0x4001_3C00..0x4001_3C0C, // EXTI: the line of the voltage detector
+    not_modelled: 0x4001_3C00..0x4001_3C18, // EXTI: the line of the voltage detector
     control_register: 0x0C,
     receive_register: 0x04,
     transmit_register: 0x04,

@@ -5,9 +5,7 @@
 //! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
 
 use super::{Oscillator, ResetCause, chip};
-#[cfg(feature = "ardupilot-bootloader")]
-use core::sync::atomic::AtomicU32;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_stm32::pac::{
     gpio::{
         Gpio,
@@ -28,13 +26,13 @@ pub struct Early {
 /// Set while the node runs without its crystal.
 static WITHOUT_CRYSTAL: AtomicBool = AtomicBool::new(false);
 
-/// To be called first, before `embassy_stm32::init`, with the TX pin of every ECU port, and whether an external clock comes
-/// in place of a crystal.
-pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
+/// To be called first, before `embassy_stm32::init`, with the TX and RX pins of every ECU port, and whether an external clock
+/// comes in place of a crystal.
+pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early {
     // A line that is not driven rests high. After a reset TX floats, and some bootloaders drive it low, which an ECU
-    // takes for a break.
+    // takes for a break. They may drive RX low, too, against the ECU's own transmitter.
     chip::clock_gpio();
-    for &(port, pin) in tx {
+    for &(port, pin) in tx.iter().chain(rx) {
         port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
         port.moder().modify(|w| w.set_moder(pin, Moder::INPUT));
     }
@@ -52,7 +50,7 @@ pub fn begin(tx: &[(Gpio, usize)], bypass: bool) -> Early {
     let cause = chip::reset_cause();
     #[cfg(feature = "ardupilot-bootloader")]
     let cause = if take_restart() && cause == ResetCause::Unknown { ResetCause::Restart } else { cause };
-    let crystal = chip::start_crystal(bypass);
+    let crystal = chip::start_crystal(bypass, !has_stopped(cause));
     #[cfg(feature = "selftest")]
     let crystal = crystal && !super::selftest::wants_internal_oscillator();
     let oscillator = if crystal { Oscillator::Crystal } else { Oscillator::Internal };
@@ -149,10 +147,36 @@ fn restart() -> ! {
     unsafe { core::arch::asm!("cpsid i", "b Reset", options(noreturn)) }
 }
 
+/// Says that the crystal has stopped since the power came on: one that comes and goes would else reset the node over and over.
+/// The word, its inverse, and far behind them one that is written last (an H7 keeps half of a 64-bit word of this RAM in
+/// a buffer until another is written).
+// SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
+// is believed, where no flag says that the RAM may have been without power.
+#[unsafe(link_section = ".kept.crystal")]
+static STOPPED: [AtomicU32; 16] = [const { AtomicU32::new(0) }; 16];
+
+const HAS_STOPPED: u32 = 0xC2_57_A1_0F;
+
+/// Whether the crystal has stopped since the power came on.
+fn has_stopped(cause: ResetCause) -> bool {
+    if matches!(cause, ResetCause::PowerOn | ResetCause::BrownOut) {
+        note_stopped(0);
+    }
+    let [word, inverse] = [0, 1].map(|place| STOPPED[place].load(Ordering::Relaxed));
+    word == HAS_STOPPED && inverse == !HAS_STOPPED
+}
+
+fn note_stopped(word: u32) {
+    STOPPED[0].store(word, Ordering::Relaxed);
+    STOPPED[1].store(!word, Ordering::Relaxed);
+    STOPPED[15].store(word, Ordering::Release);
+}
+
 /// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() -> ! {
     chip::clear_crystal_alarm();
+    note_stopped(HAS_STOPPED);
     // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
     #[cfg(feature = "ardupilot-bootloader")]
     restart();

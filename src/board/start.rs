@@ -112,10 +112,12 @@ core::arch::global_asm!(
      adds r2, #4
      subs r4, #1
      bne 1b",
-    // MPU_CTRL; then each region (MPU_TYPE says how many): MPU_RNR, MPU_RASR.
+    // MPU_CTRL; then each region (MPU_TYPE, bits 8 to 15, says how many): MPU_RNR, MPU_RASR. Whole words: the MPU knows no other
+    // access.
     "dmb
      str r0, [r1, #0x94]
-     ldrb r4, [r1, #0x91]
+     ldr r4, [r1, #0x90]
+     ubfx r4, r4, #8, #8
      1:
      cbz r4, 2f
      subs r4, #1

@@ -104,9 +104,9 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config
 }
 
-/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,
-/// within 0.1 s.
-pub fn start_crystal(bypass: bool) -> bool {
+/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal, if that is
+/// wanted. Whether it runs, within 0.1 s.
+pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     RCC.cr().modify(|w| w.set_hsion(true));
     while !RCC.cr().read().hsirdy() {}
     RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
@@ -117,6 +117,9 @@ pub fn start_crystal(bypass: bool) -> bool {
         w.set_hseon(false);
     });
     while RCC.cr().read().hserdy() {}
+    if !wanted {
+        return false;
+    }
     RCC.cr().modify(|w| w.set_hsebyp(bypass));
     RCC.cr().modify(|w| w.set_hseon(true));
     for _ in 0..1000 {
@@ -161,8 +164,10 @@ fn detect_low_supply() {
 
 /// Waits until the supply is good, for as long as that takes.
 pub fn wait_for_supply(meanwhile: impl Fn()) {
+    // A start that is no reset leaves the line of the EXTI as it was: on, and its request up.
+    EXTI.imr(0).modify(|w| w.set_line(DETECTOR_LINE, false));
     detect_low_supply();
-    cortex_m::asm::delay(HSI_HZ / 10_000); // for the detector, 0.1 ms
+    cortex_m::asm::delay(HSI_HZ / DETECTOR_SETTLES); // at the internal oscillator's clock
     while PWR.csr1().read().pvdo() {
         meanwhile();
         cortex_m::asm::delay(HSI_HZ / 100);
@@ -172,7 +177,10 @@ pub fn wait_for_supply(meanwhile: impl Fn()) {
 /// A supply that falls raises an interrupt from here on. To be called after `embassy_stm32::init`, which resets the detector.
 pub fn watch_supply() {
     detect_low_supply();
+    cortex_m::asm::delay(CORE_HZ / DETECTOR_SETTLES);
     EXTI.rtsr(0).modify(|w| w.set_line(DETECTOR_LINE, true));
+    // What it has seen until now, while it settled too, is looked at below.
+    EXTI.pr(0).write(|w| w.set_line(DETECTOR_LINE, true));
     EXTI.imr(0).modify(|w| w.set_line(DETECTOR_LINE, true));
     // SAFETY: no critical section relies on masks of single interrupts, and the handler below is there.
     unsafe { cortex_m::peripheral::NVIC::unmask(Interrupt::PVD) };
@@ -180,6 +188,11 @@ pub fn watch_supply() {
         cortex_m::peripheral::NVIC::pend(Interrupt::PVD); // it fell before the line could see it
     }
 }
+
+/// The detector has 0.1 ms to settle.
+const DETECTOR_SETTLES: u32 = 10_000;
+/// The core's clock, in Hz.
+const CORE_HZ: u32 = 168_000_000;
 
 /// The detector's line of the EXTI (RM0090, 12.2.5).
 const DETECTOR_LINE: usize = 16;

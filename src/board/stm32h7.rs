@@ -123,9 +123,9 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config
 }
 
-/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal. Whether it runs,
-/// within 0.1 s.
-pub fn start_crystal(bypass: bool) -> bool {
+/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal, if that is
+/// wanted. Whether it runs, within 0.1 s.
+pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     RCC.cr().modify(|w| w.set_hsion(true));
     while !RCC.cr().read().hsirdy() {}
     RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
@@ -135,6 +135,9 @@ pub fn start_crystal(bypass: bool) -> bool {
         w.set_hseon(false);
     });
     while RCC.cr().read().hserdy() {}
+    if !wanted {
+        return false;
+    }
     RCC.cr().modify(|w| w.set_hsebyp(bypass));
     RCC.cr().modify(|w| w.set_hseon(true));
     for _ in 0..1000 {

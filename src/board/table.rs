@@ -8,7 +8,7 @@ macro_rules! board {
         name: $name:literal,
         apj_board_id: $apj_board_id:literal,
         clock: $mhz:literal $mode:ident,
-        ports: [$($port:literal $uart:ident $rx:ident $tx:ident $gpio:ident $number:literal,)*],
+        ports: [$($port:literal $uart:ident $rx:ident $tx:ident $gpio:ident $number:literal $rx_gpio:ident $rx_number:literal,)*],
         telemetry: $telemetry:literal,
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
@@ -38,6 +38,9 @@ macro_rules! board {
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
         const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
 
+        /// Their RX pins.
+        const RX: [(Gpio, usize); PORTS.len()] = [$((pac::$rx_gpio, $rx_number)),*];
+
         ecu_uarts!($($uart),*);
 
         /// Opens each port, by the name of its UART.
@@ -63,7 +66,7 @@ macro_rules! board {
         /// Starts the clocks and opens the ports that have a line. To be called once.
         pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
-            let early = early::begin(&TX, matches!(hse.mode, HseMode::Bypass));
+            let early = early::begin(&TX, &RX, matches!(hse.mode, HseMode::Bypass));
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*

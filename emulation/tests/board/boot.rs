@@ -159,11 +159,15 @@ fn tx_is_pulled_up_first_of_all() {
         };
         let watchdog = first(board.watchdog, &|_| true).expect("a watchdog");
         for port in board.ports {
+            for pin in [port.rx, port.tx] {
+                let field = |word: u64| word >> (2 * pin.number) & 3;
+                let pulled = first(gpio(pin) + 0x0C, &|word| field(word) == 1);
+                let input = first(gpio(pin), &|word| field(word) == 0);
+                assert!(pulled.is_some_and(|at| at < watchdog), "{} {}: {pulled:?}", board.name, port.name);
+                assert!(input.is_some_and(|at| at < watchdog), "{} {}: {input:?}", board.name, port.name);
+            }
             let field = |word: u64| word >> (2 * port.tx.number) & 3;
             let pulled = first(gpio(port.tx) + 0x0C, &|word| field(word) == 1);
-            let input = first(gpio(port.tx), &|word| field(word) == 0);
-            assert!(pulled.is_some_and(|at| at < watchdog), "{} {}: {pulled:?}", board.name, port.name);
-            assert!(input.is_some_and(|at| at < watchdog), "{} {}: {input:?}", board.name, port.name);
             if !engines(&report).iter().any(|engine| engine.port == port.name) {
                 continue; // it stays closed
             }

@@ -48,6 +48,11 @@ fn a_crystal_that_is_dead_at_power_on_costs_no_engine() {
 /// From here on the crystal is dead, and when this task runs next, the NMI comes that says so.
 fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     bench.break_crystal();
+    raise_alarm(bench, board, image, task);
+}
+
+/// When this task runs next, the NMI comes that says that the crystal has stopped.
+fn raise_alarm(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     // movw r0, #0xED04; movt r0, #0xE000; mov.w r1, #0x80000000; str r1, [r0]; bx lr: NMIPENDSET in ICSR.
     let code = board.ram.start + 0x18000;
     for (i, word) in [0x5004_F64E, 0x0000_F2CE, 0x4100_F04F, 0x4770_6001].into_iter().enumerate() {
@@ -66,6 +71,22 @@ fn a_crystal_that_stops_resets_a_plain_image() {
         assert!(report.logged("last reset: Software") && report.logged(WITHOUT));
         let again = report.lines("left: LinkUp").next_back().expect("up again").at;
         assert!(again > report.resets[0].0, "{}", report.log_text());
+    });
+}
+
+/// One that runs again after the reset is not trusted until the power goes off and on: it would reset the node over and over.
+#[test]
+fn a_crystal_that_comes_and_goes_is_left_alone_until_the_next_power_on() {
+    on_each_board(|board| {
+        let alarm = |bench: &mut Bench<'_>| raise_alarm(bench, board, Image::Release, Task::Engine);
+        let run = Run::new(board, Image::Release).engines().at(1500 * MILLIS, alarm);
+        let run = run.at(2500 * MILLIS, |bench| bench.watchdog_runs_out()).resets(2).with_errors();
+        let report = run.until(4 * SECOND).go();
+        assert_eq!(report.lines("last reset: ").count(), 3, "{}", report.log_text());
+        assert_eq!(report.lines(WITHOUT).count(), 2, "{}", report.log_text());
+        // The control: a power-on begins with the crystal.
+        let first = report.lines("last reset: ").next().expect("a start").at;
+        assert!(report.lines(WITHOUT).all(|log| log.at > first + SECOND));
     });
 }
 
@@ -142,5 +163,28 @@ fn the_log_says_every_second_that_there_is_no_crystal() {
         };
         assert_eq!(run(false), (0, 1), "{}", board.name);
         assert_eq!(run(true), (3, 5), "{}", board.name);
+    });
+}
+
+/// The emulator's clock security system raises nothing, so its bit (19 of RCC_CR on both chips) is looked at: on once the crystal
+/// clocks the core, and never without one.
+#[test]
+fn the_clock_security_system_watches_a_crystal_that_runs() {
+    on_each_board(|board| {
+        for dead in [false, true] {
+            let run = Run::new(board, Image::Release).engines().with_errors().record(board.clock_control);
+            let run = run.at(0, move |bench| {
+                if dead {
+                    bench.break_crystal();
+                }
+            });
+            let report = run.until(500 * MILLIS).go();
+            let on = |value: u64| value >> 19 & 1 == 1;
+            let written: Vec<_> =
+                report.written.iter().filter(|write| write.register == board.clock_control).collect();
+            let last = written.last().expect("RCC_CR is written");
+            assert_eq!(on(last.value), !dead, "{}: {:#x}", board.name, last.value);
+            assert_eq!(written.iter().any(|write| on(write.value)), !dead, "{}", board.name);
+        }
     });
 }

@@ -42,3 +42,26 @@ fn a_supply_that_falls_resets_and_the_next_start_waits() {
     assert!((2 * SECOND..2012 * MILLIS).contains(&again), "{again}");
     assert!(report.lines("left: LinkUp").next_back().expect("up again").at > again);
 }
+
+/// No line leads from the emulator's detector to an interrupt, so the registers of that line are looked at: 2.84 V, rising, what
+/// came before is cleared, and only then it is on.
+#[test]
+fn the_detector_raises_an_interrupt_from_the_start_on() {
+    const PWR_CR: u64 = 0x4000_7000;
+    const EXTI: u64 = 0x4001_3C00;
+    const IMR: u64 = EXTI;
+    const RTSR: u64 = EXTI + 0x08;
+    const PR: u64 = EXTI + 0x14;
+    let run = Run::new(&PIXRACER, Image::Release).engines();
+    let run = [PWR_CR, IMR, RTSR, PR].into_iter().fold(run, |run, register| run.record(register));
+    let report = run.until(500 * MILLIS).go();
+    let last = |register: u64, bits: u64| {
+        let set = report.written.iter().filter(|write| write.register == register);
+        let last = set.last().expect("it is written");
+        assert_eq!(last.value & bits, bits, "{register:#x}: {:#x}", last.value);
+        last.at
+    };
+    last(PWR_CR, 1 << 4 | 5 << 5);
+    last(RTSR, 1 << 16);
+    assert!(last(PR, 1 << 16) < last(IMR, 1 << 16));
+}
