@@ -56,8 +56,8 @@ fn the_detector_raises_an_interrupt_from_the_start_on() {
     let run = [PWR_CR, IMR, RTSR, PR].into_iter().fold(run, |run, register| run.record(register));
     let report = run.until(500 * MILLIS).go();
     let last = |register: u64, bits: u64| {
-        let set = report.written.iter().filter(|write| write.register == register);
-        let last = set.last().expect("it is written");
+        let mut set = report.written.iter().filter(|write| write.register == register);
+        let last = set.next_back().expect("it is written");
         assert_eq!(last.value & bits, bits, "{register:#x}: {:#x}", last.value);
         last.at
     };
