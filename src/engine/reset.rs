@@ -257,8 +257,11 @@ impl Engine {
                         // nobody has been waited for yet.
                         let spoke = || self.sources.all_silent_from(now).flatten();
                         let known = self.sources.silent_from(finding.ruler).or_else(spoke);
-                        // Silence of before a reset counts until somebody speaks.
-                        let kept = now.checked_sub(finding.lost_for).unwrap_or(Instant::MIN);
+                        // Silence of before a reset counts until somebody speaks, beyond the age limit of whoever it was.
+                        let age = Origin::SOURCES.map(|origin| self.config.ages.of(origin)).into_iter().max();
+                        let age = age.unwrap_or(Duration::from_ticks(0)).as_ticks();
+                        let lost_for = Duration::from_ticks(finding.lost_for.as_ticks().saturating_sub(age));
+                        let kept = now.checked_sub(lost_for).unwrap_or(Instant::MIN);
                         let lost = known.unwrap_or(kept).min(now);
                         if finding.silent_since < finding.since {
                             finding.silent_since.min(lost)

@@ -214,7 +214,8 @@ impl Case<'_> {
         let sure = (0..4).filter_map(sure).max();
         let last = self.voices.last_run(at).unwrap_or(0);
         let heard = sure.unwrap_or(last).min(last);
-        let power = |reset: &&Reset| reset.up <= at && reset.cause != Cause::Watchdog;
+        // Silence is retained wherever the memory is.
+        let power = |reset: &&Reset| reset.up <= at && reset.cause == Cause::PowerOn;
         let up = h.resets.iter().filter(power).map(|reset| reset.up).max();
         let youngest = rules.ages.into_iter().min().unwrap_or_default();
         let silent_since = match up {
