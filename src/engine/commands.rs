@@ -126,7 +126,7 @@ impl Engine {
             self.start_wait = None;
         }
         let above = self.sources.above(now, origin);
-        let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
+        let in_control = self.sources.in_control(now, origin);
         match &self.mode {
             Mode::Listen(_) if above.is_none() => {
                 if !self.begun || !self.settled(now) || self.run_of_a_higher_one(now, origin) {
@@ -223,7 +223,7 @@ impl Engine {
             Mode::Run(_) => {
                 // Whose demand is in force is for `update`.
                 self.update(now);
-                let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
+                let in_control = self.sources.in_control(now, origin);
                 let in_force =
                     matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
                 return Ok(match self.sources.above(now, origin) {
@@ -262,7 +262,7 @@ impl Engine {
             return Ok(Accepted::Behind(above));
         }
         // A source that speaks again after it was lost is not there yet: it neither moves nor starts an engine.
-        if self.sources.ruler(now).is_none_or(|(ruler, _)| ruler != origin) {
+        if !self.sources.in_control(now, origin) {
             return Ok(Accepted::Held);
         }
         if !matches!(self.mode, Mode::Standby) {
@@ -301,8 +301,7 @@ impl Engine {
         }
         let idle = Demand::Throttle(Throttle::IDLE);
         // A source that was lost has to say standby again, for a while.
-        let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == origin);
-        let permitted = in_control
+        let permitted = self.sources.in_control(now, origin)
             && matches!(self.mode, Mode::Standby)
             && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
         let result = if permitted {
@@ -313,7 +312,6 @@ impl Engine {
         let result = result.and_then(|()| self.link.order(now, Order::Pwm));
         self.permitted = [false; Origin::ALL.len()];
         result?;
-        self.close_pump();
         self.mode = Mode::Pwm { life: Life::ordered(), start_by: Some(now + self.start_time()) };
         self.last_start = Some(now);
         self.note_order(Order::Pwm, origin);
@@ -370,7 +368,7 @@ impl Engine {
         let own =
             self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
         // A governor's maximum is none of an ECU that has not given its version yet.
-        let waits = matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }));
+        let waits = self.waits_for_version();
         let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
         let told = core::mem::replace(&mut self.clamp_told, max.is_some());

@@ -64,6 +64,11 @@ impl SourceAges {
             Origin::Bench => self.bench,
         }
     }
+
+    /// The longest of them.
+    pub fn longest(&self) -> Duration {
+        self.emergency.max(self.rc).max(self.mavlink).max(self.bench)
+    }
 }
 
 /// A source that takes over is held off until its demand is close to the one in force, or until it has waited.

@@ -141,6 +141,11 @@ impl Run {
         *self.fail_safe_at.get_or_insert(silent_from + hold)
     }
 
+    /// Since when the source in control has been lost, where it has: the hold came before the fail-safe stage.
+    pub fn silent_since(&self, config: &Supervision) -> Option<Instant> {
+        self.fail_safe_at.map(|at| at.checked_sub(config.loss.hold).unwrap_or(Instant::MIN))
+    }
+
     /// When the last stage of loss begins: as configured, and where no engine is known to live, 10 s into the fail-safe
     /// stage. Silence from before a reset counts.
     fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {

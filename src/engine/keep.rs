@@ -112,10 +112,9 @@ impl Record {
             Order::EmergencyStop | Order::Pwm => self.origin,
             _ => Origin::Node,
         };
-        let (ran, by_id6, pump_open) = (self.ran, self.by_id6, self.pump_open);
-        let (silent, all_silent) = (self.silent, self.all_silent);
-        let (said_arm, must_disarm, resets) = (self.said_arm, self.must_disarm, self.resets);
-        let starting = self.starting;
+        let Self {
+            ran, by_id6, pump_open, silent, all_silent, resets, starting, said_arm, must_disarm, ..
+        } = self;
         Self {
             ran,
             by_id6,

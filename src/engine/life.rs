@@ -7,6 +7,7 @@
 use super::exhaust::Burning;
 use crate::command::Origin;
 use crate::link::{Sign, Stage};
+use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
 /// Reports in a row that have to agree before they confirm or end a life.
@@ -36,6 +37,13 @@ struct Doubt {
     faults: bool,
     confirming: u8,
     ending: u8,
+}
+
+impl Doubt {
+    /// Raised now, with nothing reported since.
+    const fn new(now: Instant) -> Self {
+        Self { since: now, gap: false, faults: false, confirming: 0, ending: 0 }
+    }
 }
 
 /// What ended a life.
@@ -129,7 +137,7 @@ impl Life {
 
     /// After a reset of the node with an order in force: in doubt until two reports say.
     pub const fn after_reset(now: Instant) -> Self {
-        let doubt = Doubt { since: now, gap: true, faults: false, confirming: 0, ending: 0 };
+        let doubt = Doubt { gap: true, ..Doubt::new(now) };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
@@ -175,8 +183,8 @@ impl Life {
         if self.progress == Progress::Ordered {
             return Some(End::GapInStart);
         }
-        let (since, faults) = self.doubt.map_or((now, false), |doubt| (doubt.since, doubt.faults));
-        self.doubt = Some(Doubt { since, gap: true, faults, confirming: 0, ending: 0 });
+        let doubt = self.doubt.unwrap_or(Doubt::new(now));
+        self.doubt = Some(Doubt { gap: true, confirming: 0, ending: 0, ..doubt });
         None
     }
 
@@ -313,7 +321,7 @@ impl Life {
 
     fn raise(&mut self, now: Instant) -> &mut Doubt {
         self.candidate = None;
-        self.doubt.get_or_insert(Doubt { since: now, gap: false, faults: false, confirming: 0, ending: 0 })
+        self.doubt.get_or_insert(Doubt::new(now))
     }
 
     /// With faults in place of a state nothing says that the engine runs: the next state has to.
@@ -369,7 +377,7 @@ pub(super) struct Finding {
     pub started: Option<Duration>,
     alive: u8,
     ending: u8,
-    throttle: Option<crate::units::Throttle>,
+    throttle: Option<Throttle>,
 }
 
 /// What was found.

@@ -490,6 +490,14 @@ impl Engine {
         }
     }
 
+    /// When a pump that a service opened is closed: after its time, or the silence of its source.
+    fn pump_ends(&self) -> Option<Instant> {
+        let pump = self.pump?;
+        let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
+        let silent = heard.checked_add(self.config.ages.of(pump.origin)).unwrap_or(Instant::MAX);
+        Some(silent.min(pump.until))
+    }
+
     /// Orders a run: a start, or going on with an engine that runs.
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
@@ -523,9 +531,6 @@ impl Engine {
             Beginning::Found { starting: Some((_, before)), .. } => before,
             _ => Duration::from_ticks(0),
         };
-        if started {
-            self.close_pump();
-        }
         self.mode = Mode::Run(Run {
             began: now,
             started_before,
@@ -706,19 +711,14 @@ impl Engine {
 
     /// Ends what has had its time.
     fn expire(&mut self, now: Instant) {
-        if let Some(pump) = self.pump {
-            let age = self.config.ages.of(pump.origin);
-            let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
-            if now >= pump.until || now >= heard.checked_add(age).unwrap_or(Instant::MAX) {
-                self.close_pump();
-            }
+        if self.pump_ends().is_some_and(|at| now >= at) {
+            self.close_pump();
         }
-        if let Some(wait) = self.start_wait {
-            let in_control = self.sources.ruler(now).is_some_and(|(ruler, _)| ruler == wait.origin);
-            if !in_control || now >= wait.until {
-                self.use_up(wait.origin);
-                self.event(Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), wait.origin));
-            }
+        if let Some(wait) = self.start_wait
+            && (!self.sources.in_control(now, wait.origin) || now >= wait.until)
+        {
+            self.use_up(wait.origin);
+            self.event(Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), wait.origin));
         }
         let start_time = self.start_time();
         let (late, unconfirmed) = match &self.mode {
@@ -758,11 +758,7 @@ impl Engine {
     /// running engine, however late, it goes on as one that was found running. A start ends.
     fn give_up_order(&mut self, now: Instant) {
         let (reached, pwm, silent_since, ruler) = match &self.mode {
-            Mode::Run(run) => {
-                let hold = self.config.loss.hold;
-                let since = run.fail_safe_at.map(|at| at.checked_sub(hold).unwrap_or(Instant::MIN));
-                (run.life.reached(), false, since, run.ruler)
-            }
+            Mode::Run(run) => (run.life.reached(), false, run.silent_since(&self.config), run.ruler),
             // ID 0 leaves the PWM input in charge for as long as it takes.
             Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
             _ => return,
@@ -933,14 +929,18 @@ impl Engine {
             return Order::Run(demand);
         }
         // An ECU that came back has not given its version yet: it keeps its rpm until it has.
-        let waits = matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }));
-        if waits && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
+        if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
             return self.order_doubt(now, demand);
         }
         // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
         let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
         let _ = self.link.order(now, idle);
         idle
+    }
+
+    /// The ECU has not given its version yet: whether it holds an rpm by itself is not known.
+    fn waits_for_version(&self) -> bool {
+        matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }))
     }
 
     fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
@@ -997,11 +997,7 @@ impl Engine {
         let now = self.at;
         let gap = self.link.gap_at();
         let wait = self.start_wait.map(|wait| wait.until);
-        let pump = self.pump.and_then(|pump| {
-            let age = self.config.ages.of(pump.origin);
-            let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
-            heard.checked_add(age).map(|silent| silent.min(pump.until))
-        });
+        let pump = self.pump_ends();
         let sources = self.sources.deadline(now);
         let of_mode = match &self.mode {
             Mode::Listen(finding) => self.listened_out(now, *finding),

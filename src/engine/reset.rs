@@ -87,7 +87,8 @@ impl Engine {
         let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
         let all_silent = kept.map_or(Duration::from_ticks(0), |kept| kept.all_silent + RESET_TAKES);
         let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
-        self.mode = Mode::Listen(Finding::new(now, ran).carrying(all_silent, silent).ruled_by(ruler));
+        let finding = Finding::new(now, ran).carrying(all_silent, silent);
+        self.mode = Mode::Listen(finding.ruled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
@@ -106,10 +107,9 @@ impl Engine {
             // A start that the reset has cut short.
             Order::Run(_) | Order::Listen if kept.starting > 0 => {
                 let since = Duration::from_secs(kept.starting.into());
-                self.mode =
-                    Mode::Listen(Finding::new(now, false).carrying(all_silent, silent).in_a_start(since));
+                self.mode = Mode::Listen(finding.in_a_start(since));
             }
-            Order::Run(_) => self.mode = Mode::Listen(Finding::new(now, false).carrying(all_silent, silent)),
+            Order::Run(_) => self.mode = Mode::Listen(finding),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
@@ -138,23 +138,20 @@ impl Engine {
                 let since = self.at.saturating_duration_since(finding.silent_since);
                 let spoken = self.sources.any_spoken();
                 let of = |before| if spoken { Duration::from_ticks(0) } else { before + since };
-                let (all_silent, silent) = (of(finding.carried), Record::steps(of(finding.lost_for)));
-                let all_silent = Record::steps(all_silent);
-                match finding.started {
-                    // Another reset in a start that one has cut short already.
-                    Some(since) => Record {
-                        ran: false,
-                        silent,
-                        all_silent,
-                        starting: seconds(since + self.at.saturating_duration_since(finding.since)),
-                        ..Record::new(Order::Run(Demand::Throttle(Throttle::IDLE)), finding.ruler)
-                    },
-                    None => Record {
-                        ran: finding.ran,
-                        silent,
-                        all_silent,
-                        ..Record::new(Order::Listen, finding.ruler)
-                    },
+                // Another reset in a start that one has cut short already leaves it one.
+                let (order, starting) = match finding.started {
+                    Some(since) => {
+                        let since = since + self.at.saturating_duration_since(finding.since);
+                        (Order::Run(Demand::Throttle(Throttle::IDLE)), seconds(since))
+                    }
+                    None => (Order::Listen, 0),
+                };
+                Record {
+                    ran: finding.ran,
+                    silent: Record::steps(of(finding.lost_for)),
+                    all_silent: Record::steps(of(finding.carried)),
+                    starting,
+                    ..Record::new(order, finding.ruler)
                 }
             }
             Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
@@ -202,14 +199,10 @@ impl Engine {
 
     /// How long the source in control has been silent, resets included.
     fn silent(&self, run: &Run) -> Duration {
-        match self.sources.last_wanted(run.ruler) {
-            Some(word) => self.at.saturating_duration_since(word),
-            None if run.ruler == Origin::Node && run.fail_safe_at.is_some() => {
-                let hold = self.config.loss.hold;
-                let since = run.fail_safe_at.and_then(|at| at.checked_sub(hold)).unwrap_or(Instant::MIN);
-                self.at.saturating_duration_since(since)
-            }
-            None => run.carried + self.at.saturating_duration_since(run.began),
+        match (self.sources.last_wanted(run.ruler), run.silent_since(&self.config)) {
+            (Some(word), _) => self.at.saturating_duration_since(word),
+            (None, Some(since)) if run.ruler == Origin::Node => self.at.saturating_duration_since(since),
+            (None, _) => run.carried + self.at.saturating_duration_since(run.began),
         }
     }
 
@@ -250,25 +243,8 @@ impl Engine {
             // It is nobody's, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
                 let confirmed = found == Found::Running;
-                let wanted = matches!(self.sources.ruler(now), Some((_, Intent::Run(_))));
                 let silent_since = match &self.mode {
-                    Mode::Listen(finding) if !wanted => {
-                        // Whose demand was in force may have fallen silent since; or whoever spoke. After a start of the node
-                        // nobody has been waited for yet.
-                        let spoke = || self.sources.all_silent_from(now).flatten();
-                        let known = self.sources.silent_from(finding.ruler).or_else(spoke);
-                        // Silence of before a reset counts until somebody speaks, beyond the age limit of whoever it was.
-                        let age = Origin::SOURCES.map(|origin| self.config.ages.of(origin)).into_iter().max();
-                        let age = age.unwrap_or(Duration::from_ticks(0)).as_ticks();
-                        let lost_for = Duration::from_ticks(finding.lost_for.as_ticks().saturating_sub(age));
-                        let kept = now.checked_sub(lost_for).unwrap_or(Instant::MIN);
-                        let lost = known.unwrap_or(kept).min(now);
-                        if finding.silent_since < finding.since {
-                            finding.silent_since.min(lost)
-                        } else {
-                            lost
-                        }
-                    }
+                    Mode::Listen(finding) => self.lost_since(now, finding),
                     _ => now,
                 };
                 let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
@@ -293,6 +269,22 @@ impl Engine {
                 self.event(Event::WentOn(demand));
             }
         }
+    }
+
+    /// Since when nobody has wanted the engine that was found to run; now, if somebody does.
+    fn lost_since(&self, now: Instant, finding: &Finding) -> Instant {
+        if matches!(self.sources.ruler(now), Some((_, Intent::Run(_)))) {
+            return now;
+        }
+        // Whose demand was in force may have fallen silent since; or whoever spoke.
+        let spoke = || self.sources.all_silent_from(now).flatten();
+        let known = self.sources.silent_from(finding.ruler).or_else(spoke);
+        // Silence of before a reset counts until somebody speaks, beyond the age limit of whoever it was.
+        let beyond = finding.lost_for.as_ticks().saturating_sub(self.config.ages.longest().as_ticks());
+        let kept = now.checked_sub(Duration::from_ticks(beyond)).unwrap_or(Instant::MIN);
+        let lost = known.unwrap_or(kept).min(now);
+        // Where an order was given up, the stages of loss go on; after a start of the node nobody has been waited for yet.
+        if finding.silent_since < finding.since { finding.silent_since.min(lost) } else { lost }
     }
 
     /// Where the stages of loss would have taken this throttle by now, had the ECU been heard.

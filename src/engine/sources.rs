@@ -201,6 +201,11 @@ impl Sources {
         self.each().find(|(_, source)| self.may_rule(now, source)).map(|(o, s)| (o, s.intent))
     }
 
+    /// Whether this source is in control.
+    pub fn in_control(&self, now: Instant, origin: Origin) -> bool {
+        self.ruler(now).is_some_and(|(ruler, _)| ruler == origin)
+    }
+
     /// A source of higher priority than this one that is in control.
     pub fn above(&self, now: Instant, origin: Origin) -> Option<Origin> {
         let (ruler, _) = self.ruler(now)?;
@@ -253,7 +258,7 @@ impl Sources {
 
     /// Whether a source has wanted something since the node started.
     pub fn has_wanted(&self, origin: Origin) -> bool {
-        self.source(origin).is_some_and(|source| source.wanted.is_some())
+        self.last_wanted(origin).is_some()
     }
 
     /// The next instant at which a source is lost. One comes to be in control only when it speaks, or when that happens.
