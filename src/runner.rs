@@ -2,6 +2,7 @@
 //! reads the clock, and the only one that waits.
 
 use crate::channels::Channel;
+use crate::engine::TRANSMITTER_FAILED;
 use crate::line::LineError;
 use crate::link::{Output, Transmission};
 use crate::telemetry::NotSent;
@@ -18,8 +19,6 @@ use embedded_io_async::{Error, ErrorKind, Read, Write};
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// For a transmission, from the call to its last stop bit. Five bytes take 20.8 ms at 2400 baud.
 const WRITE_LIMIT: Duration = Duration::from_millis(40);
-/// A transmitter out of which nothing has come for this long, although something was to go, is to be opened anew.
-const STUCK: Duration = Duration::from_secs(1);
 /// After a read error, so that a UART that fails at once every time does not take the processor.
 const READ_PAUSE: Duration = Duration::from_millis(1);
 
@@ -84,6 +83,8 @@ pub struct Runner<'a> {
     begun: Cell<bool>,
     /// The engine has handed one out, and was not told yet what became of it.
     in_hand: Cell<bool>,
+    /// The last one was given up: its bytes may still wait in the driver, unless the UART was opened anew.
+    given_up: Cell<bool>,
     /// Something happened since telemetry was last published.
     changed: Cell<bool>,
 }
@@ -103,6 +104,7 @@ impl<'a> Runner<'a> {
             outgoing: Signal::new(),
             begun: Cell::new(false),
             in_hand: Cell::new(false),
+            given_up: Cell::new(false),
             changed: Cell::new(true),
         }
     }
@@ -187,13 +189,11 @@ impl<'a> Runner<'a> {
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     async fn transmit<W: Write>(&self, mut tx: W) {
-        // Bytes of a transmission that was given up may still wait in the driver.
-        let mut stuck = false;
         let mut failing_since: Option<Instant> = None;
         loop {
             let transmission = self.outgoing.wait().await;
             let write = async {
-                if stuck {
+                if self.given_up.get() {
                     // Nothing goes behind them: it would leave when nobody means it any more.
                     tx.flush().await.map_err(|_| NotSent::Failed)?;
                 }
@@ -205,7 +205,7 @@ impl<'a> Runner<'a> {
                 tx.flush().await.map_err(|_| NotSent::Failed)
             };
             let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::GaveUp));
-            stuck = result == Err(NotSent::GaveUp);
+            self.given_up.set(result == Err(NotSent::GaveUp));
             let now = Instant::now();
             self.in_hand.set(false);
             self.channel.with(|engine| match result {
@@ -217,7 +217,7 @@ impl<'a> Runner<'a> {
             match result {
                 Ok(()) => failing_since = None,
                 Err(NotSent::TooLate) => {}
-                Err(_) if now >= *failing_since.get_or_insert(now) + STUCK => return,
+                Err(_) if now >= *failing_since.get_or_insert(now) + TRANSMITTER_FAILED => return,
                 Err(_) => {}
             }
             if result == Err(NotSent::Failed) {

@@ -54,8 +54,8 @@ const OBEYS_WITHIN: Duration = Duration::from_secs(3);
 const OBEYED_BAND: u16 = 100;
 /// Where nothing is known of whose an engine is, a stream of standby counts only after all sources had this time to speak.
 const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
-/// A transmitter that fails for this long is reported.
-const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
+/// A transmitter that fails for this long is reported, and to be opened anew.
+pub(crate) const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
 /// What is ordered, with what belongs to it and ends with it.
 #[derive(Clone, Debug)]
