@@ -172,7 +172,7 @@ fn service_commands_need_a_stopped_engine() {
             let moves_fuel = MOVE_FUEL.contains(&each);
             let expected = match says {
                 _ if is_rate => Ok(Accepted::InForce),
-                Says::Cooling if moves_fuel => Err(Rejected::Start(Interlock::NotStandby)),
+                Says::Stopped | Says::Cooling if moves_fuel => Err(Rejected::Start(Interlock::NotStandby)),
                 _ => answer,
             };
             assert_eq!(ready().command(action(each)), expected, "{says:?} {each:?}");
@@ -187,7 +187,8 @@ fn service_commands_need_a_stopped_engine() {
                 } else {
                     scenario.command(Command::Disarm).unwrap();
                 }
-                let why = if says == Says::Cooling && hot { Interlock::NotStandby } else { why };
+                let standby = says == Says::Standby;
+                let why = if !standby && hot { Interlock::NotStandby } else { why };
                 let expected = if moves_fuel && stopped { Err(Rejected::Start(why)) } else { expected };
                 assert_eq!(scenario.command(action(each)), expected, "{says:?} {each:?} {hot}");
             }

@@ -354,9 +354,8 @@ impl Engine {
             return Err(Rejected::Start(Interlock::NotArmed));
         }
         let state = EngineState::of(self.at, self.link.state(), self.link.report());
-        if !matches!(self.mode, Mode::Standby)
-            || !matches!(state, EngineState::Standby | EngineState::Stopped)
-        {
+        // At its stop it may be an ECU that does not hear us.
+        if !matches!(self.mode, Mode::Standby) || state != EngineState::Standby {
             return Err(Rejected::Start(Interlock::NotStandby));
         }
         self.cold(self.at).map_err(Rejected::Start)

@@ -92,6 +92,7 @@ impl Run {
                         self.shaper.rise();
                     }
                     (self.taking_over, self.fail_safe_at) = (None, None);
+                    self.resumed_low = false;
                     self.demand = demand;
                     self.stage(LossStage::None, told);
                     return None;
@@ -104,8 +105,8 @@ impl Run {
                 self.taking_over = Some((origin, latest));
                 // Resets that follow one another would begin the wait anew each time.
                 if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
-                    self.taking_over = None;
-                    self.fail_safe_at = None;
+                    (self.taking_over, self.fail_safe_at) = (None, None);
+                    self.resumed_low = false;
                     self.carried = Duration::from_ticks(0);
                     self.demand = demand;
                     self.ruler = origin;

@@ -93,6 +93,28 @@ fn five_resets_1_05_s_apart_leave_an_engine_with_a_fresh_source_at_its_demand() 
     }
 }
 
+/// A loop of resets without a source ends at the fail-safe, from which MAVLink takes the engine. That RC takes over from
+/// it much later is a take-over like any other.
+#[test]
+fn take_over_long_after_a_reset_loop_waits() {
+    for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
+        let mut world = World::one(engine);
+        world.fly(Rc, 90);
+        world.silent(Rc);
+        reset_loop(&mut world, 1.05, 5.0);
+        world.says(Mavlink, run(60));
+        world.pass(20.0);
+        assert_eq!(world.throttle_sent(0), Some(600));
+        let from = world.now();
+        world.says(Rc, run(40));
+        world.pass(1.5);
+        let lowest = world.sent(from).filter_map(Frame::throttle).min();
+        assert_eq!(lowest, Some(600), "before the take-over has waited its 2 s");
+        world.pass(2.0);
+        assert_eq!(world.throttle_sent(0), Some(400));
+    }
+}
+
 #[test]
 fn one_reset_of_an_engine_without_a_source_ends_at_idle() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {

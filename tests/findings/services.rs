@@ -96,6 +96,18 @@ fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
     }
 }
 
+/// An ECU that does not hear standby stays at its stop, with a cold exhaust, and says so.
+#[test]
+fn nothing_that_moves_fuel_or_heats_goes_to_an_ecu_that_says_stop() {
+    for hot in HOT {
+        let mut world = obedient();
+        world.ready(Rc);
+        world.zk(|ecu| ecu.set_state(Some(0)));
+        world.pass(3.0);
+        assert_refused(&mut world, hot);
+    }
+}
+
 #[test]
 fn nothing_that_moves_fuel_or_heats_is_done_with_an_exhaust_that_is_not_known() {
     for sensor in [EgtSensor::Open, EgtSensor::Short] {

@@ -133,6 +133,8 @@ struct Case<'a> {
     down: Spans,
     /// The ECU says nothing that could be heard: no power, booting, or no wire.
     blind: Spans,
+    /// No state of the engine reaches the node.
+    hidden: Spans,
     /// Times in which the release of a stop is out of the question.
     stopped: Spans,
     verdict: Verdict,
@@ -145,12 +147,17 @@ impl<'a> Case<'a> {
             h.deaf.iter().filter(|(from, _)| (1..5).contains(&h.version(*from))).collect();
         let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
+        let (down, faults) = (h.down(), h.times(|sample| sample.fault));
+        // With error sets an AMT ECU gives no state.
+        let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
+        let silent = blind.union(&h.noise).union(&down).union(&dumb);
         Self {
             voices: Voices::new(h),
             live: live(h),
             runs: h.times(|sample| sample.runs()),
-            faults: h.times(|sample| sample.fault),
-            down: h.down(),
+            hidden: silent.union(&h.times(|sample| sample.hidden)),
+            faults,
+            down,
             blind,
             stopped: Spans::default(),
             verdict: Verdict::default(),

@@ -145,7 +145,8 @@ fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;
     let mut spans = Spans::default();
     for pair in history.samples.windows(2) {
-        ran |= pair[0].phase == Phase::Running;
+        // ZK counts the learning of the idle speed among the states of a running engine.
+        ran |= matches!(pair[0].phase, Phase::Running | Phase::LearningIdle);
         if ran && !pair[0].runs() || pair[0].fault {
             spans.push(pair[0].at, pair[1].at);
         }

@@ -94,11 +94,7 @@ impl Case<'_> {
     /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
     pub(super) fn known_to_run(&self, at: u64) -> bool {
         let Some((from, to)) = self.runs.last_before(at) else { return false };
-        // With error sets an AMT ECU gives no state.
-        let dumb = if self.is_amt() { self.faults.clone() } else { Spans::default() };
-        let hidden = self.blind.union(&self.h.noise).union(&self.down).union(&dumb);
-        let hidden = hidden.union(&self.h.times(|sample| sample.hidden));
-        at < to && at > from + KNOWN && at - from > KNOWN + hidden.within(from, at)
+        at < to && at > from + KNOWN && at - from > KNOWN + self.hidden.within(from, at)
     }
 
     pub(super) fn shut_down(&mut self) {
@@ -132,6 +128,7 @@ impl Case<'_> {
             );
         }
     }
+
     /// When a source that was in control for sure last said run: it had spoken for a while, with nobody above it.
     fn ruled_for_sure(&self, source: usize, at: u64, spoken: u64) -> Option<u64> {
         let rules = &self.h.rules;
