@@ -16,13 +16,13 @@ use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
-use jetlink::config::ENGINES;
 use jetlink::engine::keep::Reset;
 use jetlink::health::ClockSource;
 use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::{LossStage, Telemetry};
+use jetlink_fw::config::ENGINES;
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// How many engines this node runs.
