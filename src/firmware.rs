@@ -17,11 +17,12 @@ use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channels::Events;
 use jetlink::engine::keep::Reset;
+use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
 use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
-use jetlink::telemetry::{LossStage, Telemetry};
+use jetlink::telemetry::Telemetry;
 use jetlink_fw::config::ENGINES;
 use static_cell::{ConstStaticCell, StaticCell};
 

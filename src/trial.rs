@@ -7,8 +7,10 @@ use crate::board;
 use crate::pilot::command_all;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Command, Demand, Origin};
+use jetlink::event::LossStage;
 use jetlink::node::Node;
-use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
+use jetlink::report::{LinkState, Phase};
+use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
 /// Between two commands; well within the 0.5 s for which a source may be silent.

@@ -11,8 +11,9 @@ use jetlink::command::{Command, Order, Ordered, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
 use jetlink::ecu::{Faults, Service, amt};
+use jetlink::event::Event;
 use jetlink::line::Line;
-use jetlink::telemetry::{Event, LinkState, NotSent, Phase};
+use jetlink::report::{LinkState, NotSent, Phase};
 use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error, parse_command};
 use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise, FramingAs};
 
@@ -254,7 +255,7 @@ fn amt_13_ctf_goes_out_only_by_its_name() {
     bench.play(LONG, async {
         bench.start().await;
         assert!(messages(&bench.plug.log()).iter().all(|(_, message)| message.ops != Ops::Ctf));
-        let ctf = Command::Service(Service::Amt(amt::link::Service::Ctf));
+        let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
         bench.handle().command(ctf, Origin::Bench).expect("an AMT ECU has it");
         Timer::after(Duration::from_secs(4)).await;
         assert_eq!(stats(&bench).ctf_stops, 1);

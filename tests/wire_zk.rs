@@ -10,8 +10,9 @@ use jetlink::command::{Command, Interlock, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage, Rate};
 use jetlink::ecu::{EcuConfig, Service, zk};
+use jetlink::event::{Event, LossStage};
 use jetlink::line::Line;
-use jetlink::telemetry::{Event, LinkState, LossStage, NotSent, Phase};
+use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::units::{Hectopascals, Millivolts};
 use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise};
 use sim::zk::{Action as SimAction, Rate as SimRate, Stats, Sw, ZkCommand, ZkConfig, ZkEcu, parse_command};
@@ -123,7 +124,7 @@ fn zk_7_versions_gate_commands() {
     three.play(LONG, async {
         assert_eq!(
             three.handle().command(
-                Command::Service(Service::Zk(zk::link::Service::Action(Action::ResetFuel))),
+                Command::Service(Service::Zk(zk::config::Service::Action(Action::ResetFuel))),
                 Origin::Bench
             ),
             Err(Rejected::Listening),
@@ -189,7 +190,7 @@ fn zk_9_mode_1_start_run_and_shut_down() {
 #[test]
 fn zk_9_mode_2_the_switch_goes_by_id_6() {
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz50);
-    config.ecu = EcuConfig::Zk(zk::link::Config { split_switch: true, rate: Rate::Hz50 });
+    config.ecu = EcuConfig::Zk(zk::config::Config { split_switch: true, rate: Rate::Hz50 });
     let ecu = ZkConfig::new(4).on(bench::sim_line(config.line));
     let bench = Bench::new(&config, ZkEcu::new(ecu), 2);
     bench.play(LONG, async {
@@ -296,9 +297,9 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
     bench.plug.record(true);
     bench.play(LONG, async {
         bench.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
-        let curve = zk::link::Service::Curve(AccelerationCurve::new(55).expect("10..=70"));
+        let curve = zk::config::Service::Curve(AccelerationCurve::new(55).expect("10..=70"));
         let voltage = IgnitionPumpVoltage::from_millivolts(Millivolts::new(2400)).expect("0..=5100");
-        let pump = zk::link::Service::IgnitionPump(voltage);
+        let pump = zk::config::Service::IgnitionPump(voltage);
         for service in [curve, pump] {
             let service = Service::Zk(service);
             bench
@@ -323,7 +324,7 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
 /// Service commands are refused while the engine runs. The control for it: standing still they go out.
 #[test]
 fn service_needs_a_stopped_engine() {
-    let test = Command::Service(Service::Zk(zk::link::Service::Action(Action::TestStarter)));
+    let test = Command::Service(Service::Zk(zk::config::Service::Action(Action::TestStarter)));
     let bench = bench(4);
     let mut events = bench.handle().events().expect("a free place");
     bench.play(LONG, async {

@@ -1,7 +1,7 @@
 //! What can be asked of an engine, by whom, and why it may be refused.
 
 use crate::ecu::Service;
-use crate::engine::watch::Watched;
+use crate::limit::Watched;
 use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 
 /// What a running engine shall do.

@@ -7,8 +7,7 @@ use crate::ecu::EcuConfig;
 use crate::ecu::amt::{self, codec::Engine as AmtEngine};
 use crate::ecu::zk::{self, codec::Rate};
 use crate::engine::config::{Field, Supervision};
-use crate::line::{Line, StopBits};
-use crate::link::Timing;
+use crate::line::{Line, StopBits, Timing};
 use embassy_time::Duration;
 
 /// The longest time that makes sense anywhere in a table of engines.
@@ -38,26 +37,26 @@ pub struct EngineConfig {
 impl EngineConfig {
     /// An engine with an AMT ECU and default settings.
     pub const fn amt(name: &'static str, port: u8, line: Line, engine: Option<AmtEngine>) -> Self {
-        let config = amt::link::Config { engine, ..amt::link::Config::DEFAULT };
+        let config = amt::config::Config { engine, ..amt::config::Config::DEFAULT };
         Self {
             name,
             port,
             line,
             ecu: EcuConfig::Amt(config),
-            timing: amt::link::Config::TIMING,
+            timing: amt::config::Config::TIMING,
             supervision: Supervision::DEFAULT,
         }
     }
 
     /// An engine with a ZK ECU and default settings.
     pub const fn zk(name: &'static str, port: u8, line: Line, rate: Rate) -> Self {
-        let config = zk::link::Config { rate, ..zk::link::Config::DEFAULT };
+        let config = zk::config::Config { rate, ..zk::config::Config::DEFAULT };
         Self {
             name,
             port,
             line,
             ecu: EcuConfig::Zk(config),
-            timing: zk::link::Config::TIMING,
+            timing: zk::config::Config::TIMING,
             supervision: Supervision::DEFAULT,
         }
     }

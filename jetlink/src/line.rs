@@ -80,3 +80,13 @@ pub enum LineError {
     /// The driver returned an error of another kind.
     Read,
 }
+
+/// When an ECU counts as heard and as lost.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Timing {
+    /// Good frames in a row, none of them `lost_after` later than the one before, until the link is up.
+    pub up_after: u8,
+    /// Silence until it is lost. 0.2 s to 60 s.
+    pub lost_after: Duration,
+}

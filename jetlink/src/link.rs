@@ -6,8 +6,9 @@
 
 use crate::command::{Order, Rejected};
 use crate::ecu::Service;
-use crate::line::{Line, LineError};
-use crate::telemetry::{Counters, Event, LinkState, NotSent, Report, bump};
+use crate::event::Event;
+use crate::line::{Line, LineError, Timing};
+use crate::report::{Counters, LinkState, NotSent, Report, bump};
 use crate::units::{Celsius, Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
@@ -53,16 +54,6 @@ pub enum Output {
     Event(Event),
     /// Nothing more until the next input; call [`Link::timeout`] at this instant.
     Wait(Option<Instant>),
-}
-
-/// When an ECU counts as heard and as lost.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Timing {
-    /// Good frames in a row, none of them `lost_after` later than the one before, until the link is up.
-    pub up_after: u8,
-    /// Silence until it is lost. 0.2 s to 60 s.
-    pub lost_after: Duration,
 }
 
 /// How far an engine is, as one frame of its ECU reports it. The order is that of a start.

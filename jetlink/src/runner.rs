@@ -5,7 +5,7 @@ use crate::channels::Channel;
 use crate::engine::TRANSMITTER_FAILED;
 use crate::line::LineError;
 use crate::link::{Output, Transmission};
-use crate::telemetry::NotSent;
+use crate::report::NotSent;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_futures::select::{select, select3};

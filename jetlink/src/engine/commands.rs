@@ -7,13 +7,15 @@
 
 use super::exhaust::Exhaust;
 use super::life::Life;
+use super::run::Run;
 use super::sources::Intent;
 use super::state::{EngineState, STATE_MAX_AGE};
-use super::{Beginning, Engine, Mode, OpenPump, Run, StartWait, slot};
+use super::{Beginning, Engine, Mode, OpenPump, StartWait, slot};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use crate::ecu::Service;
+use crate::event::Event;
 use crate::link::Link;
-use crate::telemetry::{Event, LinkState};
+use crate::report::LinkState;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 

@@ -4,7 +4,7 @@
 //! stands still while the output is at a limit. Old telemetry is not believed: the throttle then goes to idle.
 
 use super::config::Governor as Config;
-use crate::telemetry::Timed;
+use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 

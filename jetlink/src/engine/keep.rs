@@ -6,7 +6,7 @@
 //! of a whole record can only stop an engine or preserve one: [`Record::without_start`].
 
 use crate::command::{Demand, Order, Origin};
-use crate::telemetry::LossStage;
+use crate::event::LossStage;
 use crate::units::{Rpm, Throttle};
 use core::sync::atomic::{AtomicU32, Ordering};
 use crc::{CRC_32_ISO_HDLC, Crc};

@@ -6,6 +6,7 @@
 
 use super::exhaust::Burning;
 use crate::command::Origin;
+use crate::event::End;
 use crate::link::{Sign, Stage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
@@ -43,42 +44,6 @@ impl Doubt {
     /// Raised now, with nothing reported since.
     const fn new(now: Instant) -> Self {
         Self { since: now, gap: false, faults: false, confirming: 0, ending: 0 }
-    }
-}
-
-/// What ended a life.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum End {
-    /// The ECU was powered up.
-    PowerUp,
-    /// The ECU reports an engine at rest.
-    AtRest,
-    /// The ECU reports an engine that starts again.
-    StartsAgain,
-    /// The ECU was not heard before it reported starting.
-    GapInStart,
-    /// The ECU reports faults only, and the exhaust is cold or cools.
-    NotBurning,
-    /// The ECU reports faults only, in a start.
-    FaultInStart,
-    /// Nothing has confirmed for too long that the engine runs. It is not shut down: nothing is in force until its ECU
-    /// reports what it does.
-    Unconfirmed,
-}
-
-impl End {
-    /// In plain words.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PowerUp => "the ECU was powered up",
-            Self::AtRest => "the engine is at rest",
-            Self::StartsAgain => "the ECU starts the engine again",
-            Self::GapInStart => "the ECU fell silent during the start",
-            Self::NotBurning => "the exhaust is cold",
-            Self::FaultInStart => "the ECU reported a fault during the start",
-            Self::Unconfirmed => "nothing says for too long whether the engine runs",
-        }
     }
 }
 

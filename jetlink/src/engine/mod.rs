@@ -17,28 +17,33 @@ pub mod state;
 pub mod watch;
 
 mod commands;
-mod demand;
 mod exhaust;
 mod governor;
 pub mod life;
 mod ramp;
 mod reset;
+mod run;
+mod shaper;
 mod sources;
 
 use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
-use self::demand::{Arbitration, Lowered, RUN_OUT, Shape, Shaper};
 use self::exhaust::{Burning, Exhaust};
 use self::keep::Record;
-use self::life::{End, Finding, Life};
+use self::life::{Finding, Life};
+use self::run::{Arbitration, RUN_OUT, Run};
+use self::shaper::{Lowered, Shape, Shaper};
 use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
-use self::watch::{Passed, Watch, Watched};
+use self::watch::Watch;
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
-use crate::ecu::AnyLink;
+use crate::ecu::any::AnyLink;
+use crate::event::{End, Event, LossStage};
+use crate::limit::{Passed, Watched};
 use crate::line::LineError;
 use crate::link::{Link, Output, Sign, Stage, earlier};
-use crate::telemetry::{Event, LinkState, LossStage, NotSent, Phase, ReportedSwitch, Telemetry, bump};
+use crate::report::{LinkState, NotSent, Phase, ReportedSwitch, bump};
+use crate::telemetry::Telemetry;
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
@@ -91,50 +96,6 @@ enum Beginning {
     },
     /// After a reset of the node, with an order in force: in doubt until two reports confirm it.
     Reset(Record),
-}
-
-/// An engine that is ordered to run.
-#[derive(Clone, Debug)]
-struct Run {
-    /// When it was ordered.
-    began: Instant,
-    /// How long its start had taken before a reset.
-    started_before: Duration,
-    /// The life of the engine that this run belongs to.
-    life: Life,
-    /// When it has to run by.
-    start_by: Option<Instant>,
-    /// The source in control: whose demand is in force.
-    ruler: Origin,
-    /// That demand, before it is shaped.
-    demand: Demand,
-    /// The demand as it was last shaped, as it was last handed out, and as it last went out whole.
-    shaped: Demand,
-    handed_out: Option<Demand>,
-    sent: Option<Demand>,
-    /// Another source waits to take over, until then at the latest.
-    taking_over: Option<(Origin, Instant)>,
-    /// No source is fresh: when the fail-safe stage begins, or has begun.
-    fail_safe_at: Option<Instant>,
-    stage: LossStage,
-    /// Silence of the source in control from before the last reset.
-    carried: Duration,
-    /// The same of every source.
-    all_carried: Duration,
-    /// It goes on after a reset, which is reported when its life is confirmed.
-    resumed: bool,
-    /// The ECU has shown a speed control of its own in this run: while its version is not known again after a loss of the
-    /// link, no governor takes its place.
-    own_speed_control: bool,
-    /// It was resumed at the fail-safe stage, because resets follow one another without a source.
-    resumed_low: bool,
-    /// A limit was passed whose action is the fail-safe throttle.
-    limited: bool,
-    shaper: Shaper,
-    /// When the demand on the wire was last lowered.
-    lowered: Lowered,
-    /// When the shaped demand moves on.
-    next: Option<Instant>,
 }
 
 /// A start that waits while another engine of the group starts.

@@ -5,11 +5,12 @@
 
 use super::keep::Record;
 use super::life::{Finding, Found};
+use super::run::Run;
 use super::sources::Intent;
-use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX, Run};
+use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
 use crate::command::{Demand, Order, Origin};
+use crate::event::{Event, LossStage};
 use crate::link::{Link, Sign, Stage};
-use crate::telemetry::{Event, LossStage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 

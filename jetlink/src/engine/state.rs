@@ -1,7 +1,7 @@
 //! What an engine does, in plain words: from what its ECU reports and how old that is, never from what was
 //! commanded. Each protocol's codes become a [`Phase`] in its own link; this puts age, switch and faults to it.
 
-use crate::telemetry::{EcuState, LinkState, Phase, Report, ReportedSwitch};
+use crate::report::{EcuState, LinkState, Phase, Report, ReportedSwitch};
 use embassy_time::{Duration, Instant};
 
 /// An older state is not believed.

@@ -5,7 +5,8 @@
 //! long as it is passed.
 
 use super::config::{Action, Limits};
-use crate::telemetry::{Phase, Report, Timed};
+use crate::limit::{Passed, Watched};
+use crate::report::{Phase, Report, Timed};
 use crate::units::{Celsius, Rpm};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
@@ -20,61 +21,6 @@ const RISE_OVER: Duration = Duration::from_millis(500);
 const CHANGE_OVER: Duration = Duration::from_millis(20);
 /// Between two samples that are kept.
 const SAMPLE: Duration = Duration::from_millis(240);
-
-/// What was watched.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Watched {
-    /// Shaft speed above its limit, in rpm.
-    OverSpeed,
-    /// Exhaust temperature above its limit, in 0.1 °C.
-    OverTemperature,
-    /// Shaft speed below its limit while running, in rpm.
-    LowRpm,
-    /// Exhaust temperature rises too fast during a start, in °C a second.
-    HotStart,
-    /// Shaft speed lost within 2 s without a lower demand, in percent.
-    FlameOut,
-    /// Supply voltage below its limit, in mV.
-    SupplyLow,
-    /// Shaft speed changed faster than any turbine can, in rpm a second.
-    Implausible,
-    /// The ECU reports a fault; the value is its number.
-    EcuFault,
-    /// The start took too long, in ms.
-    StartTimeout,
-}
-
-impl Watched {
-    /// Name in plain words.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::OverSpeed => "shaft speed too high",
-            Self::OverTemperature => "exhaust too hot",
-            Self::LowRpm => "shaft speed too low",
-            Self::HotStart => "exhaust temperature rises too fast",
-            Self::FlameOut => "shaft speed lost",
-            Self::SupplyLow => "supply too low",
-            Self::Implausible => "shaft speed jumps",
-            Self::EcuFault => "the ECU reports a fault",
-            Self::StartTimeout => "the start took too long",
-        }
-    }
-}
-
-/// A limit that was passed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Passed {
-    /// Which.
-    pub what: Watched,
-    /// The value, in the unit named at [`Watched`].
-    pub value: i32,
-    /// The limit, in the same unit.
-    pub limit: i32,
-    /// When.
-    pub at: Instant,
-}
 
 /// One limit's memory.
 #[derive(Clone, Copy, Debug)]
@@ -349,12 +295,5 @@ impl Watch {
             // There is room for each limit once, and whoever watches takes them out after every look.
             let _ = self.found.push_back(passed);
         }
-    }
-}
-
-impl Passed {
-    fn new(what: Watched, value: u32, limit: u32, at: Instant) -> Self {
-        let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
-        Self { what, value: signed(value), limit: signed(limit), at }
     }
 }

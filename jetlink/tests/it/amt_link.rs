@@ -4,13 +4,15 @@
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::{Engine, ErrorBits};
-use jetlink::ecu::amt::link::{AmtLink, Config, REPLY_WINDOW, Service as AmtService};
-use jetlink::ecu::zk::link::Service as ZkService;
+use jetlink::ecu::amt::config::{Config, REPLY_WINDOW, Service as AmtService};
+use jetlink::ecu::amt::link::AmtLink;
+use jetlink::ecu::zk::config::Service as ZkService;
 use jetlink::ecu::{EcuConfig, Faults, Service, zk};
 use jetlink::engine::keep::Record;
-use jetlink::line::{Line, LineError};
-use jetlink::link::{Link, Output, Sign, Stage, Timing};
-use jetlink::telemetry::{Event, LinkState, NotSent, Phase, ReportedSwitch};
+use jetlink::event::Event;
+use jetlink::line::{Line, LineError, Timing};
+use jetlink::link::{Link, Output, Sign, Stage};
+use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use proptest::prelude::*;
 

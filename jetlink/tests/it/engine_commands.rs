@@ -4,7 +4,8 @@ use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Reje
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action};
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Loss;
-use jetlink::telemetry::{Event, LinkState, LossStage, Phase};
+use jetlink::event::{Event, LossStage};
+use jetlink::report::{LinkState, Phase};
 use jetlink::units::{Celsius, Throttle};
 use proptest::prelude::*;
 
@@ -25,7 +26,7 @@ const MOVE_FUEL: [Action; 6] = [
 ];
 
 fn action(action: Action) -> Command {
-    Command::Service(Service::Zk(zk::link::Service::Action(action)))
+    Command::Service(Service::Zk(zk::config::Service::Action(action)))
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -36,7 +37,7 @@ fn action(action: Action) -> Command {
 #[test]
 fn amt_13_loss_does_not_call_off_ctf() {
     let mut scenario = Scenario::started(Ecu::Amt, percent(50));
-    scenario.command(Command::Service(Service::Amt(amt::link::Service::Ctf))).unwrap();
+    scenario.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
     assert_eq!(scenario.wire(), Wire::Ctf);
     scenario.command(run(60)).unwrap();
     assert_eq!(scenario.wire(), Wire::Ctf);
@@ -189,7 +190,7 @@ fn service_commands_need_a_stopped_engine() {
                 assert_eq!(scenario.command(action(each)), expected, "{says:?} {each:?} {hot}");
             }
         }
-        let curve = zk::link::Service::Curve(AccelerationCurve::new(40).unwrap());
+        let curve = zk::config::Service::Curve(AccelerationCurve::new(40).unwrap());
         assert_eq!(ready().command(Command::Service(Service::Zk(curve))), answer, "{says:?}");
     }
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
@@ -217,7 +218,7 @@ fn an_open_pump_can_be_closed() {
 #[test]
 fn a_service_command_of_the_other_ecu() {
     let mut zk = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-    let ctf = Command::Service(Service::Amt(amt::link::Service::Ctf));
+    let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
     assert_eq!(zk.command(ctf), Err(Rejected::NotSupported));
     let mut amt = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
     assert_eq!(amt.command(action(Action::Drain)), Err(Rejected::NotSupported));

@@ -5,8 +5,8 @@ use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Governor, Limit};
+use jetlink::event::LossStage;
 use jetlink::line::Line;
-use jetlink::telemetry::LossStage;
 use jetlink::units::{Celsius, Throttle};
 
 use crate::support::scenario::{EVERY, Ecu, SECOND, Says, Scenario, Values, Wire, percent, rpm, run};

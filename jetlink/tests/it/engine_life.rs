@@ -5,10 +5,9 @@ use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::keep::{Memory, Record, Reset};
-use jetlink::engine::life::End;
-use jetlink::engine::watch::Watched;
+use jetlink::event::{End, Event, LossStage};
+use jetlink::limit::Watched;
 use jetlink::line::LineError;
-use jetlink::telemetry::{Event, LossStage};
 use jetlink::units::{Celsius, Rpm};
 
 use crate::support::bench::{micros, us};

@@ -252,7 +252,7 @@ fn hand_over_by_a_source_that_was_lost() {
 // --- Fuel ---------------------------------------------------------------------------------------
 
 fn action(action: zk::codec::Action) -> Command {
-    Command::Service(Service::Zk(zk::link::Service::Action(action)))
+    Command::Service(Service::Zk(zk::config::Service::Action(action)))
 }
 
 fn closes(frames: &[Vec<u8>]) -> usize {
@@ -711,7 +711,7 @@ fn resets_count_only_without_the_source_in_control() {
     }
     zk_cycle(&mut scenario, 11, TURNING, 90, SECOND);
     let record = scenario.bench.machine.record();
-    assert!(record.resets >= 3 || record.loss >= jetlink::telemetry::LossStage::FailSafe, "{record:?}");
+    assert!(record.resets >= 3 || record.loss >= jetlink::event::LossStage::FailSafe, "{record:?}");
 }
 
 /// "A pump that was opened is closed at ... silence of its source"; "a source that wants nothing counts as silent".

@@ -4,9 +4,9 @@ use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Loss;
-use jetlink::engine::config::Action;
-use jetlink::engine::config::Limit;
-use jetlink::telemetry::{Event, LinkState, LossStage};
+use jetlink::engine::config::{Action, Limit};
+use jetlink::event::{Event, LossStage};
+use jetlink::report::LinkState;
 use jetlink::units::{Celsius, Throttle};
 
 use crate::support::bench::{micros, us};
@@ -59,8 +59,8 @@ fn the_highest_fresh_source_rules() {
             assert_eq!(scenario.bench.event_kinds(), [], "{ecu:?}");
             // What is done once cannot wait.
             let service = match ecu {
-                Ecu::Amt => Service::Amt(amt::link::Service::Ctf),
-                Ecu::Zk => Service::Zk(zk::link::Service::Action(zk::codec::Action::Rate50Hz)),
+                Ecu::Amt => Service::Amt(amt::config::Service::Ctf),
+                Ecu::Zk => Service::Zk(zk::config::Service::Action(zk::codec::Action::Rate50Hz)),
             };
             for command in [Command::HandOverToPwm, Command::Service(service)] {
                 assert_eq!(scenario.command_from(command, lower), Err(Rejected::Behind(Origin::Rc)));

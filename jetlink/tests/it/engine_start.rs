@@ -2,10 +2,10 @@
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
-use jetlink::engine::life::End;
 use jetlink::engine::state::EngineState;
-use jetlink::engine::watch::Watched;
-use jetlink::telemetry::{EcuState, Event, LinkState};
+use jetlink::event::{End, Event};
+use jetlink::limit::Watched;
+use jetlink::report::{EcuState, LinkState};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
 use crate::support::bench::us;

@@ -5,7 +5,8 @@ use jetlink::ecu::zk::codec::Action;
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Engine;
 use jetlink::engine::keep::Record;
-use jetlink::telemetry::{Event, LinkState, LossStage};
+use jetlink::event::{Event, LossStage};
+use jetlink::report::LinkState;
 
 use crate::support::bench::{micros, us};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
@@ -14,7 +15,7 @@ use crate::support::scenario::{
 };
 
 fn drain() -> Command {
-    Command::Service(Service::Zk(zk::link::Service::Action(Action::Drain)))
+    Command::Service(Service::Zk(zk::config::Service::Action(Action::Drain)))
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -642,7 +643,7 @@ fn a_kept_stop_stays_with_the_higher_source() {
 #[test]
 fn a_reset_does_not_call_ctf_off() {
     let mut before = Scenario::started(Ecu::Amt, percent(50));
-    before.command(Command::Service(Service::Amt(amt::link::Service::Ctf))).unwrap();
+    before.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
     assert_eq!(before.wire(), Wire::Ctf);
     let mut scenario = before.reset(Ecu::Amt.config());
     scenario.fly(run(50), Origin::Rc, SECOND);

@@ -2,8 +2,8 @@
 
 use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::{Action, Limit, Limits};
-use jetlink::engine::watch::Watched;
-use jetlink::telemetry::Event;
+use jetlink::event::Event;
+use jetlink::limit::Watched;
 use jetlink::units::{Celsius, Millivolts, Rpm};
 
 use crate::support::bench::us;

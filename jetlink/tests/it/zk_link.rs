@@ -2,15 +2,17 @@
 
 use jetlink::command::{Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::link::Service as AmtService;
+use jetlink::ecu::amt::config::Service as AmtService;
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage, Rate, Version};
-use jetlink::ecu::zk::link::{Config, Service as ZkService, ZkLink};
+use jetlink::ecu::zk::config::{Config, Service as ZkService};
+use jetlink::ecu::zk::link::ZkLink;
 use jetlink::ecu::{Faults, Service};
 use jetlink::engine::Engine;
 use jetlink::engine::keep::Record;
+use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::link::{Link, Sign, Stage};
-use jetlink::telemetry::{Event, LinkState, NotSent, Phase, ReportedSwitch};
+use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Hectopascals, Millivolts, Rpm, Throttle};
 use proptest::prelude::*;
 

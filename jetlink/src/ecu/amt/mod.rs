@@ -4,4 +4,5 @@
 //! 30 ms, and never speaks otherwise. When answers stop the ECU stops the turbine.
 
 pub mod codec;
+pub mod config;
 pub mod link;

@@ -12,16 +12,17 @@
 //! 4. the switch and the demand, in one of three modes (ZK-9), or ID 0.
 
 use super::codec::{
-    AccelerationCurve, Action, Control, Decoder, ErrorCode, IgnitionPumpVoltage, Rate, RpmCode, RpmFactor,
-    STATUS_LEN, State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte,
+    Action, Control, Decoder, ErrorCode, Rate, RpmCode, RpmFactor, STATUS_LEN, State, Status, StatusFrame,
+    Switch, SwitchStatus, Version, VoltageByte,
 };
+use super::config::{Config, Service};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
-use crate::line::{Line, LineError};
-use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Timing, Transmission, earlier};
-use crate::telemetry::{
-    Counters, EcuState, Event, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed,
-    bump,
+use crate::event::Event;
+use crate::line::{Line, LineError, Timing};
+use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Transmission, earlier};
+use crate::report::{
+    Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
 };
 use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
@@ -48,69 +49,6 @@ const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
-
-/// How a ZK ECU is spoken to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Config {
-    /// Status rate; also the cadence of the commands (ZK-11).
-    pub rate: Rate,
-    /// Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go
-    /// in ID 1 (mode 1), until an rpm is demanded (mode 3).
-    pub split_switch: bool,
-}
-
-impl Config {
-    /// 20 Hz, switch and throttle in one command.
-    pub const DEFAULT: Self = Self { rate: Rate::Hz20, split_switch: false };
-
-    /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
-    pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
-}
-
-/// Service commands of a ZK ECU.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Service {
-    /// Control ID 2.
-    Action(Action),
-    /// Unlock, then control ID 4; confirmed by status ID 5.
-    IgnitionPump(IgnitionPumpVoltage),
-    /// Unlock, then control ID 5; confirmed by status ID 5.
-    Curve(AccelerationCurve),
-}
-
-impl Service {
-    pub(crate) const fn needs_stopped_engine(self) -> bool {
-        !matches!(self, Self::Action(Action::Rate20Hz | Action::Rate50Hz | Action::Rate100Hz))
-    }
-
-    pub(crate) const fn moves_fuel(self) -> bool {
-        matches!(
-            self,
-            Self::Action(
-                Action::Drain
-                    | Action::TestGlowPlug
-                    | Action::TestMainValve
-                    | Action::TestIgnitionValve
-                    | Action::TestPump
-                    | Action::OpenPump
-            )
-        )
-    }
-
-    const fn control(self) -> Control {
-        match self {
-            Self::Action(action) => Control::Action(action),
-            Self::IgnitionPump(voltage) => Control::IgnitionPump(voltage),
-            Self::Curve(curve) => Control::Curve(curve),
-        }
-    }
-
-    const fn needs_unlock(self) -> bool {
-        matches!(self, Self::IgnitionPump(_) | Self::Curve(_))
-    }
-}
 
 /// Where a service command stands. Each state carries what ends it.
 #[derive(Clone, Copy, Debug)]

@@ -4,4 +4,5 @@
 //! version 5 it sends its status by itself and keeps its last running state when commands stop.
 
 pub mod codec;
+pub mod config;
 pub mod link;

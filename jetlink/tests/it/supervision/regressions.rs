@@ -7,8 +7,8 @@ use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::keep::{Memory, Record, Reset};
+use jetlink::event::LossStage;
 use jetlink::line::Line;
-use jetlink::telemetry::LossStage;
 use jetlink::units::{Celsius, Throttle};
 
 /// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.

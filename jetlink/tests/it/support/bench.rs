@@ -5,9 +5,10 @@ use jetlink::command::{Order, Rejected};
 use jetlink::ecu::amt::link::AmtLink;
 use jetlink::ecu::zk::link::ZkLink;
 use jetlink::engine::Engine;
+use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::link::{Link, Output, Transmission};
-use jetlink::telemetry::{Event, NotSent};
+use jetlink::report::NotSent;
 
 /// What a link and an engine have in common, as the runner sees it.
 pub trait Machine {

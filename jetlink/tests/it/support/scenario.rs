@@ -10,9 +10,10 @@ use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::Engine;
 use jetlink::engine::config::Supervision;
 use jetlink::engine::keep::Record;
-use jetlink::engine::watch::{Passed, Watched};
+use jetlink::event::Event;
+use jetlink::limit::{Passed, Watched};
 use jetlink::line::Line;
-use jetlink::telemetry::{Event, Telemetry};
+use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
 
 /// What an ECU can say in plain words.
