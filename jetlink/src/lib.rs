@@ -8,7 +8,7 @@
 //! | [`ecu::amt::codec`], [`ecu::zk::codec`] | bytes and typed frames of one protocol; scale and offset |
 //! | [`ecu::amt::link`], [`ecu::zk::link`] | one protocol's conversation: reply window, cadence, loss, what is known of the ECU |
 //! | [`engine`] | one engine in plain words: command, demand, emergency stop, stages of loss |
-//! | [`runner`], [`channels`] | bytes and time between one engine and one UART; handles for everybody else |
+//! | [`runner`], [`channel`] | bytes and time between one engine and one UART; handles for everybody else |
 //! | [`node`], [`config`], [`health`] | all engines of one board, and how the board is |
 //!
 //! Codecs, links and engines do no IO and read no clock: time comes in as an argument. So every rule of
@@ -22,7 +22,7 @@
 
 mod open_enum;
 
-pub mod channels;
+pub mod channel;
 pub mod command;
 pub mod config;
 pub mod ecu;

@@ -1,7 +1,7 @@
 //! All engines of one board.
 
-use crate::channels::{Channel, Handle};
-use crate::command::{Accepted, Command, Origin, Rejected};
+use crate::channel::{Channel, ClaimError, Handle, Source};
+use crate::command::Origin;
 use crate::config::{ConfigError, EngineConfig, validate};
 use crate::engine::keep::{Memory, Reset};
 use crate::health::{ClockSource, Health, HealthCell};
@@ -18,7 +18,7 @@ pub struct Node<const N: usize> {
 }
 
 /// Place for a node, in which it is built channel by channel. A node is large, so a firmware has one of these in a static:
-/// [`Node::new`] and [`Node::with_memory`] need as much stack as the node takes, and more.
+/// [`Node::new`] needs as much stack as the node takes, and more.
 #[derive(Debug)]
 pub struct NodePlace<const N: usize>(Node<N>);
 
@@ -28,24 +28,22 @@ impl<const N: usize> NodePlace<N> {
         Self(Node { channels: Vec::new(), health: HealthCell::new() })
     }
 
-    /// Builds the node here, as [`Node::with_memory`] does.
+    /// Builds the node here, as [`Node::new`] does.
     ///
     /// # Errors
     /// As [`Node::new`].
     pub fn build(
         &mut self,
         engines: &[EngineConfig; N],
-        memory: &'static [Memory],
-        reset: Reset,
+        retained: Option<(&'static [Memory], Reset)>,
     ) -> Result<&Node<N>, ConfigError> {
         validate(engines)?;
         self.0.channels.clear();
         for engine in engines {
             // There is a place for each of them.
-            let _ = self.0.channels.push(match memory.get(usize::from(engine.port)) {
-                Some(memory) => Channel::with_memory(engine, memory, reset),
-                None => Channel::new(engine),
-            });
+            let own =
+                retained.and_then(|(memory, reset)| Some((memory.get(usize::from(engine.port))?, reset)));
+            let _ = self.0.channels.push(Channel::new(engine, own));
         }
         Ok(&self.0)
     }
@@ -58,27 +56,19 @@ impl<const N: usize> Default for NodePlace<N> {
 }
 
 impl<const N: usize> Node<N> {
-    /// From a table of engines.
+    /// From a table of engines. `retained` is memory that a reset leaves alone, by port, with what the node comes out of:
+    /// engines that run go on after a reset. One on a port without memory goes on by what its ECU says; `None` is for
+    /// tests, see [`Channel::new`].
     ///
     /// # Errors
     /// [`ConfigError`], with what is wrong in the table. [`crate::config::check`] finds the same while
     /// compiling.
-    pub fn new(engines: &[EngineConfig; N]) -> Result<Self, ConfigError> {
-        Self::with_memory(engines, &[], Reset::PowerLost)
-    }
-
-    /// The same, with memory that a reset leaves alone, by port: engines that run go on after a reset. One on a port
-    /// without memory goes on by what its ECU says. `reset` is what the node comes out of.
-    ///
-    /// # Errors
-    /// As [`Node::new`].
-    pub fn with_memory(
+    pub fn new(
         engines: &[EngineConfig; N],
-        memory: &'static [Memory],
-        reset: Reset,
+        retained: Option<(&'static [Memory], Reset)>,
     ) -> Result<Self, ConfigError> {
         let mut place = NodePlace::new();
-        place.build(engines, memory, reset)?;
+        place.build(engines, retained)?;
         Ok(place.0)
     }
 
@@ -92,9 +82,9 @@ impl<const N: usize> Node<N> {
         from_fn(|i| self.channels[i].handle_in(&self.channels))
     }
 
-    /// Commands every engine; the answers are in the order of the table.
-    pub fn command_all(&self, command: Command, origin: Origin) -> [Result<Accepted, Rejected>; N] {
-        self.handles().map(|handle| handle.command(command, origin))
+    /// Claims the same source of each engine, in the order of the table; see [`Handle::source`].
+    pub fn sources(&self, origin: Origin) -> [Result<Source<'_>, ClaimError>; N] {
+        self.handles().map(|handle| handle.source(origin))
     }
 
     /// Stores what the board's clocks are made from, for [`Node::health`].

@@ -1,7 +1,7 @@
-//! Moves bytes and time between one engine and one UART. Beside [`crate::channels`] the only place that
+//! Moves bytes and time between one engine and one UART. Beside [`crate::channel`] the only place that
 //! reads the clock, and the only one that waits.
 
-use crate::channels::Channel;
+use crate::channel::Channel;
 use crate::engine::TRANSMITTER_FAILED;
 use crate::line::LineError;
 use crate::link::{Output, Transmission};
@@ -89,6 +89,18 @@ pub struct Runner<'a> {
     changed: Cell<bool>,
 }
 
+impl Channel {
+    /// For the task that owns the UART: one.
+    pub const fn runner(&self) -> Runner<'_> {
+        self.runner_in(core::slice::from_ref(self))
+    }
+
+    /// The same, as one of a group.
+    pub const fn runner_in<'a>(&'a self, group: &'a [Self]) -> Runner<'a> {
+        Runner::new(self, group)
+    }
+}
+
 impl core::fmt::Debug for Runner<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Runner").field("channel", self.channel).finish_non_exhaustive()
@@ -96,7 +108,7 @@ impl core::fmt::Debug for Runner<'_> {
 }
 
 impl<'a> Runner<'a> {
-    pub(crate) const fn new(channel: &'a Channel, group: &'a [Channel]) -> Self {
+    const fn new(channel: &'a Channel, group: &'a [Channel]) -> Self {
         Self {
             channel,
             group,

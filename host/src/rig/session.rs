@@ -12,7 +12,7 @@ use super::sample::{Message, SAMPLE_EVERY, Sample};
 use super::scenario::{Check, Cockpit, Scenario};
 use super::simulated::{EcuCounts, counts, ecu, line};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use jetlink::channels::Events;
+use jetlink::channel::Events;
 use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
 use jetlink::event::End as LifeEnd;
 use jetlink::event::{Event, LossStage};

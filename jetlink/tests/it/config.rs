@@ -146,7 +146,7 @@ fn two_engines_on_one_port() {
     let table = [amt(0, line), zk(1, line, Rate::Hz20), zk(2, line, Rate::Hz20), amt(1, line)];
     assert_eq!(validate(&table), Err(ConfigError::SamePort(1, 3)));
     assert_eq!(validate(&table[..3]), Ok(()));
-    assert_eq!(Node::new(&table).err(), Some(ConfigError::SamePort(1, 3)));
+    assert_eq!(Node::new(&table, None).err(), Some(ConfigError::SamePort(1, 3)));
 }
 
 #[test]
@@ -296,7 +296,7 @@ fn every_field_has_a_range() {
                 let mut table = [amt(0, Line::new(9600)), engine];
                 change(&mut table[1], value);
                 assert_eq!(validate(&table), expected, "change {i}: {value}");
-                assert_eq!(Node::new(&table).err(), expected.err());
+                assert_eq!(Node::new(&table, None).err(), expected.err());
             }
         };
         check(least, Ok(()));

@@ -3,6 +3,7 @@
 //! One binary, so that one change is linked once. `cargo test -p jetlink --test it amt_link::` runs one part.
 
 mod amt_link;
+mod channel;
 mod codec_props;
 mod config;
 mod engine_commands;

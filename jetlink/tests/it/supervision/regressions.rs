@@ -2,7 +2,7 @@
 
 use crate::support::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, Wire, percent, run, tenths};
 use embassy_time::Duration;
-use jetlink::channels::Channel;
+use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Action, Limit};
@@ -97,10 +97,10 @@ fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
     let stored = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
     memory.store(&stored, config.fingerprint());
-    let channel = Channel::with_memory(&config, memory, Reset::Warm);
+    let channel = Channel::new(&config, Some((memory, Reset::Warm)));
     let handle = channel.handle();
-    assert_eq!(handle.command(Command::Disarm, Origin::Bench), Ok(Accepted::InForce));
-    assert_eq!(handle.command(Command::ReleaseStop, Origin::Emergency), Err(Rejected::NoLink));
+    assert_eq!(handle.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
+    assert_eq!(handle.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
     // It counts as one more reset without a source.
     let kept = Record { resets: 1, ..Record::new(Order::EmergencyStop, Origin::Rc) };
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));

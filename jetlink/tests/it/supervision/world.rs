@@ -5,7 +5,7 @@ use super::oracle::{DARK, Input, Kept, Oracle, Tally, Truth};
 use super::wire::Reader;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
@@ -361,7 +361,7 @@ impl Rig {
             // What the ECU is like at this instant decides.
             self.look_at_ecu();
         }
-        let answer = handle.command(command, origin);
+        let answer = command_as(handle, command, origin);
         self.input(Input::Said(origin, command, answer));
         answer
     }
@@ -805,7 +805,7 @@ fn boot<const N: usize>(
     end: u64,
 ) -> Result<End, (usize, String)> {
     static ERRORS: LineErrors = LineErrors::new();
-    let node = Node::with_memory(configs, memory, how).expect("valid");
+    let node = Node::new(configs, Some((memory, how))).expect("valid");
     let handles = node.handles();
     // Commands may come before the engines' tasks have begun.
     if rng.percent(30) {
@@ -913,7 +913,7 @@ fn reset<const N: usize>(
             let origin = rng.pick(&Origin::SOURCES);
             let read = || words(&memory[port]).each_ref().map(|word| word.load(Ordering::Relaxed));
             let before = read();
-            let answer = handles[port].command(command, origin);
+            let answer = command_as(&handles[port], command, origin);
             let after = read();
             let written = rng.below(WORDS as u64 + 1) as usize;
             let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
@@ -950,4 +950,12 @@ impl Tally {
         self.healthy_ends += other.healthy_ends;
         self.dark_runs += other.dark_runs;
     }
+}
+
+fn command_as(handle: &Handle<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+    let source = match origin {
+        Origin::Emergency => handle.emergency_source(),
+        origin => handle.source(origin),
+    };
+    source.expect("nobody else holds it").command(command)
 }

@@ -10,11 +10,10 @@ use crate::config::EngineConfig;
 use crate::engine::Engine;
 use crate::engine::keep::{Memory, Reset};
 use crate::event::Event;
-use crate::runner::Runner;
 use crate::telemetry::Telemetry;
 use crate::units::Hectopascals;
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pubsub::{PubSubChannel, Subscriber};
@@ -41,6 +40,8 @@ pub struct Channel {
     pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
     pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
     progress: AtomicU32,
+    /// The sources that somebody holds, a bit for each priority.
+    claimed: AtomicU8,
     /// Where what must survive a reset is retained.
     memory: Option<Retained>,
 }
@@ -61,31 +62,31 @@ impl core::fmt::Debug for Channel {
 }
 
 impl Channel {
-    /// For one engine.
-    pub fn new(config: &EngineConfig) -> Self {
+    /// For one engine. `retained` is memory that a reset leaves alone, with what the node comes out of: an engine that runs
+    /// goes on after a warm reset, and after a loss of power nothing is believed that could start or raise one.
+    ///
+    /// `None` forgets the order, the arming and a latched emergency stop at every reset. It is for tests and for programs
+    /// that never reset while an engine runs.
+    pub fn new(config: &EngineConfig, retained: Option<(&'static Memory, Reset)>) -> Self {
+        let mut engine = Engine::new(config);
+        let memory = retained.map(|(memory, reset)| {
+            let fingerprint = config.fingerprint();
+            engine.keep(memory.load(fingerprint, reset));
+            Retained { memory, fingerprint, reset, sequence: AtomicU32::new(memory.next_sequence()) }
+        });
         Self {
             name: config.name,
-            engine: Mutex::new(RefCell::new(Engine::new(config))),
+            engine: Mutex::new(RefCell::new(engine)),
             poke: Signal::new(),
             events: PubSubChannel::new(),
             telemetry: Watch::new(),
             progress: AtomicU32::new(0),
-            memory: None,
+            claimed: AtomicU8::new(0),
+            memory,
         }
     }
 
-    /// The same, with memory that a reset leaves alone: an engine that runs goes on after it. `reset` is what the node comes
-    /// out of: after a loss of power nothing is believed that could start or raise an engine.
-    pub fn with_memory(config: &EngineConfig, memory: &'static Memory, reset: Reset) -> Self {
-        let fingerprint = config.fingerprint();
-        let sequence = AtomicU32::new(memory.next_sequence());
-        let retained = Retained { memory, fingerprint, reset, sequence };
-        let channel = Self { memory: Some(retained), ..Self::new(config) };
-        channel.engine.lock(|engine| engine.borrow_mut().keep(memory.load(fingerprint, reset)));
-        channel
-    }
-
-    /// For a source of commands or a listener; as many as wanted.
+    /// For whoever listens or holds a [`Source`]; as many as wanted.
     pub const fn handle(&self) -> Handle<'_> {
         Handle { channel: self, group: core::slice::from_ref(self) }
     }
@@ -94,16 +95,6 @@ impl Channel {
     /// [`crate::node::Node`] makes one of a table.
     pub const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
         Handle { channel: self, group }
-    }
-
-    /// For the task that owns the UART: one.
-    pub const fn runner(&self) -> Runner<'_> {
-        Runner::new(self, core::slice::from_ref(self))
-    }
-
-    /// The same, as one of a group.
-    pub const fn runner_in<'a>(&'a self, group: &'a [Channel]) -> Runner<'a> {
-        Runner::new(self, group)
     }
 
     /// The engine begins, with what was kept over the reset.
@@ -141,12 +132,80 @@ impl Channel {
     }
 }
 
-/// Commands one engine and listens to it. Copies may be used from several tasks.
+/// Listens to one engine, and claims sources of commands. Copies may be used from several tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Handle<'a> {
     channel: &'a Channel,
     /// All engines of the group, this one among them.
     group: &'a [Channel],
+}
+
+/// The right to command one engine as one source. There is one for each origin at a time, so nobody can speak for another:
+/// [`Handle::source`] hands it out, and dropping it gives it back.
+#[derive(Debug)]
+pub struct Source<'a> {
+    handle: Handle<'a>,
+    origin: Origin,
+}
+
+/// Why a source cannot be claimed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ClaimError {
+    /// Somebody holds it.
+    Taken(Origin),
+    /// Nobody commands as the node itself.
+    Node,
+    /// The highest source is claimed by [`Handle::emergency_source`] alone.
+    Emergency,
+}
+
+impl core::fmt::Display for ClaimError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Taken(origin) => {
+                write!(f, "{} is held already: share that source, or drop it first", origin.name())
+            }
+            Self::Node => f.write_str("the node is no source: claim bench, mavlink or rc"),
+            Self::Emergency => f.write_str("claim the emergency source with emergency_source()"),
+        }
+    }
+}
+
+impl core::error::Error for ClaimError {}
+
+impl<'a> Source<'a> {
+    /// Which source it is.
+    pub const fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    /// Of the engine that it commands.
+    pub const fn handle(&self) -> Handle<'a> {
+        self.handle
+    }
+
+    /// Commands the engine. The latest command of a source wins, the highest fresh source is in control, and a stop
+    /// pre-empts whatever is going on. A source has to repeat `Run` within its age limit
+    /// ([`crate::engine::config::SourceAges`]).
+    ///
+    /// # Errors
+    /// [`Rejected`] with the reason; what was commanded before stays in force.
+    pub fn command(&self, command: Command) -> Result<Accepted, Rejected> {
+        self.handle.command(command, self.origin)
+    }
+}
+
+impl Drop for Source<'_> {
+    fn drop(&mut self) {
+        let claimed = &self.handle.channel.claimed;
+        // Not a fetch-and-and: not every core has one.
+        critical_section::with(|_| {
+            let left = claimed.load(Ordering::Relaxed) & !(1 << self.origin.priority());
+            claimed.store(left, Ordering::Relaxed);
+        });
+    }
 }
 
 impl<'a> Handle<'a> {
@@ -155,13 +214,38 @@ impl<'a> Handle<'a> {
         self.channel.name
     }
 
-    /// Commands the engine. The latest command of a source wins, the highest fresh source rules, and a stop pre-empts
-    /// whatever is going on. A source has to repeat `Run` within its age limit
-    /// ([`crate::engine::config::SourceAges`]).
+    /// Claims one of the sources `Bench`, `Mavlink` and `Rc`, as long as the result lives.
     ///
     /// # Errors
-    /// [`Rejected`] with the reason; what was commanded before stays in force.
-    pub fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+    /// [`ClaimError`] if somebody holds it, or it is none of these.
+    pub fn source(&self, origin: Origin) -> Result<Source<'a>, ClaimError> {
+        match origin {
+            Origin::Node => Err(ClaimError::Node),
+            Origin::Emergency => Err(ClaimError::Emergency),
+            Origin::Bench | Origin::Mavlink | Origin::Rc => self.claim(origin),
+        }
+    }
+
+    /// Claims the highest source: a local emergency input, which overrides every other one.
+    ///
+    /// # Errors
+    /// [`ClaimError::Taken`] if somebody holds it.
+    pub fn emergency_source(&self) -> Result<Source<'a>, ClaimError> {
+        self.claim(Origin::Emergency)
+    }
+
+    fn claim(&self, origin: Origin) -> Result<Source<'a>, ClaimError> {
+        let claimed = &self.channel.claimed;
+        let bit = 1 << origin.priority();
+        let free = critical_section::with(|_| {
+            let before = claimed.load(Ordering::Relaxed);
+            claimed.store(before | bit, Ordering::Relaxed);
+            before & bit == 0
+        });
+        if free { Ok(Source { handle: *self, origin }) } else { Err(ClaimError::Taken(origin)) }
+    }
+
+    fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
         let now = self.now();
         // One source at a time, so that two engines cannot both find the other one standing.
         let answer = critical_section::with(|_| {
