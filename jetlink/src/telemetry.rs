@@ -25,7 +25,7 @@ pub struct Telemetry {
     pub report: Report,
     /// What is ordered, and by whom.
     pub ordered: Ordered,
-    /// The ECU reports what is ordered; see [`Event::NotObeyed`].
+    /// The ECU reports what is ordered; see [`crate::event::Event::NotObeyed`].
     pub obeyed: bool,
     /// Who rules: of a running engine the source whose demand is in force, else the highest that is fresh, or whoever
     /// ordered last when none is.
