@@ -316,6 +316,28 @@ fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
     story(45.0).breaks(&[Rule::RunAtRest]);
 }
 
+/// A start that its ECU has not reported yet, and an outage that is shorter than a gap: at rest still fits, until a gap can be
+/// seen.
+#[test]
+fn an_unreported_start_goes_on_until_a_gap_can_be_seen() {
+    let story = |until: f64| {
+        ready(ZK5)
+            .says(PILOT, 4.0, 20.0, Word::Run(Ask::Throttle(0)))
+            .wire(4.0, until, IDLE)
+            .wire(until, 20.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 5.15, Phase::Ignition, 1000.0, 20.0)
+            .turbine(5.15, 20.0, Phase::Standby, 0.0, 20.0)
+            .with(|h| {
+                h.rules.boot = 50 * MS;
+                h.unpowered = Spans::from(&[(5100 * MS, 5150 * MS)]);
+                h.mute = Spans::from(&[(8 * SECOND, 12 * SECOND)]);
+            })
+    };
+    story(8.2).passes();
+    story(9.0).breaks(&[Rule::RunAtRest]);
+}
+
 #[test]
 fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
     let silent = |falls: bool| {
@@ -423,6 +445,12 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     };
     story(ZK5, 0.05, 0.6).with(reset).passes();
     story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
+    // Nothing leaves a transmitter that stands still. A wire that is cut is another matter: what is sent is on it.
+    let deaf = |h: &mut History| h.deaf = Spans::from(&[(42 * SECOND, 43 * SECOND)]);
+    let stall = |h: &mut History| h.stalls = vec![43 * SECOND];
+    story(ZK5, 0.05, 1.0).with(deaf).with(stall).passes();
+    story(ZK5, 0.05, 1.0).with(deaf).breaks(&[Rule::Stop]);
+    story(ZK5, 0.05, 1.5).with(deaf).with(stall).breaks(&[Rule::Stop]);
 }
 
 #[test]
@@ -515,6 +543,28 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     story(&[]).breaks(&[Rule::ShutDown]);
 }
 
+/// A node that is reset again and again, each time before two reports agree, knows of a start only what it knew before: a
+/// disarm ends it.
+#[test]
+fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
+    let story = |resets_from: u64| {
+        let resets = (resets_from * 2..80).map(|half| Reset {
+            down: half * SECOND / 2,
+            up: half * SECOND / 2 + 20 * MS,
+            cause: Cause::Watchdog,
+        });
+        flight(ZK5, 40.0)
+            .once(PILOT, 40.0, Word::Disarm)
+            .wire(40.0, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 60_000.0, 480.0)
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+            .with(|h| h.resets = resets.collect())
+    };
+    story(29).passes();
+    // It ran before the loop for long enough.
+    story(33).breaks(&[Rule::ShutDown]);
+}
+
 #[test]
 fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     let story = |standby: f64| {
@@ -583,6 +633,25 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
     story(AMT).with(reset(2100)).passes();
+    // After a reset, with error sets only and an exhaust that is not known, nobody knows whether it runs.
+    let faults = |h: &mut History| {
+        for sample in h.samples.iter_mut().filter(|sample| sample.at >= 37 * SECOND) {
+            sample.fault = true;
+        }
+    };
+    let egt = |h: &mut History| h.egt_faulty = Spans::from(&[(37 * SECOND, 41 * SECOND)]);
+    let early = |h: &mut History| {
+        let down = 37_200 * MS;
+        h.frames.retain(|frame| frame.at < down);
+        h.resets.push(Reset { down, up: down + 50 * MS, cause: Cause::Watchdog });
+    };
+    story(AMT).with(faults).with(early).with(egt).passes();
+    story(AMT).with(faults).with(early).breaks(&[Rule::GivenUp]);
+    story(AMT).with(faults).with(egt).breaks(&[Rule::GivenUp]);
+    story(AMT).with(early).with(egt).breaks(&[Rule::GivenUp]);
+    // Silence that began before the reset is not explained by it.
+    let before = |h: &mut History| h.frames.retain(|frame| frame.at < 35 * SECOND);
+    story(AMT).with(faults).with(early).with(egt).with(before).breaks(&[Rule::GivenUp]);
 }
 
 #[test]

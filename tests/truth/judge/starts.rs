@@ -244,12 +244,13 @@ impl Case<'_> {
                 if next.is_some() {
                     continue;
                 }
-                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits.                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
+                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits. A gap that has
+                // just begun cannot be seen yet.
                 let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
                 let unreported = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
                     went_out.is_some_and(|out| out >= start.at && out < lit.max(start.at) + self.two_states())
                         && anew.is_none_or(|anew| anew < lit.max(start.at) + self.two_states() + self.gap())
-                        && !gaps.touches(start.at, at)
+                        && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
                         && !self.is_amt()
                         && self.not_by(start, at).is_none()
                 });
