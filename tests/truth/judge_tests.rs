@@ -219,6 +219,15 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     // Refused once is refused: it is armed later.
     says(ready(ZK5).with(|h| h.said.retain(|said| said.word != Word::Arm)).once(PILOT, 4.5, Word::Arm))
         .breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // Its ECU has lost its power just now, or for long enough to see it.
+    let off = |from| {
+        move |h: &mut History| {
+            h.unpowered = Spans::from(&[(from, 4050 * MS)]);
+            h.rules.boot = 50 * MS;
+        }
+    };
+    says(ready(ZK5)).with(off(3995 * MS)).passes();
+    says(ready(ZK5)).with(off(3500 * MS)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     // A hot exhaust.
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 180.0);
     says(ready(ZK5)).with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
@@ -379,6 +388,26 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     story(60).breaks(&[Rule::SilentWire]);
 }
 
+/// A node without memory begins with what its ECU obeys, which is what came to it last.
+#[test]
+fn a_node_that_loses_its_memory_late_begins_the_stages_with_what_it_finds() {
+    let story = |arrived: bool, cause| {
+        flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39 * SECOND, 50 * SECOND)]))
+            .wire(40.0, 41.5, if arrived { IDLE } else { Told::Nothing })
+            .wire(41.5, 51.0, Told::Nothing)
+            .with(|h| h.resets.push(Reset { down: 51 * SECOND, up: 51_500 * MS, cause }))
+            .wire(52.5, 54.0, HALF)
+            .ramp(54.0, 500, 0)
+            .wire(55.1, 70.0, IDLE)
+            .turbine(40.0, 55.0, Phase::Running, 100_000.0, 500.0)
+            .turbine(55.0, 70.0, Phase::Running, 50_000.0, 500.0)
+    };
+    story(false, Cause::PowerOn).passes();
+    story(false, Cause::Watchdog).breaks(&[Rule::SilentWire]);
+    story(true, Cause::PowerOn).breaks(&[Rule::SilentWire]);
+}
+
 #[test]
 fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_standby() {
     let story = |standby: bool| {
@@ -524,6 +553,29 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     moved().with(|h| h.rules.slew_up = Some(500)).breaks(&[Rule::Rate]);
 }
 
+/// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory goes on with the throttle that it finds.
+#[test]
+fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
+    let story = |cause, tenths, arrived| {
+        flight(ZK5, 40.0)
+            .once(PILOT, 40.0, Word::ShutDown)
+            .wire(40.05, 42.0, STANDBY)
+            .wire(42.6, 46.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 46.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| {
+                h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause });
+                h.deaf = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
+                for frame in h.frames.iter_mut().filter(|frame| frame.at > 40_050 * MS) {
+                    frame.arrived = arrived;
+                }
+            })
+    };
+    story(Cause::PowerOn, 500, false).passes();
+    story(Cause::PowerOn, 800, false).breaks(&[Rule::Rate]);
+    story(Cause::Watchdog, 500, false).breaks(&[Rule::Rate]);
+    story(Cause::PowerOn, 500, true).breaks(&[Rule::Rate]);
+}
+
 #[test]
 fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     let story = |words: &[(f64, Word)]| {
@@ -579,6 +631,10 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     };
     story(48.0).passes();
     story(43.0).breaks(&[Rule::ShutDown]);
+    // One that has spoken again for as long as it takes until just now was not in control when it was decided.
+    let back = |from| story(47.9).says(PILOT, from, 59.9, Word::Run(Ask::Throttle(0)));
+    back(44.88).passes();
+    back(43.0).breaks(&[Rule::ShutDown]);
 }
 
 #[test]
@@ -767,4 +823,14 @@ fn a_source_that_takes_over_is_held_off() {
     };
     story(2.0).passes();
     story(0.1).breaks(&[Rule::TakeOver]);
+    // The demand of one that is lost meanwhile falls.
+    let lost = flight(ZK5, 60.0)
+        .says(PILOT, 60.0, 60.3, Word::Run(Ask::Throttle(500)))
+        .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+        .wire(60.0, 60.8, HALF)
+        .ramp(60.8, 500, 400)
+        .wire(61.0, 62.0, Told::Full(Switch::Run, 400))
+        .wire(62.0, 70.0, Told::Full(Switch::Run, 200))
+        .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0);
+    lost.with(|h| h.rules.hold = 0).passes();
 }

@@ -163,7 +163,8 @@ impl Case<'_> {
     fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
-        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
+        // What goes out now was found a slot ago.
+        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover + slack) else {
             return false;
         };
         // Who is present and wants nothing is silent from that word on.
@@ -261,7 +262,9 @@ impl Case<'_> {
             let run = |at| self.voices.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
             // With nothing retained, and error sets only, nobody knows that it ran.
-            let faults = |up| h.samples(up, at.saturating_sub(200 * MS)).iter().all(|sample| sample.fault);
+            // After them two sets have to agree before there is a reply.
+            let sets = at.saturating_sub(3 * h.rules.period);
+            let faults = |up| h.samples(up, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
             // Nor does anybody after another reset, whose doubt only a burning exhaust would answer, where the exhaust is not known:
             // in doubt nothing goes out that could start an engine.

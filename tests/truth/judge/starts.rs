@@ -90,7 +90,10 @@ impl Case<'_> {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
-        if h.unpowered.touches(at.saturating_sub(stable), at) {
+        // One that has only just begun cannot be seen yet.
+        let outage =
+            |(from, to): (u64, u64)| to > at.saturating_sub(stable) && at >= (from + self.gap()).min(to);
+        if h.unpowered.iter().any(outage) {
             return Some("its ECU was powered up just now".into());
         }
         let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
