@@ -124,6 +124,10 @@ pub trait Link {
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
     /// The UART saw a fault.
     fn line_error(&mut self, error: LineError);
+    /// A read failed, and the byte is lost. All bytes before it have come.
+    fn byte_lost(&mut self, error: LineError) {
+        self.line_error(error);
+    }
     /// Keep this on the wire from now on.
     ///
     /// # Errors

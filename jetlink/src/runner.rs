@@ -195,7 +195,7 @@ impl<'a> Runner<'a> {
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     async fn read_failed(&self, error: LineError) {
-        self.channel.with(|engine| engine.line_error(error));
+        self.channel.with(|engine| engine.byte_lost(error));
         Timer::after(READ_PAUSE).await;
     }
 

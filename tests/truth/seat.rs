@@ -12,7 +12,7 @@ use jetlink::command::Origin;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::{Ruler, state};
+use sim::zk::Ruler;
 use std::collections::VecDeque;
 
 /// One engine, its ECU, its pilots.
@@ -27,8 +27,6 @@ pub struct Seat {
     /// Ignitions and losses of control that are in the history already.
     ignitions: usize,
     given_up: u64,
-    /// It ran or was started since its ECU was powered up.
-    lived: bool,
     pwm_since: Option<u64>,
     next_swap: u64,
     script: Script,
@@ -107,7 +105,6 @@ impl Seat {
             notes: Vec::new(),
             ignitions: 0,
             given_up: 0,
-            lived: false,
             pwm_since: None,
             next_swap: u64::MAX,
             script: Script::default(),
@@ -196,19 +193,18 @@ impl Seat {
         let at = now();
         let frames = self.reader.read(&self.plug.take_log());
         self.history.frames.extend(frames);
-        let powered = !self.history.unpowered.contains(at);
-        let (seen, lived, before) = (self.ignitions, self.lived, self.given_up);
-        let (sample, ignitions, restart, given_up, pwm) = self.plug.ecu(|ecu| {
+        let (seen, before) = (self.ignitions, self.given_up);
+        let (sample, ignitions, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
             let turbine = ecu.turbine();
-            let (fault, restart, given_up, pwm, hidden) = match ecu {
+            let (fault, given_up, pwm, hidden) = match ecu {
                 AnyEcu::Amt(ecu) => {
                     let hidden = ecu.hides_that_it_runs();
-                    (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false, hidden)
+                    (ecu.errors() != 0, ecu.stats.serial_delay_stops, false, hidden)
                 }
                 AnyEcu::Zk(ecu) => {
                     let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
-                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm, false)
+                    (ecu.error() != 0, ecu.stats.control_losses, pwm, false)
                 }
             };
             let phase = turbine.phase();
@@ -223,21 +219,24 @@ impl Seat {
                 fault,
                 hidden,
             };
-            let ignitions: Vec<u64> =
-                turbine.history().ignitions.iter().skip(seen).map(|at| at / 1000).collect();
-            (sample, ignitions, restart, given_up, pwm)
+            // By the turbine's own record: a relight may have ended again before this look.
+            let history = turbine.history();
+            let mark = |when| match history.relights.contains(when) {
+                true => Mark::Relight,
+                false => Mark::Ignition,
+            };
+            let ignitions: Vec<(u64, Mark)> =
+                history.ignitions.iter().skip(seen).map(|when| (when / 1000, mark(when))).collect();
+            (sample, ignitions, given_up, pwm)
         });
         self.ignitions += ignitions.len();
-        for when in ignitions {
-            let mark = if restart && lived { Mark::Relight } else { Mark::Ignition };
+        for (when, mark) in ignitions {
             self.history.marks.push((when.min(at), mark));
-            self.lived = true;
         }
         if given_up > before {
             self.given_up = given_up;
             self.history.marks.push((at, Mark::GivenUp));
         }
-        self.lived &= powered;
         match (pwm, self.pwm_since) {
             (true, None) => self.pwm_since = Some(at.saturating_sub(LOOK)),
             (false, Some(since)) => {
@@ -298,7 +297,7 @@ impl Seat {
         self.look();
         let ecu = self.setup.another(version);
         drop(self.plug.replace_ecu(ecu));
-        (self.ignitions, self.given_up, self.lived) = (0, 0, false);
+        (self.ignitions, self.given_up) = (0, 0);
         self.power_off(rng, at + off);
         self.history.versions.push((at, version));
         self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));

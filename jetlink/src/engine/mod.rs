@@ -249,6 +249,11 @@ impl Engine {
         self.link.line_error(error);
     }
 
+    /// See [`Link::byte_lost`].
+    pub fn byte_lost(&mut self, error: LineError) {
+        self.link.byte_lost(error);
+    }
+
     /// See [`Link::sent`].
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);

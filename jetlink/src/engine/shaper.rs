@@ -122,6 +122,8 @@ impl Shaper {
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
         }
+        // What is held while its life is in doubt does not jump when it is let go.
+        self.rising |= shape.running && !shape.living;
         // The reduction for an engine that failed is a fail-safe, and no slower than one.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),

@@ -1209,6 +1209,22 @@ fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
     assert!(bench.event_kinds().contains(&Event::EcuStarted));
 }
 
+/// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is believed.
+#[test]
+fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
+    let mut bench = running();
+    for begun in [&[][..], &[0xFF, 0x21, 1]] {
+        bench.receive(begun);
+        for _ in 0..20 {
+            bench.machine.byte_lost(LineError::Framing);
+        }
+        let rpm = 101 + begun.len() as u8;
+        assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, rpm)), (RUN_OPS, 160));
+        assert_eq!(bench.machine.report().rpm_raw.unwrap().value, rpm);
+    }
+    assert_eq!(bench.machine.counters().damaged_frames, 0);
+}
+
 /// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.
 #[test]
 fn amt_1_line_faults_are_counted() {

@@ -94,7 +94,20 @@ impl Case<'_> {
     /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
     pub(super) fn known_to_run(&self, at: u64) -> bool {
         let Some((from, to)) = self.runs.last_before(at) else { return false };
-        at < to && at > from + KNOWN && at - from > KNOWN + self.hidden.within(from, at)
+        at < to
+            && at > from + KNOWN
+            && at - from > KNOWN + self.hidden.within(from, at)
+            && self.longest_up(from, at) >= self.two_states()
+    }
+
+    /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is told.
+    fn longest_up(&self, from: u64, at: u64) -> u64 {
+        let (mut since, mut longest) = (from, 0);
+        for (down, up) in self.down.iter().filter(|(down, up)| *up > from && *down < at) {
+            longest = longest.max(down.saturating_sub(since));
+            since = up;
+        }
+        longest.max(at.saturating_sub(since))
     }
 
     pub(super) fn shut_down(&mut self) {
@@ -150,7 +163,8 @@ impl Case<'_> {
     fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
-        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
+        // What goes out now was found a slot ago.
+        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover + slack) else {
             return false;
         };
         // Who is present and wants nothing is silent from that word on.
@@ -248,11 +262,22 @@ impl Case<'_> {
             let run = |at| self.voices.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
             // With nothing retained, and error sets only, nobody knows that it ran.
+            // After them two sets have to agree before there is a reply.
+            let sets = at.saturating_sub(3 * h.rules.period);
+            let faults = |up| h.samples(up, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
-            let unknown = power.is_some_and(|reset| {
-                self.is_amt()
-                    && h.samples(reset.up, at.saturating_sub(200 * MS)).iter().all(|sample| sample.fault)
+            // Nor does anybody after another reset, whose doubt only a burning exhaust would answer, where the exhaust is not known:
+            // in doubt nothing goes out that could start an engine.
+            let blind = h.sensor.union(&h.egt_faulty);
+            // It is with that reset that the replies end.
+            let last = h.frames[..h.frames.partition_point(|frame| frame.at < at)].last();
+            let last = last.map_or(0, |frame| frame.at);
+            let doubted = h.resets.iter().find(|reset| {
+                (last..=last + self.gap()).contains(&reset.down)
+                    && blind.within(reset.up, at) == at.saturating_sub(reset.up)
+                    && faults(reset.up)
             });
+            let unknown = self.is_amt() && (power.is_some_and(|reset| faults(reset.up)) || doubted.is_some());
             if mark == Mark::GivenUp
                 && !unknown
                 && ran

@@ -134,7 +134,9 @@ impl Case<'_> {
                 let words = &words[words.partition_point(|(when, _)| *when < from)..];
                 !words.is_empty() && words.iter().all(|(_, word)| *word == Word::Run(Ask::Throttle(tenths)))
             };
+            // The one that is taken over from is not lost meanwhile: its demand would fall.
             let steady = since.is_some_and(|since| since + settled < at)
+                && self.voices.speaks_since(lower, until) == since
                 && same(lower, held, at.saturating_sub(settled))
                 && same(said.source, wanted, at)
                 && lower > said.source

@@ -90,7 +90,10 @@ impl Case<'_> {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
-        if h.unpowered.touches(at.saturating_sub(stable), at) {
+        // One that has only just begun cannot be seen yet.
+        let outage =
+            |(from, to): (u64, u64)| to > at.saturating_sub(stable) && at >= (from + self.gap()).min(to);
+        if h.unpowered.iter().any(outage) {
             return Some("its ECU was powered up just now".into());
         }
         let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
@@ -244,12 +247,13 @@ impl Case<'_> {
                 if next.is_some() {
                     continue;
                 }
-                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits.                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
+                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits. A gap that has
+                // just begun cannot be seen yet.
                 let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
                 let unreported = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
                     went_out.is_some_and(|out| out >= start.at && out < lit.max(start.at) + self.two_states())
                         && anew.is_none_or(|anew| anew < lit.max(start.at) + self.two_states() + self.gap())
-                        && !gaps.touches(start.at, at)
+                        && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
                         && !self.is_amt()
                         && self.not_by(start, at).is_none()
                 });

@@ -77,7 +77,7 @@ impl Case<'_> {
                 self.verdict.finding(Rule::Stop, frame.at, text);
             }
             // There is one at every slot: ZK by itself, AMT in reply to each set that can be heard.
-            let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS));
+            let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS)).union(&self.stalled());
             let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
             let most = 3 * period + 30 * MS;
             let mut before = from;
@@ -94,6 +94,12 @@ impl Case<'_> {
                 before = at;
             }
         }
+    }
+
+    /// The times in which nothing leaves the node, because its transmitter stands still.
+    fn stalled(&self) -> Spans {
+        let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
+        Spans::from(&stalled.collect::<Vec<_>>())
     }
 
     /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.

@@ -337,6 +337,12 @@ impl Link for AmtLink {
         self.counters.line_error(error);
     }
 
+    fn byte_lost(&mut self, error: LineError) {
+        // The frame that it was in is never whole. Between two frames it was in neither, and damages none.
+        self.decoder.byte_lost();
+        self.counters.line_error(error);
+    }
+
     fn order(&mut self, _now: Instant, order: Order) -> Result<(), Rejected> {
         match order {
             Order::Run(Demand::Rpm(_)) => return Err(Rejected::NoSpeedControl),
