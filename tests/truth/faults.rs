@@ -68,8 +68,10 @@ pub struct Disturber {
     /// Long losses of power.
     long: bool,
     pub signals: bool,
-    /// The flame goes out often: other engines are told.
+    /// The flame goes out in many flights: other engines are told.
     pub flames: bool,
+    /// When it does in this flight.
+    flame_out: Option<u64>,
 }
 
 impl Disturber {
@@ -83,6 +85,7 @@ impl Disturber {
             long: rng.percent(30),
             signals: false,
             flames: false,
+            flame_out: None,
         }
     }
 
@@ -97,6 +100,7 @@ impl Disturber {
             long: false,
             signals: false,
             flames: false,
+            flame_out: None,
         }
     }
 
@@ -108,9 +112,6 @@ impl Disturber {
         };
         // Longer ones cost an AMT engine: half of them are such as it puts up with.
         let short = amt && rng.percent(50);
-        if self.flames && rng.percent(25) {
-            return (Fault::FlameOut, MS);
-        }
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),
@@ -170,8 +171,20 @@ impl Disturber {
             self.current = Some((fault, now, now + length.max(MS)));
             notes.push(format!("{fault:?} for {} ms", length / MS));
         }
-        // A dip of the supply while the starter turns.
         let phase = plug.ecu(|ecu| ecu.turbine().phase());
+        // A flame that goes out in flight.
+        if phase != Phase::Running {
+            self.flame_out = None;
+        } else if self.flames && self.flame_out.is_none() {
+            let flies = rng.spread(5 * SECOND, 100 * SECOND);
+            self.flame_out = Some(if rng.percent(40) { now + flies } else { u64::MAX });
+        }
+        if self.current.is_none() && self.flame_out.is_some_and(|at| now >= at) {
+            begin(Fault::FlameOut, rng, plug);
+            self.flame_out = Some(u64::MAX);
+            notes.push("the flame goes out".into());
+        }
+        // A dip of the supply while the starter turns.
         if !phase.is_starting() {
             self.dipped = false;
         } else if self.current.is_none() && !self.dipped && phase != Phase::LearningIdle {

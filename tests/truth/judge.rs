@@ -11,7 +11,7 @@ mod silence;
 mod starts;
 mod stops;
 
-use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
+use crate::history::{History, Kind, MS, Mark, Rules, SECOND, Spans};
 use std::collections::BTreeMap;
 
 pub use control::Voices;
@@ -150,7 +150,9 @@ impl<'a> Case<'a> {
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
         // With error sets an AMT ECU gives no state.
         let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
-        let silent = blind.union(&h.noise).union(&down).union(&dumb);
+        // A node that begins anew needs two reports; in a loop of resets it may never get them.
+        let learns = down.longer(two_states(&h.rules));
+        let silent = blind.union(&h.noise).union(&learns).union(&dumb);
         Self {
             voices: Voices::new(h),
             live: live(h),
@@ -174,15 +176,8 @@ impl<'a> Case<'a> {
         4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
     }
 
-    /// The longest time in which a report of the engine's state comes round twice.
     const fn two_states(&self) -> u64 {
-        let rules = &self.h.rules;
-        let reports = 2 + rules.stale;
-        if self.is_amt() {
-            (reports + 2) * rules.period + 300 * MS
-        } else {
-            reports * rules.round * rules.period + 400 * MS
-        }
+        two_states(&self.h.rules)
     }
 
     /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
@@ -194,6 +189,15 @@ impl<'a> Case<'a> {
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
         all.sort_unstable();
         all
+    }
+}
+
+/// The longest time in which a report of the engine's state comes round twice.
+const fn two_states(rules: &Rules) -> u64 {
+    let reports = 2 + rules.stale;
+    match rules.kind {
+        Kind::Amt => (reports + 2) * rules.period + 300 * MS,
+        Kind::Zk(_) => reports * rules.round * rules.period + 400 * MS,
     }
 }
 

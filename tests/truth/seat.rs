@@ -303,7 +303,8 @@ impl Seat {
         self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
     }
 
-    pub fn finish(&mut self, failed: Spans, down: Spans) -> Judged {
+    /// The history ends, and is whole.
+    pub fn end(&mut self) {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
@@ -318,6 +319,10 @@ impl Seat {
                 self.history.frames.remove(first);
             }
         }
+    }
+
+    /// What came of it, with the times in which other engines of the group may have failed, and have for sure.
+    pub fn judged(&mut self, failed: Spans, down: Spans) -> Judged {
         (self.history.other_failed, self.history.other_down) = (failed, down);
         let verdict = judge(&self.history);
         Judged {

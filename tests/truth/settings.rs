@@ -125,7 +125,9 @@ impl Setup {
 /// The settings of so many engines of one node.
 pub fn setups(rng: &mut Rng, count: usize) -> Vec<Setup> {
     let gap = Duration::from_millis(rng.pick(&[0, 3000, 10_000]));
-    (0..count).map(|port| setup(rng, port as u8, gap, count)).collect()
+    // They spare each other: then all of them do.
+    let spare = (count > 1 && rng.percent(60)).then(|| rng.pick(&[300, 500, 800]));
+    (0..count).map(|port| setup(rng, port as u8, gap, spare, count)).collect()
 }
 
 fn ms(millis: u64) -> Duration {
@@ -177,15 +179,13 @@ fn supervision(rng: &mut Rng) -> Supervision {
             _ => all.limits.implausible.action = action,
         }
     }
-    if rng.percent(30) {
-        all.when_other_fails = Some(500);
-    }
     all
 }
 
-fn setup(rng: &mut Rng, port: u8, gap: Duration, count: usize) -> Setup {
+fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usize) -> Setup {
     let mut supervision = supervision(rng);
     supervision.start.gap = gap;
+    supervision.when_other_fails = spare;
     let amt = rng.percent(45);
     let (mut config, ecu) = if amt { amt_setup(rng, port) } else { zk_setup(rng, port) };
     if rng.percent(8) && (amt || matches!(&ecu, Ecu::Zk(ecu) if ecu.version < 4)) {

@@ -128,6 +128,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
             seat.history.resets.push(Reset { down: down_at, up: now(), cause });
         }
     }
+    seats.iter_mut().for_each(Seat::end);
     let ends: Vec<Spans> = seats.iter().map(|seat| may_have_failed(&seat.history)).collect();
     let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
     let engines = (0..N).map(|port| {
@@ -135,7 +136,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
             let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
             others.fold(Spans::default(), |all, spans| all.union(spans))
         };
-        seats[port].finish(others(&ends), others(&sure))
+        seats[port].judged(others(&ends), others(&sure))
     });
     World { seed, engines: engines.collect() }
 }

@@ -371,7 +371,7 @@ impl Case<'_> {
                 low_since = None;
                 continue;
             };
-            let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
+            let knows_rpm = h.version(at) >= 4 && !rules.governor;
             if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
                 low_since = None;
                 continue;

@@ -71,7 +71,7 @@ impl Case<'_> {
         let Some(part) = h.rules.when_other_fails else { return };
         let rules = &h.rules;
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
-        let mut reported = 0;
+        let (mut reported, mut judged) = (0, 0);
         for frame in &h.frames {
             let at = frame.at;
             let Some(ask) = frame.told.demand() else { continue };
@@ -96,7 +96,15 @@ impl Case<'_> {
                 Ask::Throttle(_) => 0.0,
                 Ask::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
             };
-            if most > 0.0 && self.share(ask) > most.max(idle) + STEP && self.known_to_run(at) {
+            if most == 0.0 || !self.known_to_run(at) {
+                continue;
+            }
+            if let Some((from, _)) = failed
+                && core::mem::replace(&mut judged, from) != from
+            {
+                self.verdict.count("reductions", 1);
+            }
+            if self.share(ask) > most.max(idle) + STEP {
                 let text = format!(
                     "{ask} on the wire while another engine has failed, {:.1} % at most",
                     most / 10.0
@@ -182,6 +190,10 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         let silent = other.said(0, out).iter().rev().find(|said| said.word.is_heard());
         let commanded =
             silent.is_some_and(|said| matches!(said.word, Word::Run(_)) && out < said.at + SECOND);
+        // Nor did the stages of loss, or a limit.
+        let frames = &other.frames[..other.frames.partition_point(|frame| frame.at < out)];
+        let told = frames.iter().rev().find_map(|frame| frame.told.switch().map(|switch| (frame.at, switch)));
+        let commanded = commanded && told.is_some_and(|(at, told)| told == Switch::Run && out < at + SECOND);
         let from = out + 8 * SECOND;
         let hidden = other.mute.union(&other.noise).union(&other.unpowered);
         if commanded && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {
