@@ -11,7 +11,7 @@ mod firmware {
     use embassy_stm32::usart::{self, BufferedInterruptHandler, BufferedUart};
     use embassy_stm32::{bind_interrupts, peripherals};
     use embassy_time::{Duration, Ticker};
-    use jetlink::channels::{Channel, Handle};
+    use jetlink::channel::{Channel, Handle};
     use jetlink::command::{Command, Origin};
     use jetlink::config::{EngineConfig, check};
     use jetlink::ecu::zk::codec::Rate;

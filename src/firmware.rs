@@ -15,14 +15,15 @@
 use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
-use jetlink::channels::Events;
-use jetlink::config::ENGINES;
+use jetlink::channel::Events;
 use jetlink::engine::keep::Reset;
+use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
 use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
-use jetlink::telemetry::{LossStage, Telemetry};
+use jetlink::telemetry::Telemetry;
+use jetlink_fw::config::ENGINES;
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// How many engines this node runs.
@@ -112,7 +113,7 @@ fn main() -> ! {
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
-    defmt::unwrap!(NODE.take().build(&ENGINES, &board::KEPT.0, reset))
+    defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::KEPT.0, reset))))
 }
 
 /// Logs what is on each port.

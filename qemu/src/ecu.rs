@@ -296,7 +296,7 @@ impl Wire {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use jetlink::config::ENGINES;
+    use jetlink_fw::config::ENGINES;
 
     /// The wire of an AMT ECU at 2400 baud, which speaks 500 ms after power.
     fn wire() -> Wire {

@@ -10,7 +10,7 @@ mod machine;
 mod verdict;
 
 use clap::{Parser, Subcommand};
-use jetlink::config::ENGINES;
+use jetlink_fw::config::ENGINES;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 

@@ -2,7 +2,7 @@
 
 use crate::ecu::{Attached, Simulated, WIDE_WINDOW};
 use crate::log::Lines;
-use jetlink::config::ENGINES;
+use jetlink_fw::config::ENGINES;
 use sim::ecu::MILLIS;
 use sim::turbine::Phase;
 

@@ -3,7 +3,7 @@
 
 use crate::wire::{Frame, Reader};
 use embassy_time::{Duration, Timer};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
@@ -142,7 +142,7 @@ impl<const N: usize> World<N> {
         // What came while it was held in reset is lost with its UART.
         self.halves = self.plugs.iter().map(Plug::reset_node).collect();
         let node: &'static Node<N> = Box::leak(Box::new(
-            Node::with_memory(&self.configs, self.memory, self.cause).expect("a good table"),
+            Node::new(&self.configs, Some((self.memory, self.cause))).expect("a good table"),
         ));
         for (runner, (rx, tx)) in node.runners().into_iter().zip(self.halves.drain(..)) {
             self.tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
@@ -228,7 +228,12 @@ impl<const N: usize> World<N> {
         origin: Origin,
         command: Command,
     ) -> Result<Accepted, Rejected> {
-        self.handle(engine).command(command, origin)
+        let handle = self.handle(engine);
+        let source = match origin {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        source.expect("nobody else holds it").command(command)
     }
 
     /// One word to the first engine.

@@ -1,5 +1,5 @@
 //! The judge that knows only the truth: what the pilots said, what was on the wire, the power of the ECU and the turbine.
-//! It is written from the rules, shares nothing with the engine or with the judge of `tests/supervision`, and believes
+//! It is written from the rules, shares nothing with the engine or with the judge of `jetlink/tests/it/supervision`, and believes
 //! nothing that the node says of itself.
 
 mod control;

@@ -7,7 +7,7 @@ use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::settings::{self, Setup};
 use crate::wire::Reader;
 use crate::worlds::{Judged, LOOK, now};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::command::Origin;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
@@ -283,7 +283,11 @@ impl Seat {
             return;
         };
         // What is answered is not looked at.
-        let _ = handle.command(command, Origin::SOURCES[source]);
+        let claimed = match Origin::SOURCES[source] {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        let _ = claimed.expect("nobody else holds it").command(command);
         self.history.said.push(Said { at: now(), source, word });
     }
 

@@ -10,7 +10,7 @@ use crate::pilots::Rng;
 use crate::seat::{Act, Seat};
 use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::config::EngineConfig;
 use jetlink::engine::keep::{self, Memory};
 use jetlink::line::LineError;
@@ -234,7 +234,7 @@ fn boot<const N: usize>(
         Cause::Watchdog => keep::Reset::Warm,
         Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
     };
-    let node = Node::with_memory(configs, memory, reset).expect("valid");
+    let node = Node::new(configs, Some((memory, reset))).expect("valid");
     let handles = node.handles();
     let mut tasks: Tasks<'_> = nature(seats);
     for ((runner, (rx, tx)), seat) in node.runners().into_iter().zip(halves.drain(..)).zip(seats.iter()) {

@@ -72,7 +72,7 @@ impl<'a> Task<'a> {
     /// The arguments of `cargo`.
     pub fn cargo_arguments(&self) -> Vec<String> {
         let firmware =
-            ["--release", "--target", pin::target(), "--package", "jetlink", "--bin", "jetlink-fw"];
+            ["--release", "--target", pin::target(), "--package", "jetlink-fw", "--bin", "jetlink-fw"];
         let emu = ["run", "--quiet", "--manifest-path", EMULATION, "--bin", "emu", "--"];
         match self {
             Self::Fw(features, more) => {

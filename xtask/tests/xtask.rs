@@ -130,7 +130,7 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
     let computer = Computer::new("complete", &toolchains(), &TARGETS);
     computer.program("probe-rs", "exit 0\n");
     computer.program("qemu-system-arm", "exit 0\n");
-    let firmware = format!("--release --target {TARGET} --package jetlink --bin jetlink-fw --features");
+    let firmware = format!("--release --target {TARGET} --package jetlink-fw --bin jetlink-fw --features");
     let emu = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml --bin emu --");
     for (arguments, expected) in [
         (&["fw", "board-pixracer", "--quiet"][..], format!("build {firmware} board-pixracer --quiet")),

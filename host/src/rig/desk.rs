@@ -6,7 +6,8 @@ use super::limiter::Limiter;
 use super::sample::Message;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
-use jetlink::telemetry::{LinkState, Telemetry};
+use jetlink::report::LinkState;
+use jetlink::telemetry::Telemetry;
 use sim::ecu::{Nanos, SECOND};
 use std::cell::{Cell, RefCell};
 

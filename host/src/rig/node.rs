@@ -5,10 +5,11 @@
 
 use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
-use jetlink::channels::Channel;
+use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
 use jetlink::engine::keep::{self, Memory};
-use jetlink::telemetry::{Counters, Telemetry};
+use jetlink::report::Counters;
+use jetlink::telemetry::Telemetry;
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
@@ -81,7 +82,7 @@ impl<'a> Node<'a> {
             .engines
             .iter()
             .zip(&MEMORY)
-            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, reset))
+            .map(|(engine, memory)| Channel::new(&engine.config, Some((memory, reset))))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
         for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {
@@ -135,7 +136,13 @@ impl<'a> Node<'a> {
         origin: Origin,
     ) -> Option<Result<Accepted, Rejected>> {
         let channels = self.channels.borrow().clone()?;
-        let answer = channels.get(engine)?.handle_in(&channels).command(command, origin);
+        let handle = channels.get(engine)?.handle_in(&channels);
+        let source = match origin {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        // Held for this command only, so that everybody in the rig may speak for any source.
+        let answer = source.ok()?.command(command);
         if answer == Err(Rejected::Listening) {
             self.rejected_at_start.borrow_mut()[engine] += 1;
         }

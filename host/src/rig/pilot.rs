@@ -14,7 +14,8 @@ use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
-use jetlink::telemetry::{LinkState, Phase, Telemetry};
+use jetlink::report::{LinkState, Phase};
+use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
 

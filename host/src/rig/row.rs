@@ -2,7 +2,7 @@
 
 use super::sample::Sample;
 use embassy_time::Duration;
-use jetlink::telemetry::LinkState;
+use jetlink::report::LinkState;
 
 /// Heads of the columns with their widths, what matters most first: up to the link they fit 80 columns with names
 /// like `booster`. A text that is wider is cut.
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
     use jetlink::command::{Demand, Order, Origin};
     use jetlink::engine::state::EngineState;
-    use jetlink::telemetry::LossStage;
+    use jetlink::event::LossStage;
     use jetlink::units::{Rpm, Throttle};
 
     /// Whatever is shown, these are the columns that matter.
@@ -111,7 +111,7 @@ mod tests {
         let desk = Desk::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
         let names = ["left", "right", "centre", "booster"];
         let quiet = Sample::take(&desk, &node.telemetry(3));
-        let starting = jetlink::telemetry::EcuState { code: 2, name: "ignition-min-throttle" };
+        let starting = jetlink::report::EcuState { code: 2, name: "ignition-min-throttle" };
         let mut loud = Sample {
             stage: Stage::Cooling,
             lever: Lever::Run(Demand::Rpm(Rpm::new(160_000))),

@@ -5,7 +5,9 @@ use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
-use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
+use jetlink::event::LossStage;
+use jetlink::report::{Counters, LinkState, Timed};
+use jetlink::telemetry::Telemetry;
 
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);

@@ -6,7 +6,7 @@ use super::row::millis;
 use super::sample::decode_errors;
 use super::session::{End, Outcome, Outcomes};
 use embassy_time::Duration;
-use jetlink::telemetry::LinkState;
+use jetlink::report::LinkState;
 
 /// Everything that makes a run a failure, a sentence each. That it was ended early is none: what it has not come to
 /// is not judged then, what went wrong until then is.

@@ -7,9 +7,8 @@ use super::cockpit::{Cockpit, Seat};
 use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
-use jetlink::engine::life::End;
-use jetlink::engine::watch::Watched;
-use jetlink::telemetry::{Event, LossStage};
+use jetlink::event::{End, Event, LossStage};
+use jetlink::limit::Watched;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 /// What it takes to see by the exhaust that an engine burns no more: two agreeing sets below 300 °C, or 3 s of a fast

@@ -6,7 +6,7 @@ use super::cockpit::{Cockpit, Seat};
 use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
-use jetlink::telemetry::Event;
+use jetlink::event::Event;
 use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::zk::{ZkConfig, ZkEcu};

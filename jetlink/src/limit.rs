@@ -1,0 +1,65 @@
+//! Limits of an engine, and what is reported when one is passed.
+
+use embassy_time::Instant;
+
+/// What was watched.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Watched {
+    /// Shaft speed above its limit, in rpm.
+    OverSpeed,
+    /// Exhaust temperature above its limit, in 0.1 °C.
+    OverTemperature,
+    /// Shaft speed below its limit while running, in rpm.
+    LowRpm,
+    /// Exhaust temperature rises too fast during a start, in °C a second.
+    HotStart,
+    /// Shaft speed lost within 2 s without a lower demand, in percent.
+    FlameOut,
+    /// Supply voltage below its limit, in mV.
+    SupplyLow,
+    /// Shaft speed changed faster than any turbine can, in rpm a second.
+    Implausible,
+    /// The ECU reports a fault; the value is its number.
+    EcuFault,
+    /// The start took too long, in ms.
+    StartTimeout,
+}
+
+impl Watched {
+    /// Name in plain words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OverSpeed => "shaft speed too high",
+            Self::OverTemperature => "exhaust too hot",
+            Self::LowRpm => "shaft speed too low",
+            Self::HotStart => "exhaust temperature rises too fast",
+            Self::FlameOut => "shaft speed lost",
+            Self::SupplyLow => "supply too low",
+            Self::Implausible => "shaft speed jumps",
+            Self::EcuFault => "the ECU reports a fault",
+            Self::StartTimeout => "the start took too long",
+        }
+    }
+}
+
+/// A limit that was passed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Passed {
+    /// Which.
+    pub what: Watched,
+    /// The value, in the unit named at [`Watched`].
+    pub value: i32,
+    /// The limit, in the same unit.
+    pub limit: i32,
+    /// When.
+    pub at: Instant,
+}
+
+impl Passed {
+    pub(crate) fn new(what: Watched, value: u32, limit: u32, at: Instant) -> Self {
+        let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
+        Self { what, value: signed(value), limit: signed(limit), at }
+    }
+}
