@@ -1,7 +1,7 @@
 //! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
+use crate::history::{Ask, Cause, MS, Mark, Reset, SECOND, Spans, Switch, Word};
 
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
