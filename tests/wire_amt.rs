@@ -200,7 +200,7 @@ fn a_silent_source_brings_the_throttle_to_idle_on_the_wire() {
     bench.play(LONG, async {
         bench.start().await;
         bench.command_for(throttle(80), Duration::from_secs(10)).await;
-        let last = bench.handle().telemetry().source_heard.expect("it commands");
+        let last = bench.handle().telemetry().source_last_rx.expect("it commands");
         let silent_from = last.as_micros() * 1000;
         Timer::after(Duration::from_millis(100)).await;
         bench.plug.take_log();
@@ -299,7 +299,7 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         for _ in 0..50 {
             Timer::after(Duration::from_millis(100)).await;
             let telemetry = bench.handle().telemetry();
-            let age = telemetry.heard.expect("heard").elapsed();
+            let age = telemetry.last_rx.expect("heard").elapsed();
             assert!(age <= Duration::from_millis(150), "the last frame is {} ms old", age.as_millis());
         }
         let counters = bench.handle().telemetry().counters;

@@ -15,7 +15,7 @@
 //! use jetlink::command::{Command, Demand, Origin};
 //! use jetlink::config::{EngineConfig, check};
 //! use jetlink::ecu::zk::codec::Rate;
-//! use jetlink::engine::keep::{Memory, Reset};
+//! use jetlink::engine::retained::{RetainedMemory, Reset};
 //! use jetlink::line::Line;
 //! use jetlink::runner::LineErrors;
 //! use jetlink::units::Throttle;
@@ -25,7 +25,7 @@
 //! const _: () = check(&[ENGINE]);
 //!
 //! // In RAM that start-up leaves alone, so that a running engine goes on after a reset (docs/porting.md).
-//! static RETAINED: Memory = Memory::new();
+//! static RETAINED: RetainedMemory = RetainedMemory::new();
 //!
 //! /// One engine on the two halves of a UART: for ever.
 //! async fn engine(rx: impl Read, tx: impl Write, reset: Reset) {

@@ -5,7 +5,7 @@ use embassy_time::Instant;
 /// What was watched.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Watched {
+pub enum LimitKind {
     /// Shaft speed above its limit, in rpm.
     OverSpeed,
     /// Exhaust temperature above its limit, in 0.1 °C.
@@ -26,7 +26,7 @@ pub enum Watched {
     StartTimeout,
 }
 
-impl Watched {
+impl LimitKind {
     /// Name in plain words.
     pub const fn name(self) -> &'static str {
         match self {
@@ -46,10 +46,10 @@ impl Watched {
 /// A limit that was passed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Passed {
+pub struct LimitViolation {
     /// Which.
-    pub what: Watched,
-    /// The value, in the unit named at [`Watched`].
+    pub what: LimitKind,
+    /// The value, in the unit named at [`LimitKind`].
     pub value: i32,
     /// The limit, in the same unit.
     pub limit: i32,
@@ -57,8 +57,8 @@ pub struct Passed {
     pub at: Instant,
 }
 
-impl Passed {
-    pub(crate) fn new(what: Watched, value: u32, limit: u32, at: Instant) -> Self {
+impl LimitViolation {
+    pub(crate) fn new(what: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
         Self { what, value: signed(value), limit: signed(limit), at }
     }

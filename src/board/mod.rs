@@ -48,7 +48,7 @@ pub use {
 };
 
 use embassy_executor::InterruptExecutor;
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory};
 
 /// Why the chip was reset last, as far as its flags tell.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -116,13 +116,13 @@ pub struct Board {
 /// What has to survive a reset, for the engine on each port. Aligned to the 64-bit words of an H7's RAM, the unit of its
 /// checksum.
 #[repr(C, align(8))]
-pub struct Kept(pub [Memory; PORTS.len()]);
+pub struct Kept(pub [RetainedMemory; PORTS.len()]);
 
 /// In a region of its own (`memory/kept.x`).
 // SAFETY: the linker puts the section `.kept` into RAM that start-up leaves as it is. Every bit pattern is a valid
-// `Memory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+// `RetainedMemory` (it is atomics throughout), and what it holds is only believed with a right checksum.
 #[unsafe(link_section = ".kept")]
-pub static KEPT: Kept = Kept([const { Memory::new() }; PORTS.len()]);
+pub static KEPT: Kept = Kept([const { RetainedMemory::new() }; PORTS.len()]);
 
 /// Polls the engines' tasks from an interrupt, above thread mode and below the UARTs and the timer.
 static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();

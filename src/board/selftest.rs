@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::{DWT, MPU, SCB};
 use embassy_stm32::pac::{gpio::Gpio, iwdg::vals::Pr};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::engine::keep::Reset;
+use jetlink::engine::retained::Reset;
 
 /// Periods of the LSI in a round: 4 for each count, from the reload value to 0.
 const PERIODS: u64 = 4 * (RELOAD as u64 + 1);

@@ -12,7 +12,7 @@ use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
 use jetlink::channel::Handle;
 use jetlink::config::EngineConfig;
-use jetlink::engine::keep::{self, Memory};
+use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::line::LineError;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -55,10 +55,14 @@ pub fn now() -> u64 {
 }
 
 /// The words behind a record, to write them as a loss of power would leave them.
-fn words(memory: &Memory) -> &[AtomicU32] {
-    const { assert!(size_of::<Memory>().is_multiple_of(4) && align_of::<Memory>().is_multiple_of(4)) };
-    // SAFETY: a `Memory` is atomic words and nothing else, and those may be shared and take any value.
-    unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<Memory>() / 4) }
+fn words(memory: &RetainedMemory) -> &[AtomicU32] {
+    const {
+        assert!(
+            size_of::<RetainedMemory>().is_multiple_of(4) && align_of::<RetainedMemory>().is_multiple_of(4)
+        )
+    };
+    // SAFETY: a `RetainedMemory` is atomic words and nothing else, and those may be shared and take any value.
+    unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<RetainedMemory>() / 4) }
 }
 
 /// Plays one world of so many seconds.
@@ -95,7 +99,8 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
     let (mut other_settings, mut other_engine, mut before) = (false, false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
-    let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+    let memory: &'static [RetainedMemory; N] =
+        Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
     loop {
         let mut configs = if other_settings { others } else { configs };
         if other_engine {
@@ -226,14 +231,14 @@ fn boot<const N: usize>(
     seats: &mut [Seat],
     halves: &mut Vec<(WireRx, WireTx)>,
     configs: &[EngineConfig; N],
-    memory: &'static [Memory; N],
+    memory: &'static [RetainedMemory; N],
     cause: Cause,
     fate: &mut Fate,
     end: u64,
 ) -> Option<Blow> {
     let reset = match cause {
-        Cause::Watchdog => keep::Reset::Warm,
-        Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
+        Cause::Watchdog => retained::Reset::Warm,
+        Cause::BrownOut | Cause::PowerOn => retained::Reset::PowerLost,
     };
     let node = Node::new(configs, Some((memory, reset))).expect("valid");
     let handles = node.handles();

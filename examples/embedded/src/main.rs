@@ -13,7 +13,7 @@ use jetlink::channel::{Channel, Source};
 use jetlink::command::{Command, Origin};
 use jetlink::config::{EngineConfig, check};
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::{RetainedMemory, Reset};
 use jetlink::line::Line;
 use jetlink::runner::{LineErrors, Runner};
 use static_cell::StaticCell;
@@ -28,9 +28,9 @@ bind_interrupts!(struct Irqs {
 
 // 2. What has to survive a reset: order, demand, source, arming, a latched emergency stop.
 // SAFETY: cortex-m-rt's section `.uninit` is RAM that start-up leaves as it is. Every bit pattern is a valid
-// `Memory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+// `RetainedMemory` (it is atomics throughout), and what it holds is only believed with a right checksum.
 #[unsafe(link_section = ".uninit.retained")]
-static RETAINED: Memory = Memory::new();
+static RETAINED: RetainedMemory = RetainedMemory::new();
 
 // What of it may be believed: after a power-up or a brown-out nothing that could start or raise an engine, because the
 // RAM may have been without power. The chip's flags stay on until they are cleared.

@@ -139,8 +139,8 @@ impl Link for AnyLink {
         each!(self, link => link.state())
     }
 
-    fn heard(&self) -> Option<Instant> {
-        each!(self, link => link.heard())
+    fn last_rx(&self) -> Option<Instant> {
+        each!(self, link => link.last_rx())
     }
 
     fn up_since(&self) -> Option<Instant> {

@@ -395,7 +395,7 @@ impl Finding {
     }
 
     /// The same, where this source's demand was in force before.
-    pub const fn ruled_by(self, ruler: Origin) -> Self {
+    pub const fn controlled_by(self, ruler: Origin) -> Self {
         Self { ruler, ..self }
     }
 

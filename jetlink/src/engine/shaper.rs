@@ -33,8 +33,8 @@ pub(super) struct Shape {
     pub running: bool,
     /// Nothing puts that in doubt.
     pub living: bool,
-    /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
-    pub spoken: bool,
+    /// The source in control has received since the node started: its demand is its own, and not what was left of it in a record.
+    pub received: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
@@ -164,7 +164,7 @@ impl Shaper {
             }
             Plan::To(demand) => {
                 let target = reduced(demand, shape.reduced_to);
-                self.rising &= !shape.running || !shape.spoken || self.moving.demand() != target;
+                self.rising &= !shape.running || !shape.received || self.moving.demand() != target;
                 (target, slew)
             }
             Plan::FailSafe { asked, ruled } => {

@@ -8,7 +8,7 @@ use jetlink::ecu::amt::config::{Config, REPLY_WINDOW, Service as AmtService};
 use jetlink::ecu::amt::link::AmtLink;
 use jetlink::ecu::zk::config::Service as ZkService;
 use jetlink::ecu::{EcuConfig, Faults, Service, zk};
-use jetlink::engine::keep::Record;
+use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
 use jetlink::line::{Line, LineError, Timing};
 use jetlink::link::{Link, Output, Sign, Stage};
@@ -102,7 +102,7 @@ fn hot<const N: usize>(mut frame: [u8; N]) -> [u8; N] {
 }
 
 /// The supervision on top of the link, after a reset with what was retained.
-fn engine_after(config: Config, record: Option<Record>) -> Bench<jetlink::engine::Engine> {
+fn engine_after(config: Config, record: Option<RetainedState>) -> Bench<jetlink::engine::Engine> {
     let mut engine = EngineConfig::amt("a", 0, SLOW, Some(Engine::Olympus));
     engine.ecu = EcuConfig::Amt(config);
     let mut bench = Bench::new(jetlink::engine::Engine::new(&engine), SLOW);
@@ -123,7 +123,7 @@ fn run_at(tenths: u16) -> Command {
 
 /// Ordered to start by a person who asked for this throttle right behind it.
 fn started(config: Config, tenths: u16) -> Bench<jetlink::engine::Engine> {
-    let mut bench = engine_after(config, Some(Record::new(Order::Standby, Origin::Rc)));
+    let mut bench = engine_after(config, Some(RetainedState::new(Order::Standby, Origin::Rc)));
     for _ in 0..16 {
         assert_eq!(ops_thr(&mut bench, &normal(CLEARANCE, AUTO_STOP, 0)), (AUTO_OPS, 0));
     }
@@ -867,7 +867,7 @@ fn link_up_after_two_frames_and_lost_to_the_tick() {
     );
     bench.timeout_at(1_225_000);
     assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
-    assert_eq!(bench.machine.heard(), Some(us(225_000)));
+    assert_eq!(bench.machine.last_rx(), Some(us(225_000)));
     bench.run_to(60_000_000);
     assert_eq!(bench.event_kinds(), [], "once");
     bench.rx(60_000_000, &frame);
@@ -899,10 +899,10 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
         bench.machine.line_error(LineError::Framing);
         reply_to(&mut bench, &frame);
     }
-    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Silent, None));
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, None));
     reply_to(&mut bench, &frame);
     let t = bench.now();
-    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Silent, Some(us(t))));
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, Some(us(t))));
     reply_to(&mut bench, &frame);
     let heard = bench.now();
     assert_eq!(bench.machine.state(), LinkState::Up);
@@ -911,7 +911,7 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
         bench.machine.line_error(LineError::Noise);
         reply_to(&mut bench, &frame);
     }
-    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Up, Some(us(heard))));
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(us(heard))));
     bench.machine.line_error(LineError::Noise);
     reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
     assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
@@ -928,7 +928,7 @@ fn an_ecu_never_heard_is_lost_once() {
     let mut bench = default();
     bench.run_to(100_000_000);
     assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
-    assert_eq!(bench.machine.heard(), None);
+    assert_eq!(bench.machine.last_rx(), None);
 }
 
 /// AMT-9: the set-up set says that the ECU came out of its power-up.
@@ -1357,7 +1357,7 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
 /// as its exhaust burns. The control: with a cold one nothing goes out.
 #[test]
 fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
-    let reset = || engine_after(Config::DEFAULT, Some(Record::new(throttle(640), Origin::Rc)));
+    let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle(640), Origin::Rc)));
     let mut bench = reset();
     assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not believed");
     for _ in 0..2 {

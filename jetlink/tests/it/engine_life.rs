@@ -4,9 +4,9 @@
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::{Action, Limit};
-use jetlink::engine::keep::{Memory, Record, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::{End, Event, LossStage};
-use jetlink::limit::Watched;
+use jetlink::limit::LimitKind;
 use jetlink::line::LineError;
 use jetlink::units::{Celsius, Rpm};
 
@@ -56,7 +56,7 @@ fn flying(ecu: Ecu) -> Scenario {
 
 fn ends(scenario: &mut Scenario) -> Vec<End> {
     let events = scenario.bench.event_kinds().into_iter();
-    events.filter_map(|event| if let Event::RunWithdrawn(end) = event { Some(end) } else { None }).collect()
+    events.filter_map(|event| if let Event::RunCancelled(end) = event { Some(end) } else { None }).collect()
 }
 
 fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
@@ -264,7 +264,7 @@ fn a_gap_ends_a_start_that_has_not_begun() {
             scenario.says(says);
             assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
             scenario.bench.events();
-            let last = scenario.telemetry().heard.unwrap().as_micros();
+            let last = scenario.telemetry().last_rx.unwrap().as_micros();
             scenario.command(run(0)).unwrap();
             scenario.silent().to(last + gap(ecu) - 1);
             assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
@@ -380,7 +380,7 @@ fn zk_13_is_bounded_by_the_time_of_a_start() {
         scenario.to(end);
         let expected = if running_at.is_some() { Order::Run(percent(50)) } else { Order::Standby };
         assert_eq!(scenario.order(), expected, "{running_at:?}");
-        assert_eq!(scenario.limits(), vec![Watched::StartTimeout; usize::from(running_at.is_none())]);
+        assert_eq!(scenario.limits(), vec![LimitKind::StartTimeout; usize::from(running_at.is_none())]);
     }
 }
 
@@ -396,7 +396,7 @@ fn a_demand_does_not_rise_in_doubt() {
         assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
         scenario.fly(run(80), Origin::Rc, PERIOD);
         assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
-        assert_eq!(scenario.telemetry().asked, Some(percent(80)));
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.says = Some(Says::Running);
         scenario.fly(run(80), Origin::Rc, 2 * EVERY);
         assert!(scenario.tenths() <= 250, "50 % a second: {}", scenario.tenths());
@@ -445,7 +445,7 @@ fn an_order_that_nothing_confirms_is_gone_and_the_engine_is_not() {
             [(None, true), (Some(Command::ShutDown), false), (Some(Command::EmergencyStop), false)]
         {
             let mut scenario = flying(ecu);
-            let last = scenario.telemetry().heard.unwrap().as_micros();
+            let last = scenario.telemetry().last_rx.unwrap().as_micros();
             let left = last + 4 * SECOND - 1 - scenario.now();
             scenario.silent().fly(run(50), Origin::Rc, left);
             assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
@@ -582,7 +582,7 @@ fn giving_an_order_up_does_not_begin_the_stages_anew() {
 fn damaged_frames_are_no_gap_for_10_s() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
-        let good = scenario.telemetry().heard.unwrap().as_micros();
+        let good = scenario.telemetry().last_rx.unwrap().as_micros();
         let mut frame = report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING);
         if ecu == Ecu::Zk {
             frame[4] ^= 1;
@@ -663,7 +663,7 @@ fn a_refused_start_does_not_happen_later() {
         (
             "limit",
             |s| s.values.rpm = Some(3_000),
-            Interlock::Limit(Watched::OverSpeed),
+            Interlock::Limit(LimitKind::OverSpeed),
             |s| s.values.rpm = None,
         ),
         ("above idle", |_| {}, Interlock::NotIdle, |_| {}),
@@ -1134,7 +1134,7 @@ fn present_is_silence_and_no_standby() {
             assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?}");
             scenario.pass(PERIOD);
         }
-        assert_eq!((scenario.telemetry().ruler, scenario.wire()), (Origin::Bench, Wire::Run(480)));
+        assert_eq!((scenario.telemetry().active_source, scenario.wire()), (Origin::Bench, Wire::Run(480)));
         // Below or above the source in control it changes nothing.
         for origin in [Origin::Emergency, Origin::Bench] {
             let mut scenario = flying(ecu);
@@ -1144,7 +1144,7 @@ fn present_is_silence_and_no_standby() {
                 scenario.pass(PERIOD);
             }
             assert_eq!(
-                (scenario.telemetry().ruler, scenario.wire()),
+                (scenario.telemetry().active_source, scenario.wire()),
                 (Origin::Rc, Wire::Run(500)),
                 "{ecu:?}"
             );
@@ -1172,8 +1172,8 @@ fn present_is_silence_and_no_standby() {
 // Resets
 // ---------------------------------------------------------------------------------------------
 
-fn retained(order: Order) -> Record {
-    Record { armed: true, ..Record::new(order, Origin::Rc) }
+fn retained(order: Order) -> RetainedState {
+    RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
 }
 
 /// What a record leaves after a loss of power, and of another engine: nothing that could start or raise.
@@ -1191,8 +1191,9 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
             (Order::EmergencyStop, false, Order::EmergencyStop),
             (Order::Listen, true, Order::Listen),
         ] {
-            let record = Record { ran, by_id6: true, pump_open: true, limited: true, ..retained(order) };
-            let memory = Memory::new();
+            let record =
+                RetainedState { ran, by_id6: true, pump_open: true, limited: true, ..retained(order) };
+            let memory = RetainedMemory::new();
             memory.store(&record, ours);
             assert_eq!(memory.load(ours, Reset::Warm), Some(record), "{order:?}: the control");
             for (fingerprint, reset) in [(ours, Reset::PowerLost), (ours ^ 1, Reset::Warm)] {
@@ -1266,9 +1267,9 @@ fn what_is_found_where_nothing_is_in_force() {
 fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_goes_on() {
     for (ran, egt, goes_on) in [(true, 500, true), (false, 500, false), (true, 26, false), (true, 299, false)]
     {
-        let memory = Memory::new();
+        let memory = RetainedMemory::new();
         let config = Ecu::Amt.config();
-        memory.store(&Record { ran, ..retained(Order::Run(percent(90))) }, config.fingerprint());
+        memory.store(&RetainedState { ran, ..retained(Order::Run(percent(90))) }, config.fingerprint());
         let record = memory.load(config.fingerprint(), Reset::PowerLost);
         let mut scenario = Scenario::after_reset(Ecu::Amt, config, record);
         scenario.values = Values { egt, fault: 1, half_percents: 120, ..scenario.values };
@@ -1412,7 +1413,7 @@ fn zk_8_a_hand_over_after_a_reset() {
         let mut before = Scenario::ready(Ecu::Zk, config);
         before.command(Command::HandOverToPwm).unwrap();
         before.says(Says::Starting).says(Says::Running);
-        let memory = Memory::new();
+        let memory = RetainedMemory::new();
         memory.store(&before.bench.machine.record(), config.fingerprint());
         let mut scenario = Scenario::after_reset(Ecu::Zk, config, memory.load(config.fingerprint(), reset));
         scenario.says = Some(Says::Unknown);
@@ -1589,10 +1590,10 @@ fn amt_8_after_a_fault_run_is_said_to_a_running_engine_only() {
 fn an_engine_in_doubt_keeps_no_other_from_a_start() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
-        assert!(matches!(scenario.telemetry().asked, Some(Demand::Throttle(_))));
+        assert!(matches!(scenario.telemetry().commanded, Some(Demand::Throttle(_))));
         scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
-        assert_eq!(scenario.telemetry().asked, Some(percent(50)), "{ecu:?}");
-        assert!(!scenario.bench.machine.keeps_others_from_start(us(scenario.now() + 20 * SECOND)));
+        assert_eq!(scenario.telemetry().commanded, Some(percent(50)), "{ecu:?}");
+        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now() + 20 * SECOND)));
     }
 }
 

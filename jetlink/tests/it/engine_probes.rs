@@ -955,7 +955,7 @@ fn nothing_comes_late() {
                 (
                     order,
                     telemetry.loss,
-                    telemetry.ruler,
+                    telemetry.active_source,
                     telemetry.waiting,
                     telemetry.in_doubt,
                     telemetry.start_waits_until,

@@ -33,7 +33,9 @@ fn rulers(scenario: &mut Scenario) -> Vec<(u64, Origin)> {
         .bench
         .events()
         .into_iter()
-        .filter_map(|(at, event)| if let Event::Ruler(origin) = event { Some((at, origin)) } else { None })
+        .filter_map(
+            |(at, event)| if let Event::ActiveSource(origin) = event { Some((at, origin)) } else { None },
+        )
         .collect()
 }
 
@@ -55,7 +57,7 @@ fn the_highest_fresh_source_rules() {
                 assert_eq!(scenario.command_from(command, lower), Ok(answer), "{command:?}");
             }
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
-            assert_eq!(scenario.telemetry().ruler, Origin::Rc);
+            assert_eq!(scenario.telemetry().active_source, Origin::Rc);
             assert_eq!(scenario.bench.event_kinds(), [], "{ecu:?}");
             // What is done once cannot wait.
             let service = match ecu {
@@ -71,11 +73,14 @@ fn the_highest_fresh_source_rules() {
         // A higher one takes over.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.command_from(run(52), Origin::Emergency).unwrap();
-        assert_eq!(scenario.telemetry().ruler, Origin::Emergency);
+        assert_eq!(scenario.telemetry().active_source, Origin::Emergency);
         // 2 % at 50 % a second.
         scenario.pass(40_000);
         let telemetry = scenario.telemetry();
-        assert_eq!((telemetry.ruler, telemetry.ordered.order), (Origin::Emergency, Order::Run(percent(52))));
+        assert_eq!(
+            (telemetry.active_source, telemetry.ordered.order),
+            (Origin::Emergency, Order::Run(percent(52)))
+        );
         assert_eq!(scenario.command(run(50)), Ok(Accepted::Behind(Origin::Emergency)));
     }
 }
@@ -111,8 +116,12 @@ fn each_source_has_its_own_age() {
             assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?} {origin:?}");
             scenario.to(last + limit);
             let telemetry = scenario.telemetry();
-            assert_eq!((telemetry.loss, telemetry.ruler), (LossStage::Hold, origin), "{ecu:?} {origin:?}");
-            assert_eq!(telemetry.source_heard, Some(us(last)));
+            assert_eq!(
+                (telemetry.loss, telemetry.active_source),
+                (LossStage::Hold, origin),
+                "{ecu:?} {origin:?}"
+            );
+            assert_eq!(telemetry.source_last_rx, Some(us(last)));
         }
     }
 }
@@ -140,7 +149,7 @@ fn taking_over_is_bumpless() {
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             let telemetry = scenario.telemetry();
             assert_eq!(
-                (telemetry.ruler, telemetry.waiting),
+                (telemetry.active_source, telemetry.waiting),
                 (Origin::Rc, Some(Origin::Emergency)),
                 "{ecu:?}"
             );
@@ -158,7 +167,7 @@ fn taking_over_is_bumpless() {
         scenario.fly(run(90), Origin::Emergency, 2 * SECOND - 1);
         assert_eq!(scenario.tenths(), 500);
         scenario.to(from + 2 * SECOND);
-        assert_eq!((scenario.tenths(), scenario.telemetry().ruler), (500, Origin::Emergency));
+        assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Emergency));
         assert_eq!(rulers(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
         // 40 % at 50 % a second.
         scenario.fly(run(90), Origin::Emergency, 800_000 - 1);
@@ -169,7 +178,7 @@ fn taking_over_is_bumpless() {
         for (demand, takes) in [(550, true), (551, false), (450, true), (449, false)] {
             let mut scenario = Scenario::started(ecu, percent(50));
             scenario.command_from(Command::Run(tenths(demand)), Origin::Emergency).unwrap();
-            assert_eq!(scenario.telemetry().ruler == Origin::Emergency, takes, "{ecu:?} {demand}");
+            assert_eq!(scenario.telemetry().active_source == Origin::Emergency, takes, "{ecu:?} {demand}");
         }
     }
     // A throttle and an rpm are never close.
@@ -189,9 +198,13 @@ fn the_next_source_takes_over_from_one_that_is_lost() {
         let mut scenario = Scenario::started(ecu, percent(50));
         let last = scenario.now();
         scenario.fly(run(30), Origin::Mavlink, AGE + 2 * SECOND - 1);
-        assert_eq!((scenario.tenths(), scenario.telemetry().ruler), (500, Origin::Rc), "{ecu:?}");
+        assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Rc), "{ecu:?}");
         scenario.to(last + AGE + 2 * SECOND);
-        assert_eq!((scenario.tenths(), scenario.telemetry().ruler), (300, Origin::Mavlink), "{ecu:?}");
+        assert_eq!(
+            (scenario.tenths(), scenario.telemetry().active_source),
+            (300, Origin::Mavlink),
+            "{ecu:?}"
+        );
         assert_eq!(stages(&mut scenario), []);
     }
 }
@@ -283,9 +296,12 @@ fn two_words_of_standby_of_a_source_above_shut_down() {
                 if let Some(command) = before {
                     scenario.command_from(command, Origin::Emergency).unwrap();
                 }
-                let ruler = scenario.telemetry().ruler;
+                let ruler = scenario.telemetry().active_source;
                 assert_eq!(scenario.command_from(Command::Standby, Origin::Emergency), Ok(Accepted::OneMore));
-                assert_eq!((scenario.order(), scenario.telemetry().ruler), (Order::Run(percent(50)), ruler));
+                assert_eq!(
+                    (scenario.order(), scenario.telemetry().active_source),
+                    (Order::Run(percent(50)), ruler)
+                );
                 scenario.pass(between);
                 let answer = scenario.command_from(Command::Standby, Origin::Emergency);
                 assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?} {before:?} {between}");
@@ -336,7 +352,7 @@ fn loss_in_stages_to_the_tick() {
             assert_eq!(telemetry.loss, stage, "{ecu:?} at {}", at - lost);
             // The ramp moves every 20 ms.
             assert!(scenario.tenths().abs_diff(throttle) <= 12, "{} at {}", scenario.tenths(), at - lost);
-            assert_eq!(telemetry.source_heard, Some(us(last)));
+            assert_eq!(telemetry.source_last_rx, Some(us(last)));
         }
         scenario.to(lost + 1_600_000);
         let ordered = scenario.telemetry().ordered;
@@ -478,7 +494,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.fly(run(30), Origin::Mavlink, 4 * SECOND);
-        assert_eq!((scenario.telemetry().ruler, scenario.tenths()), (Origin::Mavlink, 300));
+        assert_eq!((scenario.telemetry().active_source, scenario.tenths()), (Origin::Mavlink, 300));
         scenario.bench.events();
         for i in 0..200 {
             scenario.command_from(run(30), Origin::Mavlink).unwrap();
@@ -495,10 +511,10 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
             scenario.command(run(80)).unwrap();
             scenario.pass(PERIOD);
             // Then 50 % a second.
-            assert_eq!(scenario.telemetry().ruler == Origin::Rc, i >= 29, "{ecu:?} {i}");
+            assert_eq!(scenario.telemetry().active_source == Origin::Rc, i >= 29, "{ecu:?} {i}");
             assert!(scenario.tenths() <= 300 + 50 * (i + 1_u16).saturating_sub(30) + 50, "{ecu:?} {i}");
         }
-        assert_eq!((scenario.telemetry().ruler, scenario.tenths()), (Origin::Rc, 800), "{ecu:?}");
+        assert_eq!((scenario.telemetry().active_source, scenario.tenths()), (Origin::Rc, 800), "{ecu:?}");
     }
 }
 
@@ -525,7 +541,7 @@ fn link_lost_and_source_lost_are_two_things() {
         scenario.silent().fly(run(60), Origin::Rc, 3 * SECOND);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Lost, LossStage::None));
-        assert_eq!(telemetry.asked, Some(percent(60)));
+        assert_eq!(telemetry.commanded, Some(percent(60)));
         let Order::Doubt(demand) = scenario.order() else { panic!("{ecu:?}: {:?}", scenario.order()) };
         scenario.sent();
         scenario.fly(run(60), Origin::Rc, SECOND / 2);
@@ -655,7 +671,7 @@ fn slew_limits() {
         assert!(scenario.tenths() < 800);
         scenario.to(from + 3 * SECOND);
         assert_eq!(scenario.tenths(), 800, "{ecu:?}");
-        assert_eq!(scenario.telemetry().asked, Some(percent(80)));
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.command(run(0)).unwrap();
         scenario.to(from + 5 * SECOND - 1);
         assert!(scenario.tenths() > 0);
@@ -714,7 +730,7 @@ fn the_loss_of_another_engine() {
             assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(1)], "{ecu:?} {option:?}");
             scenario.fly(run(80), Origin::Rc, SECOND);
             assert_eq!((scenario.tenths(), scenario.wire()), (expected, Wire::Run(expected)), "{option:?}");
-            assert_eq!(scenario.telemetry().asked, Some(percent(80)));
+            assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
             scenario.bench.act(|engine, now| engine.other_failed(now, false));
             assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(0)]);
             // Back at 50 % a second.
@@ -848,7 +864,7 @@ fn who_rules_is_told_in_standby() {
         scenario.fly(run(50), Origin::Rc, SECOND);
         let answer = scenario.command_from(Command::Standby, Origin::Bench);
         assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)));
-        assert_eq!(scenario.telemetry().ruler, Origin::Rc, "{ecu:?}");
+        assert_eq!(scenario.telemetry().active_source, Origin::Rc, "{ecu:?}");
         assert_eq!(rulers(&mut scenario).last(), Some(&(rc_from, Origin::Rc)));
     }
 }

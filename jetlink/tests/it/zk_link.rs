@@ -8,7 +8,7 @@ use jetlink::ecu::zk::config::{Config, Service as ZkService};
 use jetlink::ecu::zk::link::ZkLink;
 use jetlink::ecu::{Faults, Service};
 use jetlink::engine::Engine;
-use jetlink::engine::keep::Record;
+use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::link::{Link, Sign, Stage};
@@ -161,8 +161,8 @@ fn zk_10_zk_11_something_goes_out_at_every_turn() {
             (0..=10_000_000 / every).map(|turn| (turn * every, zk::keep_alive().to_vec())).collect();
         assert_eq!(bench.frames(), expected, "{rate:?}");
         let counters = bench.machine.counters();
-        assert_eq!(counters.turns_missed, 0);
-        assert_eq!(counters.worst_turn_delay.map(|delay| delay.as_micros()), Some(0));
+        assert_eq!(counters.send_slots_missed, 0);
+        assert_eq!(counters.worst_slot_delay.map(|delay| delay.as_micros()), Some(0));
     }
 }
 
@@ -179,7 +179,7 @@ fn zk_10_a_late_turn_makes_no_burst() {
         bench.run_to(160_000);
         let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
         assert_eq!(at, [&[TURN + late][..], &next].concat(), "{late}");
-        let worst = bench.machine.counters().worst_turn_delay.map(|delay| delay.as_micros());
+        let worst = bench.machine.counters().worst_slot_delay.map(|delay| delay.as_micros());
         assert_eq!(worst, Some(late));
     }
     // After turns that are over altogether: one now, the next within one interval, none in between.
@@ -197,7 +197,7 @@ fn zk_10_a_late_turn_makes_no_burst() {
         assert!(at.windows(2).skip(1).all(|pair| pair[1] - pair[0] == TURN), "{late}: {at:?}");
         assert!((10..=11).contains(&at.len()), "{late}: {at:?}");
         // Of the turns from 50 ms to the one at or before the waking, all but one are over.
-        assert_eq!(u64::from(bench.machine.counters().turns_missed), late / TURN, "{late}");
+        assert_eq!(u64::from(bench.machine.counters().send_slots_missed), late / TURN, "{late}");
     }
 }
 
@@ -207,7 +207,7 @@ fn a_turn_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
     bench.run_to(120_000); // the frame of turn 0 hangs
     assert_eq!(bench.frames().len(), 1);
-    assert_eq!(bench.machine.counters().turns_missed, 2);
+    assert_eq!(bench.machine.counters().send_slots_missed, 2);
     bench.not_sent_at(125_000, NotSent::GaveUp);
     assert_eq!(bench.frames(), [], "not out of turn");
     bench.run_to(150_000);
@@ -222,7 +222,7 @@ fn zk_12_the_slowest_line_carries_every_turn() {
         let mut bench = link(Config::DEFAULT, line);
         bench.order(0, Order::Standby).unwrap();
         bench.run_to(10_000_000);
-        assert_eq!((bench.frames().len(), bench.machine.counters().turns_missed), (201, 0));
+        assert_eq!((bench.frames().len(), bench.machine.counters().send_slots_missed), (201, 0));
     }
 }
 
@@ -1205,7 +1205,7 @@ fn started() -> Bench<Engine> {
     let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
     let mut bench = Bench::new(Engine::new(&config), LINE);
     bench.machine = Engine::new(&config);
-    bench.act(|engine, now| engine.start(now, Some(Record::new(Order::Standby, Origin::Rc))));
+    bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
     for _ in 0..30 {
         engine_turn(&mut bench, &zk::identity(160, 3, 0));
         engine_turn(&mut bench, &zk::state(STATE_STANDBY));
@@ -1898,7 +1898,7 @@ fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
     let mut bench = link(Config::DEFAULT, LINE);
     assert_eq!(bench.machine.state(), LinkState::Silent);
     bench.rx(123_456, &zk::state(STATE_STANDBY));
-    assert_eq!((bench.machine.state(), bench.machine.heard()), (LinkState::Up, Some(us(123_456))));
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(us(123_456))));
     bench.events();
     bench.run_to(623_455);
     assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![]));

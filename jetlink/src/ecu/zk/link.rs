@@ -1,6 +1,6 @@
 //! The conversation with a ZK ECU: a command at every turn, ID 0 when nothing is commanded (ZK-10).
 //!
-//! Up to version 4 the ECU speaks only when spoken to. From version 5 it sends by itself and keeps its last running
+//! Up to version 4 the ECU speaks only when received to. From version 5 it sends by itself and keeps its last running
 //! state when commands stop, so nothing here relies on it to fail safe.
 //!
 //! What goes out at a turn, first match first:
@@ -20,7 +20,7 @@ use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Transmission, earlier};
+use crate::link::{Beat, Debounced, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission, earlier};
 use crate::report::{
     Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
 };
@@ -50,7 +50,7 @@ const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
 
-/// Where a service command stands. Each state carries what ends it.
+/// Where a service command at_rest. Each state carries what ends it.
 #[derive(Clone, Copy, Debug)]
 enum ServiceState {
     None,
@@ -77,7 +77,7 @@ enum ServiceState {
     },
 }
 
-/// Where the setting of the status rate stands.
+/// Where the setting of the status rate at_rest.
 #[derive(Clone, Copy, Debug)]
 enum RateState {
     /// Status ID 6 has not said it yet.
@@ -95,15 +95,15 @@ enum RateState {
 pub struct ZkLink {
     config: Config,
     line: Line,
-    presence: Presence,
+    monitor: LinkMonitor,
     decoder: Decoder,
     report: Report,
     outbox: Outbox,
     counters: Counters,
     order: Order,
-    next_turn: Option<Instant>,
+    next_slot: Option<Instant>,
     /// Something must go out before the next turn: as soon as the UART is free.
-    out_of_turn: bool,
+    out_of_slot: bool,
     /// Of two frames that take turns, the second is next.
     second_next: bool,
     /// The last turn was used for something else than switch and demand.
@@ -136,17 +136,17 @@ pub struct ZkLink {
     partner_due: bool,
     /// ID 6 was in use when what is ordered last changed in kind.
     began_by_id6: bool,
-    // What decides how the ECU is spoken to changes only when two frames agree, and is forgotten with the link.
-    identity: Agreed<(Version, Rpm)>,
-    idle: Agreed<Rpm>,
+    // What decides how the ECU is received to changes only when two frames agree, and is forgotten with the link.
+    identity: Debounced<(Version, Rpm)>,
+    idle: Debounced<Rpm>,
     /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
-    agreed_rate: Agreed<Option<Rate>>,
+    debounced_rate: Debounced<Option<Rate>>,
     /// Identities that agreed in a row since the link came up.
     identities: u8,
     // What is believed of the engine, debounced.
-    phase: Agreed<Phase>,
-    switch: Agreed<ReportedSwitch>,
-    error: Agreed<ErrorCode>,
+    phase: Debounced<Phase>,
+    switch: Debounced<ReportedSwitch>,
+    error: Debounced<ErrorCode>,
     wanted_rate: Rate,
     rate: RateState,
     service: ServiceState,
@@ -160,14 +160,14 @@ impl ZkLink {
         Self {
             config,
             line,
-            presence: Presence::new(timing),
+            monitor: LinkMonitor::new(timing),
             decoder: Decoder::new(),
             report: Report::default(),
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            next_turn: None,
-            out_of_turn: false,
+            next_slot: None,
+            out_of_slot: false,
             second_next: false,
             extra_last: false,
             beat: Beat::new(STATUS_LEN as u8, line),
@@ -185,13 +185,13 @@ impl ZkLink {
             mode_out: None,
             partner_due: false,
             began_by_id6: false,
-            identity: Agreed::new(None),
-            idle: Agreed::new(None),
-            agreed_rate: Agreed::new(None),
+            identity: Debounced::new(None),
+            idle: Debounced::new(None),
+            debounced_rate: Debounced::new(None),
             identities: 0,
-            phase: Agreed::new(None),
-            switch: Agreed::new(None),
-            error: Agreed::new(None),
+            phase: Debounced::new(None),
+            switch: Debounced::new(None),
+            error: Debounced::new(None),
             wanted_rate: config.rate,
             rate: RateState::NotKnown,
             service: ServiceState::None,
@@ -206,9 +206,9 @@ impl ZkLink {
 
     fn frame(&mut self, now: Instant, frame: &StatusFrame) {
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
-        self.check_presence(now);
+        self.check_link(now);
         self.beat.frame(now);
-        if self.presence.frame(now) {
+        if self.monitor.frame(now) {
             self.outbox.event(Event::LinkUp);
         }
         let turning = frame.rpm() >= self.half_idle();
@@ -276,7 +276,7 @@ impl ZkLink {
                     }
                 }
                 report.rate = rate.map(|rate| Timed::new(rate, now));
-                self.agreed_rate.first_or_see(rate);
+                self.debounced_rate.first_or_see(rate);
                 self.compare_rate(now, rate);
             }
             Status::Fuel { flow, total } => {
@@ -302,16 +302,17 @@ impl ZkLink {
         }
     }
 
-    fn check_presence(&mut self, now: Instant) {
-        if self.presence.timeout(now) {
+    fn check_link(&mut self, now: Instant) {
+        if self.monitor.timeout(now) {
             self.outbox.event(Event::LinkLost);
             // Whoever comes back may have restarted with another rate, or be another ECU: nothing that decides how it is
-            // spoken to outlives the link.
+            // received to outlives the link.
             self.rate = RateState::NotKnown;
-            self.identity = Agreed::new(None);
+            self.identity = Debounced::new(None);
             self.identities = 0;
-            self.idle = Agreed::new(None);
-            (self.phase, self.switch, self.error) = (Agreed::new(None), Agreed::new(None), Agreed::new(None));
+            self.idle = Debounced::new(None);
+            (self.phase, self.switch, self.error) =
+                (Debounced::new(None), Debounced::new(None), Debounced::new(None));
             self.report.phase = None;
             self.report.version = None;
             self.report.max_rpm = None;
@@ -348,7 +349,7 @@ impl ZkLink {
     /// From one frame to the next: the slower one of what two reports agree on and what is asked for, because an ECU may answer
     /// at either (ZK-10, ZK-11).
     fn frame_interval(&self) -> Duration {
-        let reported = self.agreed_rate.get().flatten().unwrap_or(Rate::Hz20);
+        let reported = self.debounced_rate.get().flatten().unwrap_or(Rate::Hz20);
         reported.interval().max(self.wanted_rate.interval())
     }
 
@@ -398,13 +399,13 @@ impl ZkLink {
     }
 
     /// The version that two reports agree on since the link came up: what decides which commands the ECU gets.
-    fn agreed_version(&self) -> Option<Version> {
+    fn debounced_version(&self) -> Option<Version> {
         self.version().filter(|_| self.identities >= 2)
     }
 
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.agreed_version().map(Version::get);
+        let known = self.debounced_version().map(Version::get);
         if needed.get() <= known.unwrap_or(1).max(1) {
             return Ok(());
         }
@@ -416,7 +417,7 @@ impl ZkLink {
     // -----------------------------------------------------------------------------------------
 
     fn turn(&mut self, now: Instant) {
-        self.out_of_turn = false;
+        self.out_of_slot = false;
         let control = self.compose(now);
         self.outbox.put(Transmission::new(control.encode(), None));
     }
@@ -573,7 +574,7 @@ impl ZkLink {
         // Also when its version has been forgotten with the link: the engine is in mode 3 with this factor.
         let in_mode_3 =
             self.factor.is_some_and(|factor| factor == self.factor_sent && factor != RpmFactor::OFF);
-        let known = self.switch_by_id6 && knows(self.agreed_version(), 4) && self.report.max_rpm.is_some();
+        let known = self.switch_by_id6 && knows(self.debounced_version(), 4) && self.report.max_rpm.is_some();
         self.second_next = !self.second_next;
         if !(in_mode_3 || known) || self.second_next {
             return Control::KeepAlive;
@@ -585,12 +586,12 @@ impl ZkLink {
     /// goes by ID 6 as well wherever ID 6 was used, and a stop also where the version is not known: a version below 4
     /// ignores it.
     fn by_id6(&self, order: Order) -> bool {
-        let knows_it = knows(self.agreed_version(), 4);
+        let knows_it = knows(self.debounced_version(), 4);
         match order {
-            Order::EmergencyStop => self.switch_by_id6 || knows_it || self.agreed_version().is_none(),
+            Order::EmergencyStop => self.switch_by_id6 || knows_it || self.debounced_version().is_none(),
             // An ECU at rest that two reports say is older has never heard of ID 6: another one was plugged in.
             Order::Standby
-                if self.agreed_version().is_some()
+                if self.debounced_version().is_some()
                     && !knows_it
                     && self.phase.get().is_some_and(Phase::is_stopped) =>
             {
@@ -632,7 +633,7 @@ impl ZkLink {
     fn limited(&self, demand: Demand) -> Demand {
         match demand {
             // An ECU of a version without speed control took the place of the one that was asked.
-            Demand::Rpm(_) if !knows(self.agreed_version(), 4) => Demand::Throttle(Throttle::IDLE),
+            Demand::Rpm(_) if !knows(self.debounced_version(), 4) => Demand::Throttle(Throttle::IDLE),
             _ if self.released => demand,
             Demand::Throttle(_) => Demand::Throttle(Throttle::IDLE),
             Demand::Rpm(rpm) => {
@@ -656,7 +657,7 @@ impl ZkLink {
     fn transmission_over(&mut self, now: Instant) {
         self.outbox.done();
         let unlocked = matches!(self.service, ServiceState::Unlocking { .. });
-        if self.out_of_turn || unlocked {
+        if self.out_of_slot || unlocked {
             self.turn(now);
         }
     }
@@ -664,8 +665,8 @@ impl ZkLink {
 
 impl Link for ZkLink {
     fn start(&mut self, now: Instant) {
-        self.presence.start(now);
-        self.next_turn = Some(now);
+        self.monitor.start(now);
+        self.next_slot = Some(now);
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
@@ -708,7 +709,7 @@ impl Link for ZkLink {
             if order == Order::EmergencyStop {
                 // ZK knows no window: a stop goes out at once.
                 if self.outbox.busy() {
-                    self.out_of_turn = true;
+                    self.out_of_slot = true;
                 } else {
                     self.turn(now);
                 }
@@ -757,7 +758,7 @@ impl Link for ZkLink {
             // What a new factor gives a meaning to follows at once: ECUs may ignore ID 7 before it, or ID 1.
             let changed = core::mem::replace(&mut self.factor_sent, factor) != factor;
             self.partner_due = changed && switch != Switch::Pwm;
-            self.out_of_turn |= self.partner_due;
+            self.out_of_slot |= self.partner_due;
         }
         if let ServiceState::Sending { service, attempts_left } = self.service {
             self.outbox.event(Event::ServiceSent(AnyService::Zk(service)));
@@ -785,25 +786,25 @@ impl Link for ZkLink {
     }
 
     fn timeout(&mut self, now: Instant) {
-        self.check_presence(now);
-        let Some(due) = self.next_turn.filter(|due| now >= *due) else { return };
+        self.check_link(now);
+        let Some(due) = self.next_slot.filter(|due| now >= *due) else { return };
         let delay = now - due;
-        let worst = self.counters.worst_turn_delay.get_or_insert(delay);
+        let worst = self.counters.worst_slot_delay.get_or_insert(delay);
         *worst = delay.max(*worst);
         // Turns keep their beat; those that are over are skipped, never made up for in a burst.
         let interval = self.wanted_rate.interval();
         let skipped = delay.as_ticks() / interval.as_ticks();
-        self.next_turn = Some(due + Duration::from_ticks(interval.as_ticks() * (skipped + 1)));
-        self.counters.turns_missed = self.counters.turns_missed.wrapping_add(skipped as u32);
+        self.next_slot = Some(due + Duration::from_ticks(interval.as_ticks() * (skipped + 1)));
+        self.counters.send_slots_missed = self.counters.send_slots_missed.wrapping_add(skipped as u32);
         if self.outbox.idle() {
             self.turn(now);
         } else {
-            bump(&mut self.counters.turns_missed);
+            bump(&mut self.counters.send_slots_missed);
         }
     }
 
     fn poll(&mut self) -> Output {
-        self.outbox.poll().unwrap_or_else(|| Output::Wait(earlier(self.next_turn, self.presence.deadline())))
+        self.outbox.poll().unwrap_or_else(|| Output::Wait(earlier(self.next_slot, self.monitor.deadline())))
     }
 
     fn take_sign(&mut self) -> Option<Sign> {
@@ -860,15 +861,15 @@ impl Link for ZkLink {
     }
 
     fn state(&self) -> LinkState {
-        self.presence.state()
+        self.monitor.state()
     }
 
-    fn heard(&self) -> Option<Instant> {
-        self.presence.heard()
+    fn last_rx(&self) -> Option<Instant> {
+        self.monitor.last_rx()
     }
 
     fn up_since(&self) -> Option<Instant> {
-        self.presence.up_since()
+        self.monitor.up_since()
     }
 
     fn frames(&self) -> u32 {

@@ -168,7 +168,7 @@ pub struct Oracle {
     latched: Option<(Origin, u64)>,
     armed: bool,
     /// Who said "arm" last, and who has to say "disarm" before that counts again.
-    said_arm: [bool; 4],
+    arm_commanded: [bool; 4],
     must_disarm: [bool; 4],
     standby_said: Option<u64>,
     /// Words that asked for a start since the last frame with a switch.
@@ -270,7 +270,7 @@ impl Oracle {
             sources: [None; 4],
             latched: None,
             armed: false,
-            said_arm: [false; 4],
+            arm_commanded: [false; 4],
             must_disarm: [false; 4],
             standby_said: None,
             attempts: Vec::new(),
@@ -609,7 +609,7 @@ impl Oracle {
                 self.latched = Some((by, since));
                 self.guard = false;
                 self.armed = false;
-                for (must, said) in self.must_disarm.iter_mut().zip(self.said_arm) {
+                for (must, said) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
                     *must |= said;
                 }
                 self.use_up_all();
@@ -636,7 +636,7 @@ impl Oracle {
             Command::Arm => self.arm(origin, answer)?,
             Command::Disarm => {
                 self.armed = false;
-                self.said_arm[slot(origin)] = false;
+                self.arm_commanded[slot(origin)] = false;
                 self.must_disarm[slot(origin)] = false;
                 self.use_up_all();
                 if self.wire_run && !self.reached {
@@ -674,7 +674,7 @@ impl Oracle {
     }
 
     fn arm(&mut self, origin: Origin, answer: Result<Accepted, Rejected>) -> Result<(), String> {
-        self.said_arm[slot(origin)] = true;
+        self.arm_commanded[slot(origin)] = true;
         if answer.is_ok() {
             if self.latched.is_some() {
                 return Err(format!("(4) {origin:?} armed while an emergency stop is latched"));
@@ -986,7 +986,7 @@ impl Oracle {
             Kept::Lost => {
                 self.latched = None;
                 self.armed = false;
-                self.said_arm = [false; 4];
+                self.arm_commanded = [false; 4];
                 self.must_disarm = [false; 4];
             }
         }

@@ -11,7 +11,7 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::ecu::{EcuConfig, amt::codec::Engine};
 use jetlink::engine::config::{Action, Governor, Slew, Supervision};
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::event::{Event, LossStage};
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
@@ -695,9 +695,9 @@ impl Rig {
 const WORDS: usize = 8;
 
 /// The words behind a record, to write them as a reset in the middle of a write would leave them.
-fn words(memory: &Memory) -> &[AtomicU32; 2 * WORDS] {
-    const { assert!(size_of::<Memory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
-    // SAFETY: a `Memory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
+fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
+    const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
+    // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
 }
@@ -721,7 +721,8 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
     let mut rigs: [Rig; N] = std::array::from_fn(|port| rig(rng, port as u8, gap));
     let configs = rigs.each_ref().map(|rig| rig.config);
     // It outlives every node, as memory does; a few bytes for each world.
-    let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+    let memory: &'static [RetainedMemory; N] =
+        Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
     let end = now() + length.as_micros();
     let fail = |rigs: &[Rig; N], port: usize, why: String| {
         use std::fmt::Write;
@@ -801,7 +802,7 @@ fn boot<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
     configs: &[EngineConfig; N],
-    (memory, how): (&'static [Memory; N], Reset),
+    (memory, how): (&'static [RetainedMemory; N], Reset),
     end: u64,
 ) -> Result<End, (usize, String)> {
     static ERRORS: LineErrors = LineErrors::new();
@@ -881,11 +882,11 @@ fn reset<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
     handles: &[Handle<'_>; N],
-    memory: &'static [Memory; N],
+    memory: &'static [RetainedMemory; N],
 ) -> Kept {
     match rng.below(10) {
         0 => {
-            memory.iter().for_each(Memory::clear);
+            memory.iter().for_each(RetainedMemory::clear);
             Kept::Lost
         }
         1 => {

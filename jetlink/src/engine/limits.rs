@@ -5,7 +5,7 @@
 //! long as it is passed.
 
 use super::config::{Action, Limits};
-use crate::limit::{Passed, Watched};
+use crate::limit::{LimitKind, LimitViolation};
 use crate::report::{Phase, Report, Timed};
 use crate::units::{Celsius, Rpm};
 use embassy_time::{Duration, Instant};
@@ -24,19 +24,19 @@ const SAMPLE: Duration = Duration::from_millis(240);
 
 /// One limit's memory.
 #[derive(Clone, Copy, Debug)]
-struct Twice {
+struct Consecutive {
     /// Values in a row that were beyond.
     beyond: u8,
     /// It is passed.
-    passed: Option<(Passed, Action)>,
+    passed: Option<(LimitViolation, Action)>,
 }
 
-impl Twice {
+impl Consecutive {
     const NEVER: Self = Self { beyond: 0, passed: None };
 
     /// A value beyond the limit, with what is to be told, or one within. Gives what is to be told, once: with the second
     /// value in a row.
-    fn see(&mut self, beyond: Option<Passed>, action: Action) -> Option<Passed> {
+    fn see(&mut self, beyond: Option<LimitViolation>, action: Action) -> Option<LimitViolation> {
         self.beyond = if beyond.is_some() { self.beyond.saturating_add(1).min(3) } else { 0 };
         match beyond {
             None => self.passed = None,
@@ -56,16 +56,16 @@ struct Sample {
 
 /// Watches one engine.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
+pub(super) struct LimitMonitor {
     limits: Limits,
-    over_speed: Twice,
-    over_temperature: Twice,
-    low_rpm: Twice,
-    hot_start: Twice,
-    flame_out: Twice,
-    supply_low: Twice,
-    implausible: Twice,
-    fault: Twice,
+    over_speed: Consecutive,
+    over_temperature: Consecutive,
+    low_rpm: Consecutive,
+    hot_start: Consecutive,
+    flame_out: Consecutive,
+    supply_low: Consecutive,
+    implausible: Consecutive,
+    fault: Consecutive,
     /// The fault of the last report, and when that came.
     fault_before: Option<u8>,
     fault_seen: Option<Instant>,
@@ -78,25 +78,25 @@ pub(super) struct Watch {
     /// The last values, and of the last two the one that makes less of a loss of speed or a rise of temperature: a
     /// single odd frame stays out of the history.
     rpm_last: Option<Rpm>,
-    rpm_kept: Option<Rpm>,
+    rpm_filtered: Option<Rpm>,
     egt_last: Option<Celsius>,
-    egt_kept: Option<Celsius>,
+    egt_filtered: Option<Celsius>,
     history: Deque<Sample, 12>,
-    found: Deque<Passed, 9>,
+    found: Deque<LimitViolation, 9>,
 }
 
-impl Watch {
+impl LimitMonitor {
     pub const fn new(limits: Limits) -> Self {
         Self {
             limits,
-            over_speed: Twice::NEVER,
-            over_temperature: Twice::NEVER,
-            low_rpm: Twice::NEVER,
-            hot_start: Twice::NEVER,
-            flame_out: Twice::NEVER,
-            supply_low: Twice::NEVER,
-            implausible: Twice::NEVER,
-            fault: Twice::NEVER,
+            over_speed: Consecutive::NEVER,
+            over_temperature: Consecutive::NEVER,
+            low_rpm: Consecutive::NEVER,
+            hot_start: Consecutive::NEVER,
+            flame_out: Consecutive::NEVER,
+            supply_low: Consecutive::NEVER,
+            implausible: Consecutive::NEVER,
+            fault: Consecutive::NEVER,
             fault_before: None,
             fault_seen: None,
             rpm_seen: None,
@@ -105,26 +105,26 @@ impl Watch {
             plausible: None,
             first_rpm: None,
             rpm_last: None,
-            rpm_kept: None,
+            rpm_filtered: None,
             egt_last: None,
-            egt_kept: None,
+            egt_filtered: None,
             history: Deque::new(),
             found: Deque::new(),
         }
     }
 
     /// What was found since the last call, first found first.
-    pub fn found(&mut self) -> Option<Passed> {
+    pub fn found(&mut self) -> Option<LimitViolation> {
         self.found.pop_front()
     }
 
     /// The hotter of the last two exhaust temperatures: one odd frame does not make a hot exhaust cool.
     pub const fn hottest(&self) -> Option<Celsius> {
-        self.egt_kept
+        self.egt_filtered
     }
 
     /// The limit that is passed now and asks for the most, if one asks for anything.
-    pub fn in_force(&self) -> Option<(Passed, Action)> {
+    pub fn in_force(&self) -> Option<(LimitViolation, Action)> {
         [
             self.over_speed,
             self.over_temperature,
@@ -147,19 +147,19 @@ impl Watch {
         if let Some(rpm) = report.rpm.filter(|rpm| self.rpm_seen != Some(rpm.at)) {
             self.rpm_seen = Some(rpm.at);
             self.see_rpm(now, report, rpm, phase, lowered);
-            self.rpm_kept = Some(self.rpm_last.map_or(rpm.value, |last| last.min(rpm.value)));
+            self.rpm_filtered = Some(self.rpm_last.map_or(rpm.value, |last| last.min(rpm.value)));
             self.rpm_last = Some(rpm.value);
         }
         if let Some(egt) = report.egt.filter(|egt| self.egt_seen != Some(egt.at)) {
             self.egt_seen = Some(egt.at);
             self.see_egt(now, egt, phase);
-            self.egt_kept = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
+            self.egt_filtered = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
             self.egt_last = Some(egt.value);
         }
         if let Some(supply) = report.supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
             if let (Some(limit), Some(voltage)) = (self.limits.supply_low.at, supply.value.voltage) {
-                let passed = Passed::new(Watched::SupplyLow, voltage.get(), limit.get(), now);
+                let passed = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
                 let told =
                     self.supply_low.see((voltage < limit).then_some(passed), self.limits.supply_low.action);
                 self.tell(told);
@@ -173,7 +173,8 @@ impl Watch {
                 self.fault.beyond = 0;
             }
             let before = self.fault.passed.map(|(passed, _)| passed.value);
-            let passed = fault.map(|number| Passed::new(Watched::EcuFault, u32::from(number), 0, now));
+            let passed =
+                fault.map(|number| LimitViolation::new(LimitKind::EcuFault, u32::from(number), 0, now));
             let told = self.fault.see(passed, self.limits.ecu_fault);
             self.tell(told.filter(|told| before != Some(told.value)));
         }
@@ -194,16 +195,16 @@ impl Watch {
         }
 
         // Where no limit is set, the engine's own figures serve.
-        let told_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
-        if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(told_max) {
-            let passed = Passed::new(Watched::OverSpeed, value, limit, now);
+        let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
+        if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(reported_max) {
+            let passed = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
             let told = self.over_speed.see((value > limit).then_some(passed), self.limits.over_speed.action);
             self.tell(told);
         }
-        let told_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
-        if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(told_idle) {
+        let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
+        if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
             let low = phase == Some(Phase::Running) && value < limit;
-            let passed = Passed::new(Watched::LowRpm, value, limit, now);
+            let passed = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
             let told = self.low_rpm.see(low.then_some(passed), self.limits.low_rpm.action);
             self.tell(told);
         }
@@ -219,7 +220,7 @@ impl Watch {
             let lost = highest.get().saturating_sub(value).saturating_mul(100) / highest.get().max(1);
             let asked_for = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !asked_for && lost >= u32::from(limit);
-            let passed = Passed::new(Watched::FlameOut, lost, u32::from(limit), now);
+            let passed = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
             let told = self.flame_out.see(beyond.then_some(passed), self.limits.flame_out.action);
             self.tell(told);
         }
@@ -239,7 +240,7 @@ impl Watch {
             return;
         };
         let change = change(before);
-        let passed = Passed::new(Watched::Implausible, change, limit, now);
+        let passed = LimitViolation::new(LimitKind::Implausible, change, limit, now);
         let told = self.implausible.see((change > limit).then_some(passed), self.limits.implausible.action);
         self.tell(told);
         if change <= limit || self.implausible.beyond > 1 {
@@ -250,8 +251,8 @@ impl Watch {
     fn see_egt(&mut self, now: Instant, egt: Timed<Celsius>, phase: Option<Phase>) {
         let value = egt.value.tenths();
         if let Some(limit) = self.limits.over_temperature.at {
-            let passed = Passed {
-                what: Watched::OverTemperature,
+            let passed = LimitViolation {
+                what: LimitKind::OverTemperature,
                 value: value.into(),
                 limit: limit.tenths().into(),
                 at: now,
@@ -273,7 +274,7 @@ impl Watch {
             });
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
-            let passed = Passed { what: Watched::HotStart, value, limit: limit.into(), at: now };
+            let passed = LimitViolation { what: LimitKind::HotStart, value, limit: limit.into(), at: now };
             let told = self.hot_start.see(beyond.then_some(passed), self.limits.hot_start.action);
             self.tell(told);
         }
@@ -286,11 +287,11 @@ impl Watch {
         if self.history.is_full() {
             self.history.pop_front();
         }
-        let sample = Sample { at: now, rpm: self.rpm_kept, egt: self.egt_kept };
+        let sample = Sample { at: now, rpm: self.rpm_filtered, egt: self.egt_filtered };
         let _ = self.history.push_back(sample);
     }
 
-    fn tell(&mut self, passed: Option<Passed>) {
+    fn tell(&mut self, passed: Option<LimitViolation>) {
         if let Some(passed) = passed {
             // There is room for each limit once, and whoever watches takes them out after every look.
             let _ = self.found.push_back(passed);

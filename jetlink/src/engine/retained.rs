@@ -3,7 +3,7 @@
 //! one before.
 //!
 //! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. What is then left
-//! of a whole record can only stop an engine or preserve one: [`Record::without_start`].
+//! of a whole record can only stop an engine or preserve one: [`RetainedState::without_start`].
 
 use crate::command::{Demand, Order, Origin};
 use crate::event::LossStage;
@@ -19,7 +19,7 @@ const WORDS: usize = 8;
 /// Silence is retained in steps of this, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
-/// Steps of 0.2 s, while a source has spoken since the last reset.
+/// Steps of 0.2 s, while a source has received since the last reset.
 const COARSE: u32 = 10;
 /// Bits of a demand in its word; the rest is for the silence of all sources, whose higher bits stand elsewhere.
 const DEMAND_BITS: u32 = 18;
@@ -43,7 +43,7 @@ pub enum Reset {
 /// What is kept of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Record {
+pub struct RetainedState {
     /// The order in force. A latched emergency stop is one.
     pub order: Order,
     /// Whose it was.
@@ -66,17 +66,17 @@ pub struct Record {
     pub silent: Duration,
     /// The same for every source. In steps of 20 ms, for longer than anything here lasts.
     pub all_silent: Duration,
-    /// Resets in a row in which the source in control has not spoken; 15 at most.
+    /// Resets in a row in which the source in control has not received; 15 at most.
     pub resets: u8,
     /// How long ago the start that is under way was ordered, in s; 0 without one.
     pub starting: u16,
     /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
-    pub said_arm: u8,
+    pub arm_commanded: u8,
     /// The sources that have to disarm before their "arm" counts again, in the same way.
     pub must_disarm: u8,
 }
 
-impl Record {
+impl RetainedState {
     /// An order of somebody, and nothing else.
     pub const fn new(order: Order, origin: Origin) -> Self {
         Self {
@@ -93,7 +93,7 @@ impl Record {
             all_silent: Duration::from_ticks(0),
             resets: 0,
             starting: 0,
-            said_arm: 0,
+            arm_commanded: 0,
             must_disarm: 0,
         }
     }
@@ -113,7 +113,16 @@ impl Record {
             _ => Origin::Node,
         };
         let Self {
-            ran, by_id6, pump_open, silent, all_silent, resets, starting, said_arm, must_disarm, ..
+            ran,
+            by_id6,
+            pump_open,
+            silent,
+            all_silent,
+            resets,
+            starting,
+            arm_commanded,
+            must_disarm,
+            ..
         } = self;
         Self {
             ran,
@@ -123,7 +132,7 @@ impl Record {
             all_silent,
             resets,
             starting,
-            said_arm,
+            arm_commanded,
             must_disarm,
             ..Self::new(order, origin)
         }
@@ -141,23 +150,23 @@ impl Record {
     }
 }
 
-/// Memory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
+/// RetainedMemory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
 /// then arbitrary, and not believed.
 ///
 /// Each copy is a multiple of 32 bytes: the word that is written is never in the ECC unit of the other copy.
 #[derive(Debug)]
 #[repr(C, align(32))]
-pub struct Memory {
+pub struct RetainedMemory {
     copies: [[AtomicU32; WORDS]; 2],
 }
 
-impl Default for Memory {
+impl Default for RetainedMemory {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Memory {
+impl RetainedMemory {
     /// Empty.
     pub const fn new() -> Self {
         Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
@@ -165,8 +174,8 @@ impl Memory {
 
     /// The newer of the two copies that are whole. `fingerprint` says whose it has to be
     /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's, and after a loss of power, only
-    /// [`Record::without_start`] is left.
-    pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<Record> {
+    /// [`RetainedState::without_start`] is left.
+    pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<RetainedState> {
         let (_, words) = self.newest()?;
         let record = unpack(words)?;
         let whole = words[4] == fingerprint && reset == Reset::Warm;
@@ -174,7 +183,7 @@ impl Memory {
     }
 
     /// Retains a record of the engine with this fingerprint, over the older copy.
-    pub fn store(&self, record: &Record, fingerprint: u32) {
+    pub fn store(&self, record: &RetainedState, fingerprint: u32) {
         self.store_next(record, fingerprint, self.next_sequence());
     }
 
@@ -191,7 +200,7 @@ impl Memory {
     }
 
     /// The same, by a writer that counts its writes: the copies are not looked at.
-    pub(crate) fn store_next(&self, record: &Record, fingerprint: u32, sequence: u32) {
+    pub(crate) fn store_next(&self, record: &RetainedState, fingerprint: u32, sequence: u32) {
         let place = (sequence & 1) as usize;
         let words = pack(record, sequence, fingerprint);
         if let Some(copy) = self.copies.get(place) {
@@ -243,7 +252,7 @@ fn steps(silent: Duration) -> u32 {
     u32::try_from(silent.as_ticks() / SILENCE_STEP.as_ticks()).unwrap_or(u32::MAX)
 }
 
-fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
+fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
     let (order, value) = match record.order {
         Order::EmergencyStop => (1, 0),
         Order::Standby => (2, 0),
@@ -267,15 +276,16 @@ fn pack(record: &Record, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
     let silence = steps(record.silent).min(SILENCE_STEPS_MAX)
         | u32::from(record.resets).min(RESETS_MAX) << 16
         | all_silent >> SILENCE_LOW << SILENCE_HIGH_AT;
-    let arming =
-        u32::from(record.said_arm) | u32::from(record.must_disarm) << 8 | u32::from(record.starting) << 16;
+    let arming = u32::from(record.arm_commanded)
+        | u32::from(record.must_disarm) << 8
+        | u32::from(record.starting) << 16;
     let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
     let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
     words[WORDS - 1] = checksum(&words);
     words
 }
 
-fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<Record> {
+fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<RetainedState> {
     let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
     let value = value & ((1 << DEMAND_BITS) - 1);
     let order = match flags & 0xFF {
@@ -297,7 +307,7 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         _ => return None,
     };
     let flag = |bit: u32| flags >> bit & 1 == 1;
-    Some(Record {
+    Some(RetainedState {
         order,
         origin,
         armed: flag(16),
@@ -310,7 +320,7 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         silent: SILENCE_STEP * (silence & 0xFFFF),
         all_silent: SILENCE_STEP * all_silent,
         resets: u8::try_from(silence >> 16 & RESETS_MAX).ok()?,
-        said_arm: u8::try_from(arming & 0xFF).ok()?,
+        arm_commanded: u8::try_from(arming & 0xFF).ok()?,
         must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
         starting: u16::try_from(arming >> 16).ok()?,
     })
@@ -320,20 +330,20 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
 mod tests {
     use super::*;
 
-    fn run(tenths: u16) -> Record {
+    fn run(tenths: u16) -> RetainedState {
         let order = Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()));
-        Record { armed: true, ..Record::new(order, Origin::Rc) }
+        RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
     }
 
     const OURS: u32 = 0x1234_5678;
 
-    fn load(memory: &Memory) -> Option<Record> {
+    fn load(memory: &RetainedMemory) -> Option<RetainedState> {
         memory.load(OURS, Reset::Warm)
     }
 
     #[test]
     fn every_order_and_source_comes_back() {
-        let memory = Memory::new();
+        let memory = RetainedMemory::new();
         assert_eq!(load(&memory), None, "empty");
         let orders = [Order::EmergencyStop, Order::Standby, run(637).order, Order::Pwm, Order::Listen];
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
@@ -341,7 +351,7 @@ mod tests {
                 let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
                 for (flags, loss) in (0..64).flat_map(|flags| stages.map(|loss| (flags, loss))) {
                     let flag = |bit: u32| flags >> bit & 1 == 1;
-                    let record = Record {
+                    let record = RetainedState {
                         order,
                         origin,
                         armed: flag(0),
@@ -354,7 +364,7 @@ mod tests {
                         silent: Duration::from_millis(20 * flags as u64),
                         all_silent: Duration::from_secs(21_000 * flags as u64),
                         resets: flags as u8 & 15,
-                        said_arm: flags as u8 & 31,
+                        arm_commanded: flags as u8 & 31,
                         must_disarm: flags as u8 >> 1,
                         starting: flags as u16 * 1000,
                     };
@@ -370,7 +380,7 @@ mod tests {
         // After each number of words written, in each of the two places.
         for before in [run(100), run(200)] {
             for words in 0..WORDS {
-                let memory = Memory::new();
+                let memory = RetainedMemory::new();
                 memory.store(&run(50), OURS);
                 memory.store(&before, OURS);
                 let (place, newest) = memory.newest().unwrap();
@@ -386,7 +396,7 @@ mod tests {
     #[test]
     fn one_flipped_bit_is_not_believed() {
         for bit in 0..WORDS * 32 {
-            let memory = Memory::new();
+            let memory = RetainedMemory::new();
             memory.store(&run(500), OURS);
             let (place, _) = memory.newest().unwrap();
             memory.copies[place][bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
@@ -396,7 +406,7 @@ mod tests {
 
     #[test]
     fn the_sequence_wraps() {
-        let memory = Memory::new();
+        let memory = RetainedMemory::new();
         for (copy, sequence, tenths) in [(0, u32::MAX, 1), (1, 0, 2)] {
             for (slot, word) in memory.copies[copy].iter().zip(pack(&run(tenths), sequence, OURS)) {
                 slot.store(word, Ordering::Relaxed);
@@ -407,31 +417,32 @@ mod tests {
 
     #[test]
     fn lost_power_or_another_engine_leaves_nothing_that_starts_or_raises() {
-        let memory = Memory::new();
-        let full = Record { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
+        let memory = RetainedMemory::new();
+        let full =
+            RetainedState { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
         memory.store(&full, OURS);
-        let left = Record {
+        let left = RetainedState {
             ran: true,
             by_id6: true,
             pump_open: true,
             resets: 2,
-            ..Record::new(Order::Listen, Origin::Node)
+            ..RetainedState::new(Order::Listen, Origin::Node)
         };
         assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
         assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
         assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");
-        let stop = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+        let stop = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
         memory.store(&stop, OURS);
         assert_eq!(
             memory.load(OURS, Reset::PowerLost),
-            Some(Record { armed: false, ..stop }),
+            Some(RetainedState { armed: false, ..stop }),
             "a stop stays"
         );
     }
 
     #[test]
     fn copies_share_no_ecc_unit() {
-        let memory = Memory::new();
+        let memory = RetainedMemory::new();
         let [a, b] = memory.copies.each_ref().map(|copy| core::ptr::from_ref(copy).addr());
         assert_eq!((a % 32, b % 32, b - a), (0, 0, 32));
     }
