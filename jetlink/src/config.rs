@@ -26,7 +26,7 @@ pub struct EngineConfig {
     pub port: u8,
     /// Baud rate and stop bits.
     pub line: Line,
-    /// The ECU and how it is received to.
+    /// The ECU and how it is spoken to.
     pub ecu: EcuConfig,
     /// When the ECU counts as heard and as lost.
     pub timing: Timing,

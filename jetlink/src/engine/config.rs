@@ -12,7 +12,7 @@ pub struct Supervision {
     pub ages: SourceAges,
     /// A source that was lost has to speak for so long without a gap before it rules again. Default 1 s, 0.1 s to 60 s.
     pub recover_after: Duration,
-    /// A source that has received without a gap for `recover_after` and returns within this after its age limit goes on at
+    /// A source that has spoken without a gap for `recover_after` and returns within this after its age limit goes on at
     /// `rise`, without a take-over. Default 1 s, at most 10 s.
     pub return_within: Duration,
     /// What happens to the demand when another source takes over.
@@ -163,7 +163,7 @@ pub struct Limit<T> {
 }
 
 impl<T> Limit<T> {
-    /// LimitKind, and only told.
+    /// Watched, and only reported.
     pub const fn tell(at: T) -> Self {
         Self { at: Some(at), action: Action::None }
     }
@@ -221,7 +221,7 @@ pub struct Governor {
 impl Governor {
     /// Tuned on the simulated Olympus and Titan, in steps of 10 % to 50 % between 40 % and 90 % of their maximum speed
     /// (`tests/wire_governor.rs`): overshoot at most 3.1 % of the step, within 1.5 % of the target after at most 14.2 s,
-    /// then within 0.6 %. Consecutive the integral gain is a limit cycle: the engines accelerate at a limited rate.
+    /// then within 0.6 %. Twice the integral gain is a limit cycle: the engines accelerate at a limited rate.
     pub const DEFAULT: Self = Self {
         proportional: 8,
         integral: 6,

@@ -142,7 +142,7 @@ pub struct Engine {
     others_failed: u8,
     limits: LimitMonitor,
     exhaust: Exhaust,
-    /// Resets in a row in which no source has received, this one counted.
+    /// Resets in a row in which no source has spoken, this one counted.
     resets: u8,
     /// Since when nothing that was to be sent went out; and that was reported.
     transmitter: Option<Instant>,

@@ -44,7 +44,7 @@ struct Source {
     period_before: Duration,
     /// Its last word was standby, given then.
     standby_at: Option<Instant>,
-    /// It has received since the node started; otherwise it was resumed.
+    /// It has spoken since the node started; otherwise it was resumed.
     received: bool,
     /// When it last wanted something, since the node started.
     wanted: Option<Instant>,
@@ -117,7 +117,7 @@ impl Sources {
                 continue;
             }
             let before = *slot;
-            // One that is present and wants nothing speaks without a gap; one that was resumed has not received yet.
+            // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
                 Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
                 // The first word after a reset, within a short gap: what was lost before it stays lost, and nothing else is.
@@ -251,7 +251,7 @@ impl Sources {
         self.source(origin).is_some_and(|source| source.was_lost)
     }
 
-    /// Whether any source has received since the node started.
+    /// Whether any source has spoken since the node started.
     pub fn any_received(&self) -> bool {
         self.each().any(|(_, source)| source.received)
     }
@@ -303,7 +303,7 @@ impl Source {
     }
 }
 
-/// It has received without a gap for so long: the silence since does not count.
+/// It has spoken without a gap for so long: the silence since does not count.
 fn recovered(source: &Source, after: Duration) -> bool {
     source.heard >= source.since + after
 }

@@ -1,4 +1,4 @@
-//! How an AMT ECU is received to, and what it can be asked to do once.
+//! How an AMT ECU is spoken to, and what it can be asked to do once.
 
 use super::codec::{CONTROL_LEN, Engine};
 use crate::line::{Line, Timing};
@@ -8,7 +8,7 @@ use embassy_time::Duration;
 /// From the last stop bit of an ECU frame to the last stop bit of its reply (AMT-11).
 pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
 
-/// How an AMT ECU is received to.
+/// How an AMT ECU is spoken to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {

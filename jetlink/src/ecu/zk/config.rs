@@ -1,10 +1,10 @@
-//! How a ZK ECU is received to, and what it can be asked to do once.
+//! How a ZK ECU is spoken to, and what it can be asked to do once.
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
 use crate::line::Timing;
 use embassy_time::Duration;
 
-/// How a ZK ECU is received to.
+/// How a ZK ECU is spoken to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
