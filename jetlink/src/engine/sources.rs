@@ -70,6 +70,12 @@ impl Sources {
         }
     }
 
+    /// New settings. A timeout counts from the next command of its source on.
+    pub const fn configure(&mut self, config: &Supervision) {
+        (self.ages, self.recover_after, self.return_within) =
+            (config.ages, config.recover_after, config.return_within);
+    }
+
     /// A source says what it wants.
     pub fn heard(&mut self, now: Instant, origin: Origin, intent: Intent) {
         self.speak(now, origin, intent);
