@@ -248,6 +248,31 @@ fn a_pair_of_words_gives_one_ignition() {
     story().mark(42.0, Mark::Relight).passes();
 }
 
+/// An AMT engine goes out, and its ECU clears its fault while the exhaust is hot, and starts on the run that it was told. A node
+/// has to see the exhaust fall within 4 s, unless it is reset before.
+#[test]
+fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
+    let story = |clears: f64, resets: bool| {
+        let up =
+            |half: u64| Reset { down: half * SECOND / 2, up: half * SECOND / 2 + MS, cause: Cause::Watchdog };
+        flight(AMT, 40.0)
+            .says(PILOT, 40.0, clears + 1.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 43.5, HALF)
+            .turbine(40.0, clears, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(clears, clears + 1.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(clears, Mark::Ignition)
+            .with(|h| {
+                for sample in h.samples.iter_mut().filter(|sample| sample.phase == Phase::Cooling) {
+                    sample.fault = true;
+                }
+                h.resets = (80..92).filter(|_| resets).map(up).collect();
+            })
+    };
+    story(43.5, false).passes();
+    story(46.0, true).passes();
+    story(46.0, false).breaks(&[Rule::Ignition]);
+}
+
 #[test]
 fn a_withdrawn_start_does_not_ignite() {
     let story = |word| {
@@ -650,6 +675,13 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     };
     story().breaks(&[Rule::ShutDown]);
     story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
+    // Who is present and wants nothing is silent from then on, and not from an age limit later.
+    let late = |h: &mut History| {
+        h.rules.standby_after = Some(5 * SECOND);
+        h.rules.ages = [SECOND; 4];
+    };
+    story().with(late).breaks(&[Rule::ShutDown]);
+    story().with(late).says(PILOT, 40.0, 60.0, Word::Nothing).passes();
 }
 
 #[test]

@@ -101,7 +101,7 @@ impl Case<'_> {
     }
 
     /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is told.
-    fn longest_up(&self, from: u64, at: u64) -> u64 {
+    pub(super) fn longest_up(&self, from: u64, at: u64) -> u64 {
         let (mut since, mut longest) = (from, 0);
         for (down, up) in self.down.iter().filter(|(down, up)| *up > from && *down < at) {
             longest = longest.max(down.saturating_sub(since));
@@ -159,6 +159,12 @@ impl Case<'_> {
         })
     }
 
+    /// When a source said that it wants nothing, right after this word: it is silent from then on.
+    fn nothing_after(&self, source: usize, word: u64, at: u64) -> Option<u64> {
+        let later = self.voices.until(source, at).iter().find(|(when, _)| *when > word);
+        later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when)
+    }
+
     /// Whether a higher source, which says run, keeps this one's standby from taking effect.
     fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
@@ -167,9 +173,7 @@ impl Case<'_> {
         let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover + slack) else {
             return false;
         };
-        // Who is present and wants nothing is silent from that word on.
-        let later = self.voices.until(higher, at).iter().find(|(when, _)| *when > sure);
-        let nothing = later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when);
+        let nothing = self.nothing_after(higher, sure, at);
         let lost = nothing.unwrap_or(u64::MAX).min(sure + self.voices.age(higher));
         // Or another one has taken over since, with a run of its own.
         let took_over = (0..4).filter(|other| *other != higher).any(|other| {
@@ -231,7 +235,12 @@ impl Case<'_> {
         let youngest = rules.ages.into_iter().min().unwrap_or_default();
         let silent_since = match up {
             Some(up) if heard < up => up,
-            _ => heard + youngest,
+            _ => {
+                let said = (0..4)
+                    .filter(|source| self.voices.last(*source, heard).is_some_and(|(when, _)| when == heard));
+                let nothing = said.filter_map(|source| self.nothing_after(source, heard, at)).min();
+                nothing.unwrap_or(u64::MAX).min(heard + youngest)
+            }
         };
         // From the third reset without a source on it resumes at the fail-safe.
         let resets: Vec<u64> =
