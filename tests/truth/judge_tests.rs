@@ -599,6 +599,25 @@ fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
     story(Cause::PowerOn, 800, false).breaks(&[Rule::Rate]);
     story(Cause::Watchdog, 500, false).breaks(&[Rule::Rate]);
     story(Cause::PowerOn, 500, true).breaks(&[Rule::Rate]);
+    // A throttle that has come to an ECU which holds a speed is not obeyed before the ID 6 that ends that. The throttle that it
+    // reports is that of the speed.
+    let speed = |mode: bool| {
+        flight(ZK5, 40.0)
+            .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND))
+            .says(PILOT, 39.0, 40.0, Word::Run(Ask::Rpm(140_000)))
+            .wire(39.0, 39.01, Told::Mode(Some(Switch::Run), 4))
+            .wire(39.05, 40.0, Told::Rpm(140_000))
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(200)))
+            .wire(40.0, 40.04, Told::Full(Switch::Run, 200))
+            .wire(40.05, 40.06, if mode { Told::Mode(Some(Switch::Run), 0) } else { Told::Nothing })
+            .wire(40.1, 40.14, if mode { Told::Full(Switch::Run, 200) } else { Told::Nothing })
+            .wire(40.7, 41.0, Told::Full(Switch::Run, 700))
+            .wire(41.0, 45.0, Told::Full(Switch::Run, 200))
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.resets.push(Reset { down: 40_150 * MS, up: 40_250 * MS, cause: Cause::PowerOn }))
+    };
+    speed(false).passes();
+    speed(true).breaks(&[Rule::Rate]);
 }
 
 #[test]
