@@ -350,6 +350,26 @@ fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
     story(45.0).breaks(&[Rule::RunAtRest]);
 }
 
+/// A node that was reset did not hear the power-up, and the first set still says that the engine runs: with its shaft above half of
+/// idle, as it is set, it is answered.
+#[test]
+fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
+    let story = |rpm| {
+        flight(AMT, 40.0)
+            .with(|h| {
+                h.unpowered = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
+                h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
+                h.rules.stale = 1;
+            })
+            .turbine(40.0, 50.0, Phase::Cooling, rpm, 400.0)
+            .says(PILOT, 40.0, 50.0, Word::Run(Ask::Throttle(500)))
+            .wire(45.4, 45.5, HALF)
+            .wire(45.6, 50.0, STANDBY)
+    };
+    story(15_000.0).passes();
+    story(10_000.0).breaks(&[Rule::RunAtRest]);
+}
+
 /// A start that its ECU has not reported yet, and an outage that is shorter than a gap: at rest still fits, until a gap can be
 /// seen.
 #[test]
@@ -739,6 +759,8 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(1000)).passes();
     story(AMT).with(reset(2100)).passes();
     // After a reset, with error sets only and an exhaust that is not known, nobody knows whether it runs.
     let faults = |h: &mut History| {
@@ -777,6 +799,27 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
         .wire(40.0, 60.0, Told::Nothing)
         .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
         .breaks(&[Rule::HeldDown]);
+}
+
+/// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
+#[test]
+fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 90.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 41.0, HALF)
+            .ramp(41.0, 500, 0)
+            .wire(42.1, 90.0, IDLE)
+            .turbine(40.0, 42.0, Phase::Running, 60_000.0, 450.0)
+            .with(|h| {
+                h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND).for_each(|s| s.lit = false)
+            })
+            .mark(42.0, Mark::Relight)
+            .turbine(42.0, 60.0, Phase::FuelRamp, 30_000.0, 450.0)
+            .turbine(60.0, 90.0, Phase::Running, 50_000.0, 450.0)
+    };
+    story().with(|h| h.rules.limit_change = Some(false)).passes();
+    story().breaks(&[Rule::HeldDown]);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
+use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Sample, Spans, Switch, Word};
+use sim::turbine::Phase;
 
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
@@ -18,13 +19,16 @@ impl Case<'_> {
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
         let silent = if self.is_amt() { down.union(&h.noise) } else { down.clone() };
-        let silent = silent.at_least(patience.saturating_sub(300 * MS));
+        // What it costs beside itself: up to a set before it, the one in which it ends, and an AMT set without a state behind it,
+        // which is not answered after a gap.
+        let costs = if self.is_amt() { 3 * h.rules.period + 50 * MS } else { 300 * MS };
+        let silent = silent.at_least(patience.saturating_sub(costs));
         let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
         let gap = Spans::from(&silent).longer(SETTLES);
         // What is damaged on the way to the ECU for longer than it waits is as good as cut. On the way to the node damage costs
         // a ZK ECU nothing, and an AMT ECU its replies where no set can be told from garbage.
         let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
-        let damage = damage.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        let damage = damage.at_least(patience.saturating_sub(costs)).longer(SETTLES);
         let zk = !self.is_amt();
         // Which ECU it is at that time.
         let of = |spans: Spans, version: core::ops::Range<u8>| {
@@ -321,8 +325,13 @@ impl Case<'_> {
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
+        // A turbine passes it that goes out, or whose values are damaged. It may be lit again in the same life.
+        let out = |sample: &Sample| sample.phase == Phase::Running && !sample.lit;
         let limit_change = h.rules.limit_change == Some(false)
-            && (h.noise.touches(start, at) || h.sensor.touches(start, at) || !self.live.contains(at));
+            && (h.noise.touches(start, at)
+                || h.sensor.touches(start, at)
+                || ran.iter().any(out)
+                || !self.live.contains(at));
         limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
     }
 

@@ -304,7 +304,8 @@ impl Case<'_> {
                 // shaft turning: a running engine.
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
-                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 2.0);
+                    // By the setting: 20 in the raw unit in which idle is 60 to 74.
+                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
                     h.rules.stale > 0
                         && self.is_amt()
                         && at < anew + reports
