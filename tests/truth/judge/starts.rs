@@ -197,7 +197,7 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
-            // With error sets only, the order goes on until the exhaust says that the engine is out: an ECU that clears its
+            // With error sets only, the order goes on until the exhaust says that the engine is out, within 4 s: an ECU that clears its
             // fault before that, and starts again on the run that it was told, cannot be seen.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let tripped = out.is_some_and(|out| {
@@ -206,7 +206,9 @@ impl Case<'_> {
                     && self.runs.touches(out.saturating_sub(5 * SECOND), out)
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
-                    && since.iter().all(|sample| sample.egt > 290.0 && sample.at < out + 4 * SECOND)
+                    && since.iter().all(|sample| sample.egt > 290.0)
+                    // Nor does a node see the exhaust fall that is reset again before it has.
+                    && self.longest_up(out, at.saturating_sub(100 * MS)) < 4 * SECOND
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
@@ -302,7 +304,8 @@ impl Case<'_> {
                 // shaft turning: a running engine.
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
-                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 2.0);
+                    // By the setting: 20 in the raw unit in which idle is 60 to 74.
+                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
                     h.rules.stale > 0
                         && self.is_amt()
                         && at < anew + reports
