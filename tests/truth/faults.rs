@@ -325,6 +325,7 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             }
             if to_node {
                 add(&mut history.garbled);
+                add(&mut history.ruined);
             }
         }
         Fault::Noise(to_ecu) => {
