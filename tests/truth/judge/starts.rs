@@ -141,9 +141,7 @@ impl Case<'_> {
             return who("is too long ago");
         }
         // Where no run goes out at once, it waits for another engine, for as long as its source is there.
-        let first = self.h.frames.partition_point(|frame| frame.at < start.at);
-        let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
-        let began = first.map_or(at, |frame| frame.at.min(at));
+        let began = self.began(start.at, at);
         let longest = |until| self.longest_gap(start.source, start.at, until);
         // Whether it waited shows at the next slot at the earliest.
         let waited = began > start.at + self.h.rules.period + 100 * MS;
@@ -171,6 +169,12 @@ impl Case<'_> {
         }
         // Every interlock at that instant; only another engine that starts is waited for.
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
+    }
+
+    /// When run goes out after a start that was asked for, within this time.
+    fn began(&self, asked: u64, at: u64) -> u64 {
+        let mut frames = self.h.frames_within(asked, at).iter();
+        frames.find(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
     }
 
     /// The longest time without a word of a source, from one of its words on.
@@ -212,6 +216,8 @@ impl Case<'_> {
             }
             if let Some(index) = by {
                 starts[index].used = true;
+                let waited = self.began(starts[index].at, at) > starts[index].at + SECOND;
+                self.verdict.count("starts that waited", u64::from(waited));
                 continue;
             }
             // An outage with boot that is shorter than a gap cannot be seen.
