@@ -23,6 +23,7 @@ fn rules(kind: Kind) -> Rules {
         round: if kind == AMT { 1 } else { 9 },
         ages: [500 * MS, 500 * MS, SECOND, 500 * MS],
         recover_after: SECOND,
+        return_within: SECOND,
         takeover: 2 * SECOND,
         hold: SECOND,
         ramp: 500,
