@@ -42,7 +42,7 @@ pub struct Run {
     registers: Vec<u64>,
     until: Nanos,
     live: bool,
-    patch: Option<(u64, &'static [u16])>,
+    patch: Option<(u64, Vec<u16>)>,
     bootloader: Option<Bootloader>,
     resets_expected: usize,
     errors_expected: bool,
@@ -146,7 +146,7 @@ impl Run {
     }
 
     /// Breaks the image on purpose: other instructions at this address of its flash.
-    pub fn patch(mut self, address: u64, halfwords: &'static [u16]) -> Self {
+    pub fn patch(mut self, address: u64, halfwords: Vec<u16>) -> Self {
         self.patch = Some((address, halfwords));
         self
     }
@@ -193,8 +193,8 @@ impl Run {
         let board = self.board;
         let path = self.image.path(board);
         let mut bytes = self.image.read_or_exit(board);
-        if let Some((address, halfwords)) = self.patch {
-            image::patch(&mut bytes, address, halfwords);
+        if let Some((address, halfwords)) = &self.patch {
+            image::patch(&mut bytes, *address, halfwords);
         }
         let table = Table::parse(&bytes).expect("the image's table of log lines");
         let table = Arc::new(table.expect("the image has a table of log lines"));

@@ -21,8 +21,16 @@ pub type Iwdg = peripherals::IWDG;
 /// Its registers.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 
-/// The chip's own oscillator, in Hz (RM0090, 6.2.2).
+/// Clock of the core on the chip's own oscillator, in Hz (RM0090, 6.2.2).
 const HSI_HZ: u32 = 16_000_000;
+
+/// Clock of the core on the PLL, in Hz.
+const CORE_HZ: u32 = 168_000_000;
+
+/// Clock of the core now, in Hz, at most.
+pub fn core_hz() -> u32 {
+    if RCC.cfgr().read().sws() == Sw::HSI { HSI_HZ } else { CORE_HZ }
+}
 
 /// An interrupt of a peripheral that no board uses (CAN2): it carries the engines' executor.
 pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CAN2_SCE;
@@ -191,8 +199,6 @@ pub fn watch_supply() {
 
 /// The detector has 0.1 ms to settle.
 const DETECTOR_SETTLES: u32 = 10_000;
-/// The core's clock, in Hz.
-const CORE_HZ: u32 = 168_000_000;
 
 /// The detector's line of the EXTI (RM0090, 12.2.5).
 const DETECTOR_LINE: usize = 16;

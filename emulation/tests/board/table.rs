@@ -43,8 +43,8 @@ fn the_emulators_boards_are_those_of_the_table() {
         let range = |region: boards::Region| u64::from(region.start)..end(region);
         assert_eq!(here.flash, range(table.chip.flash), "{name}");
         assert_eq!(here.ram, range(table.chip.ram), "{name}");
-        assert_eq!(here.above.start, u64::from(table.chip.kept.start), "{name}");
-        assert!(here.above.end >= end(table.chip.kept), "{name}");
+        assert_eq!(here.above.start, u64::from(table.chip.retained.start), "{name}");
+        assert!(here.above.end >= end(table.chip.retained), "{name}");
         let behind_bootloader = table.flash(true).map(|flash| u64::from(flash.start));
         assert_eq!(here.behind_bootloader, behind_bootloader, "{name}");
     }
