@@ -11,7 +11,7 @@ use embassy_stm32::{
     interrupt::Interrupt,
     pac::{self, DBGMCU, EXTI, FLASH, PWR, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
-    rcc::{AHBPrescaler, APBPrescaler, Hse, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
+    rcc::{AHBPrescaler, APBPrescaler, Hse, LsConfig, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
 };
 use jetlink::line::LineError;
 
@@ -82,8 +82,8 @@ pub fn write_backup_register(word: u32) {
     RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
 
-/// What has to be so before `embassy_stm32::init`: nothing here. Embassy and ArduPilot's bootloader both give the RTC
-/// the LSI, so neither resets the backup domain.
+/// What has to be so before `embassy_stm32::init`: nothing here. Behind ArduPilot's bootloader both give the RTC the LSI, so
+/// neither resets the backup domain.
 pub fn before_init() {}
 
 /// 336 MHz PLL from the board's clock, a multiple of 1 MHz, or from the chip's own 16 MHz; 168 MHz core, 42 MHz (APB1) and
@@ -105,6 +105,12 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
         divq: Some(PllQDiv::DIV7),
         divr: None,
     });
+    // No LSI for an RTC: Embassy waits for it without an end, and the watchdog, which runs on it, too, would not bite.
+    // ArduPilot's bootloader waits for it itself, and both have to choose it (`before_init`).
+    #[cfg(not(feature = "ardupilot-bootloader"))]
+    {
+        config.rcc.ls = LsConfig::off();
+    }
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
