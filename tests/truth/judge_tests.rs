@@ -676,6 +676,18 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     // Decided a slot before another word came.
     story(&[(40.05, Word::Standby), (40.25, Word::Standby), (40.29, Word::Run(Ask::Throttle(0)))]).passes();
     story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    // One word of a higher source that has yet to take over, and is silent again.
+    let word = |at, until| {
+        let story = flight(ZK5, 40.0).says(0, 20.0, at, Word::Nothing);
+        story
+            .says(0, at, until, Word::Run(Ask::Throttle(500)))
+            .says(PILOT, 40.0, 45.0, Word::Standby)
+            .wire(40.0, 40.6, HALF)
+            .wire(40.6, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+    };
+    word(40.0, 40.01).passes();
+    word(37.0, 40.01).breaks(&[Rule::ShutDown]);
     story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[]).breaks(&[Rule::ShutDown]);
 }

@@ -165,7 +165,8 @@ impl Case<'_> {
             let words = self.voices.until(source, *when).iter().rev();
             let runs = words.take_while(|(_, word)| matches!(word, Word::Run(_)));
             let since = runs.last().map_or(*when, |(since, _)| *since);
-            (0..source).filter_map(lost).all(|lost| *when >= lost && *when >= since + rules.takeover)
+            // Nor is it before it has taken over, from a lower one either.
+            *when >= since + rules.takeover && (0..source).filter_map(lost).all(|lost| *when >= lost)
         })
     }
 
