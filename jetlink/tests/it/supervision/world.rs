@@ -17,12 +17,12 @@ use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Celsius, Rpm, Throttle};
-use sim::amt::{AmtConfig, AmtEcu, Ops};
-use sim::any::AnyEcu;
+use sim::amt::Ops;
+use sim::any::{AnyConfig, AnyEcu};
 use sim::clock;
 use sim::turbine::Phase;
 use sim::wire::{Babble, Direction, Fate, Faults, Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::{Sw, ZkCommand, ZkConfig, ZkEcu, state};
+use sim::zk::{Sw, ZkCommand, state};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
@@ -271,16 +271,13 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     }
     config.supervision = supervision;
     let line = sim_line(config.line);
-    let (ecu, parameters) = if version == 0 {
-        let ecu = AmtConfig { log: 8, ..AmtConfig::new(sim::amt::Engine::Olympus).on(line) };
-        let parameters = ecu.turbine;
-        (AmtEcu::new(ecu).into(), parameters)
-    } else {
-        let ecu = ZkConfig { log: 16, ..ZkConfig::new(version).on(line) };
-        let parameters = ecu.turbine;
-        (ZkEcu::new(ecu).into(), parameters)
-    };
-    let (rx, tx, plug) = connect_with(ecu, Settings::new(line, rng.next()));
+    let ecu = match version {
+        0 => AnyConfig::amt(sim::amt::Engine::Olympus).with_log(8),
+        _ => AnyConfig::zk(version).with_log(16),
+    }
+    .on(line);
+    let (protocol, parameters) = (ecu.protocol(), *ecu.turbine());
+    let (rx, tx, plug) = connect_with(ecu.ecu(), Settings::new(line, rng.next()));
     plug.record(true);
     let (idle, max) = (parameters.idle_rpm as u32, parameters.max_rpm as u32);
     let source = |origin| Source {
@@ -298,7 +295,7 @@ fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         max_rpm: max,
         plug,
         halves: (rx, tx),
-        reader: Reader::new(version == 0),
+        reader: Reader::new(protocol),
         oracle: Oracle::new(config, version >= 4, idle, max),
         sources: Origin::SOURCES.map(source),
         inputs: VecDeque::new(),
