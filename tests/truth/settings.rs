@@ -10,7 +10,8 @@ use jetlink::ecu::amt::config::Service as AmtService;
 use jetlink::ecu::zk::codec::{Action as ZkAction, Rate};
 use jetlink::ecu::zk::config::Service as ZkService;
 use jetlink::ecu::{EcuConfig, Service};
-use jetlink::engine::config::{Action, Governor, Limit, Slew, Supervision};
+use jetlink::engine::config::{Governor, Slew, Supervision};
+use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, StopBits};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtTemper, InFlight, Status};
@@ -93,7 +94,7 @@ impl Setup {
         let supervision = &mut config.supervision;
         supervision.takeover.throttle_band = throttle(100);
         supervision.start.link_stable = supervision.start.link_stable.min(ms(800));
-        supervision.limits.flame_out = Limit::tell(40);
+        supervision.limits.flame_out = Limit::report(40);
         supervision.recover_after = supervision.recover_after.min(ms(300));
         config
     }
@@ -289,7 +290,7 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         (AnyConfig::Amt(_), EcuConfig::Zk(_)) => unreachable!("the ECU is of the kind that is configured"),
     };
     let limit = |action: Action| match action {
-        Action::None => None,
+        Action::Report => None,
         Action::FailSafe => Some(false),
         Action::Standby => Some(true),
     };
@@ -301,6 +302,7 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         round,
         ages: [all.ages.emergency, all.ages.rc, all.ages.mavlink, all.ages.bench].map(micros),
         recover_after: micros(all.recover_after),
+        return_within: micros(all.return_within),
         takeover: micros(all.takeover.within),
         hold: micros(all.loss.hold),
         ramp: all.loss.ramp.into(),

@@ -4,7 +4,7 @@ pub mod amt;
 pub mod any;
 pub mod zk;
 
-/// Which ECU is on a port, and how it is received to.
+/// Which ECU is on a port, and how it is spoken to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EcuConfig {

@@ -1225,6 +1225,22 @@ fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
     assert_eq!(bench.machine.counters().damaged_frames, 0);
 }
 
+/// A fault in a set that is cut off damages that one, and not the next.
+#[test]
+fn amt_1_a_fault_in_a_set_that_is_cut_off_does_not_cost_the_next() {
+    let mut bench = running();
+    bench.receive(&[0xFF, 0x21]);
+    bench.machine.line_error(LineError::Framing);
+    bench.receive(&[7]);
+    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
+    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+    // One that was seen since may be in the next.
+    bench.receive(&[0xFF, 0x21]);
+    bench.machine.line_error(LineError::Framing);
+    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 102)), (RUN_OPS, 160));
+    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+}
+
 /// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.
 #[test]
 fn amt_1_line_faults_are_counted() {

@@ -3,10 +3,10 @@
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
-use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::{End, Event, LossStage};
 use jetlink::limit::LimitKind;
+use jetlink::limit::{Action, Limit};
 use jetlink::line::LineError;
 use jetlink::units::{Celsius, Rpm};
 

@@ -4,6 +4,7 @@ use jetlink::command::{Accepted, Command, Demand, Order, Origin};
 use jetlink::ecu::{Service, zk};
 use jetlink::engine::Engine;
 use jetlink::telemetry::Telemetry;
+use jetlink::units::Throttle;
 
 use crate::support::bench::us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
@@ -84,6 +85,30 @@ fn reset_loop_with_a_dead_rc_above_a_mavlink_that_streams_standby() {
             last.iter().all(|tenths| *tenths == 0),
             "{ecu:?}: RC dead for 40 s, and the wire says run at {last:?}"
         );
+    }
+}
+
+/// A slow ramp and short lives: from the third reset on the demand is at the fail-safe throttle, because a ramp that goes on only
+/// while the node runs would come to no stated end.
+#[test]
+fn third_reset_without_a_source_is_at_the_fail_safe_throttle() {
+    for ecu in BOTH {
+        let config = ecu.with(|supervision| {
+            supervision.loss.ramp = 100;
+            supervision.loss.throttle = Throttle::from_tenths(100).unwrap();
+        });
+        let mut scenario = flying(ecu, 90);
+        for reset in 1..=5 {
+            scenario = scenario.reset(config);
+            scenario.bench.frames();
+            scenario.says = Some(Says::Running);
+            scenario.pass(3 * SECOND / 2);
+            let sent = runs_in(&scenario.sent());
+            assert!(!sent.is_empty(), "{ecu:?}, reset {reset}");
+            if reset >= 3 {
+                assert!(sent.iter().all(|tenths| *tenths == 100), "{ecu:?}, reset {reset}: {sent:?}");
+            }
+        }
     }
 }
 

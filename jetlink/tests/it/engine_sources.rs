@@ -4,8 +4,8 @@ use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Loss;
-use jetlink::engine::config::{Action, Limit};
 use jetlink::event::{Event, LossStage};
+use jetlink::limit::{Action, Limit};
 use jetlink::report::LinkState;
 use jetlink::units::{Celsius, Throttle};
 

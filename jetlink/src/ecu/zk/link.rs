@@ -1,6 +1,6 @@
 //! The conversation with a ZK ECU: a command at every turn, ID 0 when nothing is commanded (ZK-10).
 //!
-//! Up to version 4 the ECU speaks only when received to. From version 5 it sends by itself and keeps its last running
+//! Up to version 4 the ECU speaks only when spoken to. From version 5 it sends by itself and keeps its last running
 //! state when commands stop, so nothing here relies on it to fail safe.
 //!
 //! What goes out at a turn, first match first:
@@ -50,7 +50,7 @@ const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
 
-/// Where a service command at_rest. Each state carries what ends it.
+/// Where a service command stands. Each state carries what ends it.
 #[derive(Clone, Copy, Debug)]
 enum ServiceState {
     None,
@@ -77,7 +77,7 @@ enum ServiceState {
     },
 }
 
-/// Where the setting of the status rate at_rest.
+/// Where the setting of the status rate stands.
 #[derive(Clone, Copy, Debug)]
 enum RateState {
     /// Status ID 6 has not said it yet.
@@ -136,7 +136,7 @@ pub struct ZkLink {
     partner_due: bool,
     /// ID 6 was in use when what is ordered last changed in kind.
     began_by_id6: bool,
-    // What decides how the ECU is received to changes only when two frames agree, and is forgotten with the link.
+    // What decides how the ECU is spoken to changes only when two frames agree, and is forgotten with the link.
     identity: Debounced<(Version, Rpm)>,
     idle: Debounced<Rpm>,
     /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
@@ -306,7 +306,7 @@ impl ZkLink {
         if self.monitor.timeout(now) {
             self.outbox.event(Event::LinkLost);
             // Whoever comes back may have restarted with another rate, or be another ECU: nothing that decides how it is
-            // received to outlives the link.
+            // spoken to outlives the link.
             self.rate = RateState::NotKnown;
             self.identity = Debounced::new(None);
             self.identities = 0;

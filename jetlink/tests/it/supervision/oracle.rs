@@ -5,7 +5,7 @@
 use super::wire::{Frame, Switch};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::Action;
+use jetlink::limit::Action;
 
 /// Two things at the same instant may come in either order.
 const TOL: u64 = 1_000;
@@ -924,7 +924,7 @@ impl Oracle {
             self.standby_at = at;
         }
         if truth.faulty {
-            let fail_safe = self.config.supervision.limits.ecu_fault != Action::None;
+            let fail_safe = self.config.supervision.limits.ecu_fault != Action::Report;
             self.limited |= fail_safe;
         } else {
             self.healthy_at = at;
