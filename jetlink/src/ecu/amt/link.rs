@@ -124,7 +124,7 @@ impl AmtLink {
                 self.sign = Some(Sign::State {
                     stage: stage_of(state),
                     turning: Some(rpm >= self.config.half_idle),
-                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    throttle: throttle.throttle(),
                 });
                 self.rpm(now, rpm);
                 self.common(now, egt, throttle, vout);
@@ -132,7 +132,7 @@ impl AmtLink {
             }
             Message::Error { errors, egt, throttle, vout } => {
                 self.sign = Some(Sign::Faulted {
-                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    throttle: throttle.throttle(),
                     egt: (!errors.egt()).then(|| egt.celsius()),
                 });
                 self.common(now, egt, throttle, vout);
@@ -211,7 +211,7 @@ impl AmtLink {
         vout: u8,
     ) {
         self.report.egt = Some(Timed::new(egt.celsius(), now));
-        if let Ok(throttle) = Throttle::from_tenths(throttle.tenths()) {
+        if let Some(throttle) = throttle.throttle() {
             self.report.throttle = Some(Timed::new(throttle, now));
         }
         let scale = self.engine().and_then(Engine::vout_scale);

@@ -116,11 +116,11 @@ impl ZkLink {
 
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.believed.version(&self.report).map(Version::get);
-        if needed.get() <= known.unwrap_or(1).max(1) {
+        let known = self.believed.version(&self.report);
+        if needed <= Version::FIRST || Version::knows(known, needed) == Some(true) {
             return Ok(());
         }
-        Err(Rejected::NeedsVersion { needed: needed.get(), known })
+        Err(Rejected::NeedsVersion { needed: needed.get(), known: known.map(Version::get) })
     }
 
     fn fill_slot(&mut self, now: Instant) {

@@ -32,13 +32,8 @@ pub(super) struct Known {
 impl Known {
     /// ID 6 and ID 7 (ZK-7).
     fn knows_modes(&self) -> bool {
-        knows(self.version, 4)
+        Version::knows(self.version, Control::MODES_SINCE) == Some(true)
     }
-}
-
-/// Whether an ECU of a version, if it is known, has what came with another.
-pub(super) fn knows(version: Option<Version>, needed: u8) -> bool {
-    version.is_some_and(|version| version.get() >= needed)
 }
 
 /// The order in force, with what belongs to it and ends with it.

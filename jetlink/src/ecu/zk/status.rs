@@ -1,7 +1,6 @@
 //! What a ZK ECU reports: its status frames into the report, debounced where something depends on them.
 
 use super::codec::{ErrorCode, Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
-use super::mode::knows;
 use crate::ecu::Faults;
 use crate::event::Event;
 use crate::link::{Debounced, Outbox, Sign, Stage};
@@ -101,8 +100,7 @@ impl Believed {
             }
             Status::Load { current, thrust } => {
                 report.current = Some(Timed::new(current, now));
-                // ZK-7: thrust from version 2.
-                if knows(version, 2) {
+                if Version::knows(version, Status::THRUST_SINCE) == Some(true) {
                     report.thrust = Some(Timed::new(thrust, now));
                 }
             }
@@ -126,8 +124,7 @@ impl Believed {
                 if self.idle.first_or_see(idle_rpm) {
                     report.idle_rpm = Some(Timed::new(idle_rpm, now));
                 }
-                // ZK-7: the rest of this frame from version 4.
-                if knows(version, 4) {
+                if Version::knows(version, Status::IDLE_REST_SINCE) == Some(true) {
                     report.pressure_requested = Some(Timed::new(pressure_requested, now));
                     report.closed_loop = Some(Timed::new(closed_loop, now));
                     report.startup = Some(Timed::new(startup, now));
