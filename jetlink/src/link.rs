@@ -156,8 +156,9 @@ pub trait Link {
     fn poll(&mut self) -> Output;
     /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;
-    /// The engine runs, so that a demand goes out; until then "run" carries the throttle of a start.
-    fn release(&mut self, released: bool);
+    /// The engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). That a demand stays at
+    /// idle until then is the engine's rule, for every ECU.
+    fn release(&mut self, _released: bool) {}
     /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
     /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).

@@ -63,12 +63,11 @@ fn running(version: u8) -> Bench<ZkLink> {
     bench
 }
 
-/// The ECU reports a running engine, twice, and the demand is released.
+/// The ECU reports a running engine, twice.
 fn runs(bench: &mut Bench<ZkLink>) {
     for _ in 0..2 {
         bench.receive(&zk::state(STATE_RUNNING));
     }
-    bench.act(|link, _| link.release(true));
 }
 
 /// A fresh link that meets an engine that runs: it knows the version, and nothing of ID 6.
@@ -1178,22 +1177,6 @@ fn three_frames_that_fail_are_a_gap() {
 // Until the engine runs
 // ---------------------------------------------------------------------------------------------
 
-/// The demand is kept at its minimum until the engine is released, whatever the ECU reports: ignition demands it.
-#[test]
-fn the_demand_waits_for_its_release() {
-    let mut bench = ecu(3); // throttle and switch in ID 1, whatever switch it reports
-    bench.order(bench.now(), throttle(600)).unwrap();
-    for (released, tenths) in [(false, 0), (true, 600), (false, 0)] {
-        bench.act(|link, _| link.release(released));
-        for state in 0..=31 {
-            bench.receive(&zk::state(state));
-            for frame in turns(&mut bench, 2) {
-                assert_eq!(frame, zk::throttle(RUN, tenths), "state {state}");
-            }
-        }
-    }
-}
-
 /// A state with the shaft turning at 50 000 rpm, well above half of idle.
 fn turning(state: u8) -> [u8; 7] {
     let switch = if matches!(state, 0 | 1 | 12) { 1 } else { 2 };
@@ -1202,12 +1185,17 @@ fn turning(state: u8) -> [u8; 7] {
 
 /// The supervision on top of the link: ordered to start, with the stick at 60 % behind it.
 fn started() -> Bench<Engine> {
+    started_with(3)
+}
+
+/// The same with an ECU of a version.
+fn started_with(version: u8) -> Bench<Engine> {
     let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
     let mut bench = Bench::new(Engine::new(&config), LINE);
     bench.machine = Engine::new(&config);
     bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
     for _ in 0..30 {
-        engine_turn(&mut bench, &zk::identity(160, 3, 0));
+        engine_turn(&mut bench, &zk::identity(160, version, 0));
         engine_turn(&mut bench, &zk::state(STATE_STANDBY));
     }
     for command in [Command::Arm, Command::Standby, Command::Run(Demand::Throttle(Throttle::IDLE))] {
@@ -1218,16 +1206,20 @@ fn started() -> Bench<Engine> {
 
 /// A status of the ECU, and what goes out up to the next turn while the source asks for 60 %.
 fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
-    let t = (bench.now() / TURN + 1) * TURN;
-    bench.rx(t - 10_000, frame);
-    let demand = Command::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
-    // Refused while it is no start yet.
-    let _ = bench.act(|engine, now| engine.command(now, demand, Origin::Rc, true));
-    bench.frames();
-    bench.run_to(t + 5_000);
-    let mut frames = bench.bytes();
+    let mut frames = engine_turn_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
+}
+
+/// The same with another demand, and all that goes out.
+fn engine_turn_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
+    let t = (bench.now() / TURN + 1) * TURN;
+    bench.rx(t - 10_000, frame);
+    // Refused while it is no start yet.
+    let _ = bench.act(|engine, now| engine.command(now, Command::Run(demand), Origin::Rc, true));
+    bench.frames();
+    bench.run_to(t + 5_000);
+    bench.bytes()
 }
 
 /// The demand goes out when two reports say that the engine runs and its shaft turns. Until then, whatever is reported of a
@@ -1331,24 +1323,31 @@ fn phase_of(state: u8) -> Phase {
     }
 }
 
-/// In mode 3 the minimum is the engine's idle rpm, 0 while that is not known.
+/// In mode 3 the demand stays at the engine's idle rpm until it runs, at 0 while that is not known.
 #[test]
-fn the_rpm_waits_for_its_release() {
+fn the_rpm_waits_for_a_running_engine() {
     for (idle, demand, target) in
         [(None, 100_000, 0), (Some(30), 100_000, 30_000), (Some(30), 20_000, 20_000)]
     {
-        let mut bench = ecu(4);
-        if let Some(idle) = idle {
-            bench.receive(&zk::idle(idle, false));
-        }
-        bench.receive(&zk::state(STATE_IGNITION));
-        bench.order(bench.now(), rpm(demand)).unwrap();
+        let mut bench = started_with(4);
         let mut ecu = SimpleEcu::default();
-        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-        assert_eq!(ecu.obeyed(), (RUN, Some(target), None), "{idle:?}");
-        runs(&mut bench);
-        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-        assert_eq!(ecu.obeyed(), (RUN, Some(demand), None), "{idle:?}");
+        let mut turn = |bench: &mut Bench<Engine>, frame: &[u8]| {
+            for sent in engine_turn_with(bench, frame, Demand::Rpm(Rpm::new(demand))) {
+                ecu.obey(&sent);
+            }
+            ecu.obeyed()
+        };
+        let introduced = idle.map(|idle| zk::idle(idle, false));
+        for state in [1, 2, 3, 4, 5, STATE_UNKNOWN] {
+            for frame in [introduced.unwrap_or(zk::state(state)), zk::state(state), zk::state(state)] {
+                turn(&mut bench, &frame);
+            }
+            assert_eq!(turn(&mut bench, &zk::state(state)), (RUN, Some(target), None), "{idle:?} {state}");
+        }
+        for _ in 0..200 {
+            turn(&mut bench, &turning(STATE_RUNNING));
+        }
+        assert_eq!(turn(&mut bench, &turning(STATE_RUNNING)), (RUN, Some(demand), None), "{idle:?}");
     }
 }
 

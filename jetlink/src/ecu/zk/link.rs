@@ -43,8 +43,6 @@ pub struct ZkLink {
     /// The last slot was used for something else than switch and demand.
     extra_last: bool,
     modes: Modes,
-    /// The engine runs, so that the demand goes out.
-    released: bool,
     wanted_rate: Rate,
     rate: RateSetting,
     service: ServiceCommand,
@@ -69,7 +67,6 @@ impl ZkLink {
             out_of_slot: false,
             extra_last: false,
             modes: Modes::new(config.split_switch),
-            released: false,
             wanted_rate: config.rate,
             rate: RateSetting::NotKnown,
             service: ServiceCommand::None,
@@ -157,9 +154,7 @@ impl ZkLink {
         let known = Known {
             version: self.believed.version(&self.report),
             max_rpm: self.report.max_rpm.map(|max| max.value),
-            idle_rpm: self.report.idle_rpm.map(|idle| idle.value),
             at_rest: self.believed.at_rest(),
-            released: self.released,
         };
         self.modes.frame(&known)
     }
@@ -307,10 +302,6 @@ impl Link for ZkLink {
 
     fn take_sign(&mut self) -> Option<Sign> {
         self.sign.take()
-    }
-
-    fn release(&mut self, released: bool) {
-        self.released = released;
     }
 
     fn gap_at(&self) -> Option<Instant> {
