@@ -382,53 +382,6 @@ impl Outbox {
     }
 }
 
-/// A value that changes only when two frames in a row say so. AMT frames have no checksum, a ZK one lets one in
-/// 256 damaged frames through, and one odd frame must not drop the throttle of a running engine.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Debounced<T> {
-    value: Option<T>,
-    candidate: Option<T>,
-}
-
-impl<T: Copy + PartialEq> Debounced<T> {
-    pub const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None }
-    }
-
-    pub const fn get(&self) -> Option<T> {
-        self.value
-    }
-
-    /// One frame says this. True if the value changed.
-    pub fn see(&mut self, seen: T) -> bool {
-        if self.value == Some(seen) {
-            self.candidate = None;
-            return false;
-        }
-        if self.candidate == Some(seen) {
-            return self.set(seen);
-        }
-        self.candidate = Some(seen);
-        false
-    }
-
-    /// One frame says this; the very first is believed. True if it is the value now.
-    pub fn first_or_see(&mut self, seen: T) -> bool {
-        if self.value.is_none() {
-            self.set(seen);
-        } else {
-            self.see(seen);
-        }
-        self.value == Some(seen)
-    }
-
-    /// It is certain. True if the value changed.
-    pub fn set(&mut self, value: T) -> bool {
-        self.candidate = None;
-        self.value.replace(value) != Some(value)
-    }
-}
-
 /// The earlier of two instants, where there are any.
 pub(crate) fn earlier(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
     match (a, b) {

@@ -111,9 +111,14 @@ impl ZkLink {
         reported.interval().max(self.wanted_rate.interval())
     }
 
+    /// The version that two reports agree on: what decides which commands the ECU gets.
+    fn version(&self) -> Option<Version> {
+        self.report.version.map(|version| version.value)
+    }
+
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.believed.version(&self.report);
+        let known = self.version();
         if needed <= Version::FIRST || Version::knows(known, needed) == Some(true) {
             return Ok(());
         }
@@ -152,7 +157,7 @@ impl ZkLink {
 
     fn switch_and_demand(&mut self) -> Control {
         let known = Known {
-            version: self.believed.version(&self.report),
+            version: self.version(),
             max_rpm: self.report.max_rpm.map(|max| max.value),
             at_rest: self.believed.at_rest(),
         };
