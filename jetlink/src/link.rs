@@ -156,8 +156,9 @@ pub trait Link {
     fn poll(&mut self) -> Output;
     /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;
-    /// The engine runs, so that a demand goes out; until then "run" carries the throttle of a start.
-    fn release(&mut self, released: bool);
+    /// The engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). That a demand stays at
+    /// idle until then is the engine's rule, for every ECU.
+    fn release(&mut self, _released: bool) {}
     /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
     /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
@@ -378,53 +379,6 @@ impl Outbox {
             return Some(Output::Transmit(transmission));
         }
         self.events.pop_front().map(Output::Event)
-    }
-}
-
-/// A value that changes only when two frames in a row say so. AMT frames have no checksum, a ZK one lets one in
-/// 256 damaged frames through, and one odd frame must not drop the throttle of a running engine.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Debounced<T> {
-    value: Option<T>,
-    candidate: Option<T>,
-}
-
-impl<T: Copy + PartialEq> Debounced<T> {
-    pub const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None }
-    }
-
-    pub const fn get(&self) -> Option<T> {
-        self.value
-    }
-
-    /// One frame says this. True if the value changed.
-    pub fn see(&mut self, seen: T) -> bool {
-        if self.value == Some(seen) {
-            self.candidate = None;
-            return false;
-        }
-        if self.candidate == Some(seen) {
-            return self.set(seen);
-        }
-        self.candidate = Some(seen);
-        false
-    }
-
-    /// One frame says this; the very first is believed. True if it is the value now.
-    pub fn first_or_see(&mut self, seen: T) -> bool {
-        if self.value.is_none() {
-            self.set(seen);
-        } else {
-            self.see(seen);
-        }
-        self.value == Some(seen)
-    }
-
-    /// It is certain. True if the value changed.
-    pub fn set(&mut self, value: T) -> bool {
-        self.candidate = None;
-        self.value.replace(value) != Some(value)
     }
 }
 

@@ -43,8 +43,6 @@ pub struct ZkLink {
     /// The last slot was used for something else than switch and demand.
     extra_last: bool,
     modes: Modes,
-    /// The engine runs, so that the demand goes out.
-    released: bool,
     wanted_rate: Rate,
     rate: RateSetting,
     service: ServiceCommand,
@@ -69,7 +67,6 @@ impl ZkLink {
             out_of_slot: false,
             extra_last: false,
             modes: Modes::new(config.split_switch),
-            released: false,
             wanted_rate: config.rate,
             rate: RateSetting::NotKnown,
             service: ServiceCommand::None,
@@ -114,13 +111,18 @@ impl ZkLink {
         reported.interval().max(self.wanted_rate.interval())
     }
 
+    /// The version that two reports agree on: what decides which commands the ECU gets.
+    fn version(&self) -> Option<Version> {
+        self.report.version.map(|version| version.value)
+    }
+
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.believed.version(&self.report).map(Version::get);
-        if needed.get() <= known.unwrap_or(1).max(1) {
+        let known = self.version();
+        if needed <= Version::FIRST || Version::knows(known, needed) == Some(true) {
             return Ok(());
         }
-        Err(Rejected::NeedsVersion { needed: needed.get(), known })
+        Err(Rejected::NeedsVersion { needed: needed.get(), known: known.map(Version::get) })
     }
 
     fn fill_slot(&mut self, now: Instant) {
@@ -155,11 +157,9 @@ impl ZkLink {
 
     fn switch_and_demand(&mut self) -> Control {
         let known = Known {
-            version: self.believed.version(&self.report),
+            version: self.version(),
             max_rpm: self.report.max_rpm.map(|max| max.value),
-            idle_rpm: self.report.idle_rpm.map(|idle| idle.value),
             at_rest: self.believed.at_rest(),
-            released: self.released,
         };
         self.modes.frame(&known)
     }
@@ -307,10 +307,6 @@ impl Link for ZkLink {
 
     fn take_sign(&mut self) -> Option<Sign> {
         self.sign.take()
-    }
-
-    fn release(&mut self, released: bool) {
-        self.released = released;
     }
 
     fn gap_at(&self) -> Option<Instant> {
