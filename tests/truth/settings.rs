@@ -305,6 +305,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         round,
         ages: [all.ages.emergency, all.ages.rc, all.ages.mavlink, all.ages.bench].map(micros),
         recover_after: micros(all.recover_after),
+        return_within: micros(all.return_within),
         takeover: micros(all.takeover.within),
         hold: micros(all.loss.hold),
         ramp: all.loss.ramp.into(),

@@ -1,7 +1,7 @@
 //! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
+use crate::history::{Ask, Cause, MS, Mark, Reset, SECOND, Spans, Switch, Word};
 
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
@@ -13,7 +13,7 @@ impl Case<'_> {
     fn exemptions(&self) -> Vec<(&'static str, Spans)> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
-        let cut = h.mute.union(&h.deaf).longer(SETTLES);
+        let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // Up for less than it takes to find out, again and again, is as good as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
@@ -292,13 +292,33 @@ impl Case<'_> {
         limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
     }
 
+    /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it goes on
+    /// without a take-over.
+    fn came_back(&self, source: usize, at: u64, most: u64) -> bool {
+        let h = self.h;
+        let Some(speaks) = self.voices.speaks_since(source, at) else { return false };
+        let Some((before, Word::Run(_))) = self.voices.last(source, speaks.saturating_sub(1)) else {
+            return false;
+        };
+        let short =
+            speaks <= before + self.voices.age(source) + h.rules.return_within.saturating_sub(100 * MS);
+        let since = before.saturating_sub(most);
+        let steady = self.voices.speaks_since(source, before).is_some_and(|from| from <= since);
+        let alone = h.said(since, at).iter().all(|said| said.source == source);
+        let hidden =
+            self.blind.union(&h.noise).union(&h.deaf).touches(since, at) || self.down.touches(since, at);
+        let runs = self.runs.last_before(at).is_some_and(|(from, _)| from <= since);
+        short && steady && alone && runs && !hidden
+    }
+
     pub(super) fn held_down(&mut self) {
         let h = self.h;
         let rules = &h.rules;
         let exempt =
             self.exemptions().into_iter().fold(Spans::default(), |all, (_, spans)| all.union(&spans));
         let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
-        let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
+        let quick = 1000 * SECOND / u64::from(rise) + 700 * MS;
+        let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
         // A node that was reset, or did not hear the ECU, has to find out what its engine does.
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
         // With error sets only an AMT engine whose exhaust falls may be any: its demand is not raised.
@@ -340,8 +360,10 @@ impl Case<'_> {
             while frame < h.frames.len() && h.frames[frame].at <= at {
                 frame += 1;
             }
-            let Some((from, source, ask)) =
-                since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
+            let bound = |source| if self.came_back(source, at, most) { quick } else { most };
+            let Some((from, source, ask)) = since
+                .filter(|&(from, source, _)| at > from.max(spoken(source)) + quick && at >= reported)
+                .filter(|&(from, source, _)| at > from.max(spoken(source)) + bound(source))
             else {
                 low_since = None;
                 continue;
