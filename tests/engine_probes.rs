@@ -392,6 +392,16 @@ fn source_that_is_fresh_keeps_its_demand_in_doubt() {
 
 // --- Demands -------------------------------------------------------------------------------------
 
+/// MAVLink commands 100 %, and the first throttle that goes out is below 20 %.
+fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
+    scenario.bench.frames();
+    let first = (0..100).find_map(|_| {
+        scenario.fly(run(100), Origin::Mavlink, PERIOD);
+        runs_in(&scenario.sent()).first().copied()
+    });
+    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+}
+
 /// "After a ... take-over ... the demand rises at a set rate": from an rpm to a throttle, of an ECU that has not given its
 /// throttle.
 #[test]
@@ -399,17 +409,8 @@ fn take_over_from_an_rpm_to_a_throttle() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(20_000));
     let low = Command::Run(rpm(20_000));
     scenario.fly(low, Origin::Rc, SECOND);
-    // RC is lost; MAVLink asks for 100 %.
-    scenario.bench.frames();
-    let mut first = None;
-    for _ in 0..100 {
-        scenario.fly(run(100), Origin::Mavlink, PERIOD);
-        if let Some(tenths) = runs_in(&scenario.sent()).first() {
-            first = Some(*tenths);
-            break;
-        }
-    }
-    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+    // RC is lost.
+    mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
 /// The same, where the throttle that the ECU gave is minutes old.
@@ -423,16 +424,7 @@ fn take_over_from_an_rpm_to_a_throttle_with_an_old_report() {
         scenario.command(Command::Run(rpm(20_000))).unwrap();
     }
     scenario.fly(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
-    scenario.bench.frames();
-    let mut first = None;
-    for _ in 0..100 {
-        scenario.fly(run(100), Origin::Mavlink, PERIOD);
-        if let Some(tenths) = runs_in(&scenario.sent()).first() {
-            first = Some(*tenths);
-            break;
-        }
-    }
-    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+    mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
 // --- PWM -----------------------------------------------------------------------------------------
