@@ -75,7 +75,7 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            beat: Beat::new(FRAME_LEN as u8, line),
+            beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
             sign: None,
             ctf: false,
             ctf_ordered: false,
@@ -302,7 +302,7 @@ impl Link for AmtLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken, SET_INTERVAL);
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -402,7 +402,7 @@ impl Link for AmtLink {
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at(SET_INTERVAL)
+        self.beat.gap_at()
     }
 
     fn gap(&mut self) {
