@@ -46,5 +46,6 @@ pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};
 pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;
+pub use quirks::Stuck;
 pub use run::{Bench, Report, Run, Tap, Written};
 pub use wire::{Far, Fate, Rx, Tx, Wire};

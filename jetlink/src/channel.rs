@@ -8,8 +8,10 @@
 use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::engine::Engine;
+use crate::engine::config::Supervision;
 use crate::engine::retained::{Reset, RetainedMemory};
 use crate::event::Event;
+use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::Hectopascals;
 use core::cell::RefCell;
@@ -256,6 +258,18 @@ impl<'a> Handle<'a> {
         });
         self.channel.wake.signal(());
         answer
+    }
+
+    /// Gives new settings of the supervision to the running engine. They hold from the next frame, command or deadline on; the
+    /// settings of a link ([`crate::setting::Effect::AtNextStart`]) are given to [`Channel::new`] at the next start.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range ([`Supervision::row`]); nothing is changed then.
+    pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
+        let now = self.now();
+        let done = self.channel.with(|engine| engine.configure(now, supervision));
+        self.channel.wake.signal(());
+        done
     }
 
     /// Tells the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.

@@ -110,7 +110,7 @@ impl Origin {
 pub enum Accepted {
     /// It is in force.
     InForce,
-    /// It waits: this source is held until its demand is close to the one in force, or has received for long enough
+    /// It waits: this source is held until its demand is close to the one in force, or has spoken for long enough
     /// after it was lost.
     Held,
     /// It waits behind this source, which is in control.

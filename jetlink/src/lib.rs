@@ -92,5 +92,6 @@ pub mod link;
 pub mod node;
 pub mod report;
 pub mod runner;
+pub mod setting;
 pub mod telemetry;
 pub mod units;

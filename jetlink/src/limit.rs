@@ -2,7 +2,40 @@
 
 use embassy_time::Instant;
 
-/// What was watched.
+/// What is done when a limit is passed.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Action {
+    /// Only reported.
+    #[default]
+    Report = 0,
+    /// The demand goes to the fail-safe throttle and stays there until standby is commanded.
+    FailSafe = 1,
+    /// Standby.
+    Standby = 2,
+}
+
+/// A limit and what is done when it is passed. `None` as the limit: not monitored; of the shaft speed: the ECU's own figure.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Limit<T> {
+    /// The limit.
+    pub at: Option<T>,
+    /// What is done.
+    pub action: Action,
+}
+
+impl<T> Limit<T> {
+    /// Monitored, and only reported.
+    pub const fn report(at: T) -> Self {
+        Self { at: Some(at), action: Action::Report }
+    }
+
+    /// Not monitored. Of the shaft speed: reported at the ECU's own figure.
+    pub const NONE: Self = Self { at: None, action: Action::Report };
+}
+
+/// What a limit is of.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LimitKind {

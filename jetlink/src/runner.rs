@@ -182,9 +182,11 @@ impl<'a> Runner<'a> {
         let now = Instant::now();
         while !bytes.is_empty() {
             let (taken, frame) =
-                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_unseen_frame()));
+                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_frame_to_supervise()));
             if frame {
                 self.changed.set(true);
+                self.drain().await;
+                self.channel.with(|engine| engine.supervise());
                 self.drain().await;
             }
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();

@@ -3,7 +3,7 @@
 
 use crate::wire::Sent;
 use crate::world::*;
-use jetlink::engine::config::{Action, Limit};
+use jetlink::limit::{Action, Limit};
 use jetlink::units::Celsius;
 use sim::amt::error;
 use sim::ecu::{MILLIS, Nanos};

@@ -117,9 +117,9 @@ impl Disturber {
             0..14 => (Fault::PowerOff, power),
             14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),
             24..32 => (Fault::CutToNode, cut),
-            32..36 | 37..40 => (Fault::CutToEcu, cut),
+            32..36 | 38..40 => (Fault::CutToEcu, cut),
             40..45 => (Fault::CutBoth, cut),
-            36..37 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
+            36..38 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
             // Just what the ECU puts up with.
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
@@ -128,7 +128,9 @@ impl Disturber {
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
-                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { 10 * SECOND };
+                // Damaged frames stand for frames for 10 s, and no longer.
+                let longest = if rng.percent(15) { 40 * SECOND } else { 10 * SECOND };
+                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { longest };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
             }
             66..76 => (Fault::Noise(rng.percent(30)), rng.spread(500 * MS, 10 * SECOND)),
@@ -325,6 +327,7 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             }
             if to_node {
                 add(&mut history.garbled);
+                add(&mut history.ruined);
             }
         }
         Fault::Noise(to_ecu) => {

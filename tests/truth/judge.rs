@@ -4,9 +4,11 @@
 
 mod control;
 mod demand;
+mod doubt;
 mod fuel;
 mod healthy;
 mod limits;
+mod obeyed;
 mod silence;
 mod starts;
 mod stops;
@@ -24,12 +26,18 @@ pub enum Rule {
     Ignition,
     /// An engine at rest is told run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
     RunAtRest,
+    /// Nothing that could start an engine is sent while nobody can know whether it lives.
+    Doubt,
+    /// A start that is asked for as documented begins.
+    Granted,
     /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
     SilentWire,
     /// With all sources silent the turbine is at the fail-safe, or stopped, by a stated instant.
     SilentTurbine,
     /// A stop is on the wire at once, and in every frame until its release.
     Stop,
+    /// An engine that is told standby or stop goes out.
+    Obeyed,
     /// No fuel flows into an engine at rest that is hot.
     HotFuel,
     /// A pump that was opened is closed in time.
@@ -59,12 +67,15 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 21] = [
         Self::Ignition,
         Self::RunAtRest,
+        Self::Doubt,
+        Self::Granted,
         Self::SilentWire,
         Self::SilentTurbine,
         Self::Stop,
+        Self::Obeyed,
         Self::HotFuel,
         Self::Pump,
         Self::Service,
@@ -180,6 +191,18 @@ impl<'a> Case<'a> {
         two_states(&self.h.rules)
     }
 
+    /// The longest time until the next report of the engine's state.
+    const fn one_state(&self) -> u64 {
+        let rules = &self.h.rules;
+        // AMT has a set without a state now and then. What is said then was decided a slot before it began.
+        let reports = 1 + rules.stale;
+        if self.is_amt() {
+            (reports + 1) * rules.period + 150 * MS
+        } else {
+            reports * rules.round * rules.period + 2 * rules.period + 150 * MS
+        }
+    }
+
     /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
     /// a gap.
     fn starts_of_life(&self) -> Vec<u64> {
@@ -215,6 +238,9 @@ pub fn judge(history: &History) -> Verdict {
     case.stops();
     case.starts();
     case.run_at_rest();
+    case.doubt();
+    case.granted();
+    case.goes_out();
     case.silence();
     case.fuel();
     case.rate();

@@ -23,6 +23,7 @@ fn rules(kind: Kind) -> Rules {
         round: if kind == AMT { 1 } else { 9 },
         ages: [500 * MS, 500 * MS, SECOND, 500 * MS],
         recover_after: SECOND,
+        return_within: SECOND,
         takeover: 2 * SECOND,
         hold: SECOND,
         ramp: 500,
@@ -248,6 +249,31 @@ fn a_pair_of_words_gives_one_ignition() {
     story().mark(42.0, Mark::Relight).passes();
 }
 
+/// An AMT engine goes out, and its ECU clears its fault while the exhaust is hot, and starts on the run that it was told. A node
+/// has to see the exhaust fall within 4 s, unless it is reset before.
+#[test]
+fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
+    let story = |clears: f64, resets: bool| {
+        let up =
+            |half: u64| Reset { down: half * SECOND / 2, up: half * SECOND / 2 + MS, cause: Cause::Watchdog };
+        flight(AMT, 40.0)
+            .says(PILOT, 40.0, clears + 1.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 43.5, HALF)
+            .turbine(40.0, clears, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(clears, clears + 1.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(clears, Mark::Ignition)
+            .with(|h| {
+                for sample in h.samples.iter_mut().filter(|sample| sample.phase == Phase::Cooling) {
+                    sample.fault = true;
+                }
+                h.resets = (80..92).filter(|_| resets).map(up).collect();
+            })
+    };
+    story(43.5, false).passes();
+    story(46.0, true).passes();
+    story(46.0, false).breaks(&[Rule::Ignition]);
+}
+
 #[test]
 fn a_withdrawn_start_does_not_ignite() {
     let story = |word| {
@@ -263,6 +289,25 @@ fn a_withdrawn_start_does_not_ignite() {
     story(Word::Disarm).breaks(&[Rule::Ignition]);
     story(Word::ShutDown).breaks(&[Rule::Ignition]);
     story(Word::Arm).passes();
+}
+
+/// Nor does a standby take effect that is below a source which is in control and says run.
+#[test]
+fn a_start_is_withdrawn_by_its_own_source_unless_a_higher_one_is_in_control() {
+    let story = |higher: bool| {
+        let story =
+            if higher { ready(ZK5).says(0, 4.2, 13.9, Word::Run(Ask::Throttle(0))) } else { ready(ZK5) };
+        story
+            .says(PILOT, 4.0, 8.0, Word::Run(Ask::Throttle(0)))
+            .says(PILOT, 8.0, 13.9, Word::Standby)
+            .wire(4.0, 13.0, IDLE)
+            .wire(13.0, 14.0, STANDBY)
+            .mark(11.0, Mark::Ignition)
+            .turbine(5.0, 11.0, Phase::Standby, 0.0, 15.0)
+            .turbine(11.0, 14.0, Phase::Ignition, 5000.0, 20.0)
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::Ignition, Rule::RunAtRest]);
 }
 
 #[test]
@@ -323,6 +368,26 @@ fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
     };
     story(40.0).passes();
     story(45.0).breaks(&[Rule::RunAtRest]);
+}
+
+/// A node that was reset did not hear the power-up, and the first set still says that the engine runs: with its shaft above half of
+/// idle, as it is set, it is answered.
+#[test]
+fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
+    let story = |rpm| {
+        flight(AMT, 40.0)
+            .with(|h| {
+                h.unpowered = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
+                h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
+                h.rules.stale = 1;
+            })
+            .turbine(40.0, 50.0, Phase::Cooling, rpm, 400.0)
+            .says(PILOT, 40.0, 50.0, Word::Run(Ask::Throttle(500)))
+            .wire(45.4, 45.5, HALF)
+            .wire(45.6, 50.0, STANDBY)
+    };
+    story(15_000.0).passes();
+    story(10_000.0).breaks(&[Rule::RunAtRest]);
 }
 
 /// A start that its ECU has not reported yet, and an outage that is shorter than a gap: at rest still fits, until a gap can be
@@ -574,6 +639,25 @@ fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
     story(Cause::PowerOn, 800, false).breaks(&[Rule::Rate]);
     story(Cause::Watchdog, 500, false).breaks(&[Rule::Rate]);
     story(Cause::PowerOn, 500, true).breaks(&[Rule::Rate]);
+    // A throttle that has come to an ECU which holds a speed is not obeyed before the ID 6 that ends that. The throttle that it
+    // reports is that of the speed.
+    let speed = |mode: bool| {
+        flight(ZK5, 40.0)
+            .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND))
+            .says(PILOT, 39.0, 40.0, Word::Run(Ask::Rpm(140_000)))
+            .wire(39.0, 39.01, Told::Mode(Some(Switch::Run), 4))
+            .wire(39.05, 40.0, Told::Rpm(140_000))
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(200)))
+            .wire(40.0, 40.04, Told::Full(Switch::Run, 200))
+            .wire(40.05, 40.06, if mode { Told::Mode(Some(Switch::Run), 0) } else { Told::Nothing })
+            .wire(40.1, 40.14, if mode { Told::Full(Switch::Run, 200) } else { Told::Nothing })
+            .wire(40.7, 41.0, Told::Full(Switch::Run, 700))
+            .wire(41.0, 45.0, Told::Full(Switch::Run, 200))
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.resets.push(Reset { down: 40_150 * MS, up: 40_250 * MS, cause: Cause::PowerOn }))
+    };
+    speed(false).passes();
+    speed(true).breaks(&[Rule::Rate]);
 }
 
 #[test]
@@ -590,7 +674,21 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     };
     story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).passes();
     story(&[(40.2, Word::ShutDown)]).passes();
+    // Decided a slot before another word came.
+    story(&[(40.05, Word::Standby), (40.25, Word::Standby), (40.29, Word::Run(Ask::Throttle(0)))]).passes();
     story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    // One word of a higher source that has yet to take over, and is silent again.
+    let word = |at, until| {
+        let story = flight(ZK5, 40.0).says(0, 20.0, at, Word::Nothing);
+        story
+            .says(0, at, until, Word::Run(Ask::Throttle(500)))
+            .says(PILOT, 40.0, 45.0, Word::Standby)
+            .wire(40.0, 40.6, HALF)
+            .wire(40.6, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+    };
+    word(40.0, 40.01).passes();
+    word(37.0, 40.01).breaks(&[Rule::ShutDown]);
     story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[]).breaks(&[Rule::ShutDown]);
 }
@@ -650,6 +748,13 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     };
     story().breaks(&[Rule::ShutDown]);
     story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
+    // Who is present and wants nothing is silent from then on, and not from an age limit later.
+    let late = |h: &mut History| {
+        h.rules.standby_after = Some(5 * SECOND);
+        h.rules.ages = [SECOND; 4];
+    };
+    story().with(late).breaks(&[Rule::ShutDown]);
+    story().with(late).says(PILOT, 40.0, 60.0, Word::Nothing).passes();
 }
 
 #[test]
@@ -688,6 +793,8 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(1000)).passes();
     story(AMT).with(reset(2100)).passes();
     // After a reset, with error sets only and an exhaust that is not known, nobody knows whether it runs.
     let faults = |h: &mut History| {
@@ -726,6 +833,27 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
         .wire(40.0, 60.0, Told::Nothing)
         .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
         .breaks(&[Rule::HeldDown]);
+}
+
+/// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
+#[test]
+fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 90.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 41.0, HALF)
+            .ramp(41.0, 500, 0)
+            .wire(42.1, 90.0, IDLE)
+            .turbine(40.0, 42.0, Phase::Running, 60_000.0, 450.0)
+            .with(|h| {
+                h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND).for_each(|s| s.lit = false)
+            })
+            .mark(42.0, Mark::Relight)
+            .turbine(42.0, 60.0, Phase::FuelRamp, 30_000.0, 450.0)
+            .turbine(60.0, 90.0, Phase::Running, 50_000.0, 450.0)
+    };
+    story().with(|h| h.rules.limit_change = Some(false)).passes();
+    story().breaks(&[Rule::HeldDown]);
 }
 
 #[test]

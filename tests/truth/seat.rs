@@ -67,9 +67,15 @@ impl Seat {
         for last in (1..4).rev() {
             sources.swap(last, rng.below(last as u64 + 1) as usize);
         }
-        let count = rng.pick(&[1, 1, 2, 2, 3]);
+        // Two, of whom the higher one relieves the lower one now and then.
+        let pair = rng.percent(15);
+        let count = if pair { 2 } else { rng.pick(&[1, 1, 2, 2, 3]) };
+        if pair && sources[1] > sources[0] {
+            sources.swap(0, 1);
+        }
         let habit = |index: usize, rng: &mut Rng| match index {
             0 => Habit::Flies,
+            _ if pair => Habit::Relieves,
             _ => rng.pick(&[Habit::Below, Habit::Restless, Habit::Flies, Habit::Relieves]),
         };
         let pilots = (0..count).map(|index| {
@@ -97,7 +103,7 @@ impl Seat {
         let (rx, tx, plug) = connect_with(setup.ecu(), Settings::new(setup.line, seed));
         plug.record(true);
         let seat = Self {
-            reader: Reader::new(setup.rules.kind == Kind::Amt),
+            reader: Reader::new(setup.protocol()),
             history: History::new(setup.rules),
             plug,
             pilots: Vec::new(),
@@ -111,6 +117,13 @@ impl Seat {
             setup,
         };
         (seat, (rx, tx))
+    }
+
+    /// Whoever flies it begins now, in standby.
+    pub fn fly(&mut self, rng: &mut Rng) {
+        if let Some(pilot) = self.pilots.first_mut() {
+            pilot.fly(rng, now());
+        }
     }
 
     pub fn is_live(&self) -> bool {

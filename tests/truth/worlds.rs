@@ -81,19 +81,28 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     let mut setups = settings::setups(rng, N);
     let seats = setups.drain(..).map(|setup| Seat::random(rng, setup, weather)).collect();
     let fate = Fate::random(rng, weather);
-    play::<N>(seed, rng, seats, fate, seconds * SECOND)
+    let together = if N > 1 && rng.percent(60) { rng.wait(150 * SECOND) } else { u64::MAX };
+    play::<N>(seed, rng, seats, fate, together, seconds * SECOND)
 }
 
 /// Plays a case: what happens to each engine, and to the node.
 pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
     clock::reset();
     let seats = engines.into_iter().map(|(setup, acts)| Seat::scripted(setup, acts)).collect();
-    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), seconds * SECOND)
+    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
 }
 
 type Wired = (Seat, (WireRx, WireTx));
 
-fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: Fate, end: u64) -> World {
+/// `together`: when all engines are flown from standby on, the first time; `u64::MAX`: each when its pilot likes.
+fn play<const N: usize>(
+    seed: u64,
+    rng: &mut Rng,
+    wired: Vec<Wired>,
+    mut fate: Fate,
+    mut together: u64,
+    end: u64,
+) -> World {
     let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
     let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
@@ -106,7 +115,8 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
         if other_engine {
             configs.iter_mut().for_each(|config| config.name = "other");
         }
-        let ended = boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, end);
+        let ended =
+            boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, &mut together, end);
         let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
         other_engine ^= other;
@@ -234,6 +244,7 @@ fn boot<const N: usize>(
     memory: &'static [RetainedMemory; N],
     cause: Cause,
     fate: &mut Fate,
+    together: &mut u64,
     end: u64,
 ) -> Option<Blow> {
     let reset = match cause {
@@ -261,6 +272,10 @@ fn boot<const N: usize>(
         let reset_at = blow.map_or(u64::MAX, |blow| blow.at);
         if at >= reset_at {
             return blow;
+        }
+        if at >= *together {
+            *together = at + rng.wait(300 * SECOND);
+            seats.iter_mut().for_each(|seat| seat.fly(rng));
         }
         let look = at >= look_at;
         everybody(rng, seats, &handles, look);

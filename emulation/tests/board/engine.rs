@@ -81,8 +81,8 @@ fn four_engines_start_one_after_the_other_and_run() {
 /// The memory that start-up leaves alone is full of something, as after a power-up.
 fn scramble(bench: &mut Bench<'_>, board: &Board) {
     let mut word = 0x9E37_79B9_u32;
-    let kept = symbol(board, Image::Demo, "__skept")..symbol(board, Image::Demo, "__ekept");
-    for at in kept.step_by(4) {
+    let retained = symbol(board, Image::Demo, "__sretained")..symbol(board, Image::Demo, "__eretained");
+    for at in retained.step_by(4) {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         bench.set_word(at, word);
     }

@@ -5,7 +5,7 @@ pub mod any;
 mod decoder;
 pub mod zk;
 
-/// Which ECU is on a port, and how it is received to.
+/// Which ECU is on a port, and how it is spoken to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EcuConfig {

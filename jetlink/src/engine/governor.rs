@@ -1,7 +1,7 @@
 //! Speed control over the throttle, for ECUs without one: a PI controller in integers.
 //!
 //! It acts on each new shaft speed. Its output is limited in authority and in how fast it may rise, and its integral
-//! at_rest still while the output is at a limit. Old telemetry is not believed: the throttle then goes to idle.
+//! stands still while the output is at a limit. Old telemetry is not believed: the throttle then goes to idle.
 
 use super::config::Governor as Config;
 use crate::report::Timed;

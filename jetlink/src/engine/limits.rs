@@ -4,7 +4,8 @@
 //! must raise nothing. It is told once, and again only after a value was within it. What is done about it holds for as
 //! long as it is passed.
 
-use super::config::{Action, Limits};
+use super::config::Limits;
+use crate::limit::Action;
 use crate::limit::{LimitKind, LimitViolation};
 use crate::report::{Phase, Report, Timed};
 use crate::units::{Celsius, Rpm};
@@ -113,6 +114,11 @@ impl LimitMonitor {
         }
     }
 
+    /// New limits, for the values that come from now on.
+    pub const fn configure(&mut self, limits: Limits) {
+        self.limits = limits;
+    }
+
     /// What was found since the last call, first found first.
     pub fn found(&mut self) -> Option<LimitViolation> {
         self.found.pop_front()
@@ -137,7 +143,7 @@ impl LimitMonitor {
         ]
         .into_iter()
         .filter_map(|limit| limit.passed)
-        .filter(|(_, action)| *action != Action::None)
+        .filter(|(_, action)| *action != Action::Report)
         .max_by_key(|(_, action)| *action)
     }
 

@@ -26,7 +26,7 @@ mod run;
 mod shaper;
 mod sources;
 
-use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
+use self::config::{START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
 use self::exhaust::{Burning, Exhaust};
 use self::life::{Finding, Life};
 use self::limits::LimitMonitor;
@@ -39,10 +39,12 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origi
 use crate::config::EngineConfig;
 use crate::ecu::any::AnyLink;
 use crate::event::{End, Event, LossStage};
+use crate::limit::Action;
 use crate::limit::{LimitKind, LimitViolation};
 use crate::line::LineError;
 use crate::link::{Link, Output, Sign, Stage, earlier};
 use crate::report::{LinkState, NotSent, Phase, ReportedSwitch, bump};
+use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -142,7 +144,7 @@ pub struct Engine {
     others_failed: u8,
     limits: LimitMonitor,
     exhaust: Exhaust,
-    /// Resets in a row in which no source has received, this one counted.
+    /// Resets in a row in which no source has spoken, this one counted.
     resets: u8,
     /// Since when nothing that was to be sent went out; and that was reported.
     transmitter: Option<Instant>,
@@ -224,13 +226,13 @@ impl Engine {
         }
     }
 
-    /// A good frame came that nobody has looked at yet: [`Engine::poll`] does.
-    pub const fn has_unseen_frame(&self) -> bool {
+    /// A good frame was received that [`Engine::supervise`] has not looked at.
+    pub const fn has_frame_to_supervise(&self) -> bool {
         self.unseen.is_some()
     }
 
     /// Bytes came from the ECU; see [`Link::receive`]. What the frame says about the life of the engine is judged before
-    /// its reply is handed out; everything else that it changes is found after that, and is in the next one.
+    /// its reply is handed out; everything else is left to [`Engine::supervise`], and is in the next one.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.wake.is_some_and(|at| at <= now) {
             self.update(now);
@@ -288,16 +290,19 @@ impl Engine {
         self.update(now);
     }
 
-    /// See [`Link::poll`].
-    pub fn poll(&mut self) -> Output {
-        let mut output = self.link.poll();
-        if matches!(output, Output::Wait(_))
-            && let Some(now) = self.unseen.take()
-        {
+    /// Looks at the frame that [`Engine::receive`] has taken: limits, sources, stages of loss. Call it when the outputs of that
+    /// input are drained, so that the reply to a frame does not wait for it; then drain again.
+    pub fn supervise(&mut self) {
+        if let Some(now) = self.unseen.take() {
+            self.touch();
             self.look(now);
             self.update(now);
-            output = self.link.poll();
         }
+    }
+
+    /// See [`Link::poll`]. It only drains: everything is decided in the inputs.
+    pub fn poll(&mut self) -> Output {
+        let output = self.link.poll();
         if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
             run.handed_out = Some(run.shaped);
         }
@@ -318,6 +323,21 @@ impl Engine {
     /// The atmospheric pressure, for an ECU that asks for it (ZK-14).
     pub fn pressure(&mut self, now: Instant, pressure: Hectopascals) {
         self.link.pressure(now, pressure);
+    }
+
+    /// New settings of the supervision. They hold from the next frame, command or deadline on.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range; nothing is changed then.
+    pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SettingId> {
+        config.validate()?;
+        self.touch();
+        self.config = *config;
+        self.sources.configure(config);
+        self.limits.configure(config.limits);
+        self.exhaust.configure(config.burning_egt);
+        self.update(now);
+        Ok(())
     }
 
     /// A command. The latest of a source wins, the highest fresh source rules, and a stop pre-empts everything.

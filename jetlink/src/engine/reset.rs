@@ -98,6 +98,13 @@ impl Engine {
                 let lost = low || kept.loss >= LossStage::FailSafe;
                 // After resets in a row without a word it is not waited for once more.
                 let counts_as_silent = if low { Duration::MAX } else { silent };
+                // A ramp that goes on only while the node runs would come to no stated end. An rpm is at idle with the fail-safe.
+                let demand = match demand {
+                    Demand::Throttle(throttle) if low => {
+                        Demand::Throttle(throttle.min(self.config.loss.throttle))
+                    }
+                    demand => demand,
+                };
                 self.sources.resume(now, kept.origin, demand, lost, counts_as_silent);
                 let record = RetainedState { silent, all_silent, resets: self.resets, ..kept };
                 self.begin(now, demand, kept.origin, Beginning::Reset(record));

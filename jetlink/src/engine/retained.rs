@@ -19,7 +19,7 @@ const WORDS: usize = 8;
 /// Silence is retained in steps of this, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
-/// Steps of 0.2 s, while a source has received since the last reset.
+/// Steps of 0.2 s, while a source has spoken since the last reset.
 const COARSE: u32 = 10;
 /// Bits of a demand in its word; the rest is for the silence of all sources, whose higher bits stand elsewhere.
 const DEMAND_BITS: u32 = 18;
@@ -66,7 +66,7 @@ pub struct RetainedState {
     pub silent: Duration,
     /// The same for every source. In steps of 20 ms, for longer than anything here lasts.
     pub all_silent: Duration,
-    /// Resets in a row in which the source in control has not received; 15 at most.
+    /// Resets in a row in which the source in control has not spoken; 15 at most.
     pub resets: u8,
     /// How long ago the start that is under way was ordered, in s; 0 without one.
     pub starting: u16,

@@ -33,7 +33,7 @@ pub(super) struct Shape {
     pub running: bool,
     /// Nothing puts that in doubt.
     pub living: bool,
-    /// The source in control has received since the node started: its demand is its own, and not what was left of it in a record.
+    /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
     pub received: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,

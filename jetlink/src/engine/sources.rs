@@ -44,7 +44,7 @@ struct Source {
     period_before: Duration,
     /// Its last word was standby, given then.
     standby_at: Option<Instant>,
-    /// It has received since the node started; otherwise it was resumed.
+    /// It has spoken since the node started; otherwise it was resumed.
     received: bool,
     /// When it last wanted something, since the node started.
     wanted: Option<Instant>,
@@ -68,6 +68,12 @@ impl Sources {
             return_within: config.return_within,
             sources: [None; Origin::SOURCES.len()],
         }
+    }
+
+    /// New settings. A timeout counts from the next command of its source on.
+    pub const fn configure(&mut self, config: &Supervision) {
+        (self.ages, self.recover_after, self.return_within) =
+            (config.ages, config.recover_after, config.return_within);
     }
 
     /// A source says what it wants.
@@ -117,7 +123,7 @@ impl Sources {
                 continue;
             }
             let before = *slot;
-            // One that is present and wants nothing speaks without a gap; one that was resumed has not received yet.
+            // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
             let (since, was_lost) = match before {
                 Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
                 // The first word after a reset, within a short gap: what was lost before it stays lost, and nothing else is.
@@ -251,7 +257,7 @@ impl Sources {
         self.source(origin).is_some_and(|source| source.was_lost)
     }
 
-    /// Whether any source has received since the node started.
+    /// Whether any source has spoken since the node started.
     pub fn any_received(&self) -> bool {
         self.each().any(|(_, source)| source.received)
     }
@@ -303,7 +309,7 @@ impl Source {
     }
 }
 
-/// It has received without a gap for so long: the silence since does not count.
+/// It has spoken without a gap for so long: the silence since does not count.
 fn recovered(source: &Source, after: Duration) -> bool {
     source.heard >= source.since + after
 }

@@ -4,8 +4,9 @@
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::{Action, Governor, Limit};
+use jetlink::engine::config::Governor;
 use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 

@@ -1,9 +1,10 @@
 //! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
 
 use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
-use jetlink::engine::config::{Action, Limit, Limits};
+use jetlink::engine::config::Limits;
 use jetlink::event::Event;
 use jetlink::limit::LimitKind;
+use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm};
 
 use crate::support::bench::us;
@@ -46,7 +47,7 @@ fn two_values_in_a_row_pass_a_limit() {
         let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
         [
             (
-                |l| l.over_speed = Limit::tell(Rpm::new(13_000)),
+                |l| l.over_speed = Limit::report(Rpm::new(13_000)),
                 OverSpeed,
                 values(13_000, 26),
                 values(13_500, 26),
@@ -54,7 +55,7 @@ fn two_values_in_a_row_pass_a_limit() {
                 13_000,
             ),
             (
-                |l| l.low_rpm = Limit::tell(Rpm::new(11_000)),
+                |l| l.low_rpm = Limit::report(Rpm::new(11_000)),
                 LowRpm,
                 values(11_000, 26),
                 values(10_500, 26),
@@ -63,7 +64,7 @@ fn two_values_in_a_row_pass_a_limit() {
             ),
             // AMT: 126 steps of 4.6 °C less 50 are 529.6, one more is 534.2.
             (
-                |l| l.over_temperature = Limit::tell(Celsius::from_tenths(5_300)),
+                |l| l.over_temperature = Limit::report(Celsius::from_tenths(5_300)),
                 OverTemperature,
                 values(TURNING, 530),
                 values(TURNING, 535),
@@ -101,7 +102,7 @@ fn two_values_in_a_row_pass_a_limit() {
 #[test]
 fn a_limit_is_told_with_its_time() {
     for ecu in BOTH {
-        let mut scenario = running(ecu, |l| l.over_speed = Limit::tell(Rpm::new(13_000)));
+        let mut scenario = running(ecu, |l| l.over_speed = Limit::report(Rpm::new(13_000)));
         let values = Values { rpm: Some(14_000), ..scenario.values };
         let from = scenario.now();
         scenario.silent();
@@ -225,7 +226,7 @@ fn flame_out() {
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
     for ecu in BOTH {
-        for implausible in [Limit::NONE, Limit::tell(150_000)] {
+        for implausible in [Limit::NONE, Limit::report(150_000)] {
             for odd in [0, 10_000, 14_000, 60_000, 120_000] {
                 for wait in 0..6 {
                     let mut scenario = running(ecu, |limits| {
@@ -290,7 +291,7 @@ fn supply_low() {
         supply(&mut scenario);
         assert_eq!(scenario.limits(), [], "{ecu:?}: not watched");
         for (limit, frames, told) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
-            let mut scenario = running(ecu, |l| l.supply_low = Limit::tell(Millivolts::new(limit)));
+            let mut scenario = running(ecu, |l| l.supply_low = Limit::report(Millivolts::new(limit)));
             for _ in 0..frames {
                 supply(&mut scenario);
             }
@@ -303,7 +304,7 @@ fn supply_low() {
 #[test]
 fn a_fault_of_the_ecu() {
     for ecu in BOTH {
-        for action in [Action::None, Action::FailSafe, Action::Standby] {
+        for action in [Action::Report, Action::FailSafe, Action::Standby] {
             let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
             burns(&mut scenario);
             let values = Values { fault: 2, ..scenario.values };
@@ -312,7 +313,7 @@ fn a_fault_of_the_ecu() {
             let told = told_after(&mut scenario, 5, values);
             assert_eq!(told, [(LimitKind::EcuFault, 2, 0)], "{ecu:?} {action:?}");
             let expected = match action {
-                Action::None => Order::Run(percent(50)),
+                Action::Report => Order::Run(percent(50)),
                 Action::FailSafe => Order::Run(percent(0)),
                 Action::Standby => Order::Standby,
             };
@@ -361,7 +362,7 @@ fn actions() {
 #[test]
 fn a_limit_that_is_passed_refuses_a_start() {
     for (action, expected) in [
-        (Action::None, Ok(Accepted::InForce)),
+        (Action::Report, Ok(Accepted::InForce)),
         (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
         (Action::Standby, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
     ] {

@@ -65,6 +65,8 @@ impl Case<'_> {
         let mut before: Option<(u64, Ask, f64)> = None;
         // What came to the ECU last: the demand that a node without memory finds and goes on with.
         let mut obeyed: Option<(Ask, f64)> = None;
+        // Until an ID 6 without RPM_X has come, that is the speed.
+        let mut by_rpm = false;
         let mut forgets =
             h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).map(|reset| reset.up).peekable();
         let mut reported = 0;
@@ -81,9 +83,16 @@ impl Case<'_> {
                 before = Some((frame.at, idle, f64::from(rules.start_throttle)));
                 obeyed = if frame.arrived { Some((idle, f64::from(rules.start_throttle))) } else { obeyed };
             }
+            if let Told::Mode(_, factor) = frame.told
+                && frame.arrived
+            {
+                by_rpm = factor > 0;
+            }
             let Some(ask) = frame.told.demand() else { continue };
             let (at, share) = (frame.at, self.share(ask));
-            obeyed = if frame.arrived { Some((ask, share)) } else { obeyed };
+            if frame.arrived && (!by_rpm || matches!(ask, Ask::Rpm(_))) {
+                obeyed = Some((ask, share));
+            }
             if let Some((when, last, low)) = before.replace((at, ask, share))
                 && core::mem::discriminant(&last) == core::mem::discriminant(&ask)
                 && share > low

@@ -1,7 +1,7 @@
 //! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
 
-use super::{Case, Rule, seconds};
-use crate::history::{Ask, MS, SECOND, Sample, Spans, Switch, Word};
+use super::{Case, Rule, Voices, seconds};
+use crate::history::{Ask, MS, SECOND, Said, Sample, Spans, Switch, Word};
 
 /// Beyond a limit by so much, for so long, an ECU has reported it twice: °C, rpm.
 const BEYOND: f64 = 12.0;
@@ -177,13 +177,16 @@ impl Case<'_> {
 /// When another engine has failed for sure: it ran, nobody told it to stop, and it went out.
 pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     let mut spans = Spans::default();
+    let voices = Voices::new(other);
     let runs = other.times(|sample| sample.runs());
     for (_, out) in runs.iter() {
-        let stops = |word: Word| {
-            matches!(word, Word::Standby | Word::ShutDown | Word::Stop | Word::Ctf | Word::Disarm)
+        // Standby below somebody who says otherwise changes nothing.
+        let stops = |said: &&Said| match said.word {
+            Word::Standby => voices.in_control(said.at).is_none_or(|(source, _)| source >= said.source),
+            word => matches!(word, Word::ShutDown | Word::Stop | Word::Ctf | Word::Disarm),
         };
         let said = other.said(out.saturating_sub(10 * SECOND), other.end);
-        let ends = said.iter().find(|said| stops(said.word)).map_or(other.end, |said| said.at);
+        let ends = said.iter().find(stops).map_or(other.end, |said| said.at);
         let reset = other.resets.iter().find(|reset| reset.up > out.saturating_sub(5 * SECOND));
         let ends = ends.min(reset.map_or(u64::MAX, |reset| reset.down));
         let again = other.marks.iter().find(|(at, _)| *at > out).map_or(u64::MAX, |(at, _)| *at);

@@ -652,7 +652,7 @@ impl Decoder {
 }
 
 /// How long the frame that begins so will be, as far as can be told yet. `None`: it can have no end,
-/// because the full stop of a set-up text at_rest at neither place (AMT-9).
+/// because the full stop of a set-up text stands at neither place (AMT-9).
 fn frame_len(bytes: &[u8]) -> Option<usize> {
     if bytes.get(1) != Some(&SETUP) {
         return Some(FRAME_LEN);

@@ -50,6 +50,8 @@ pub struct AmtLink {
     ctf_ordered: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
+    /// It saw one since the last bytes came.
+    fault: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
     /// When the last set that was replied to was complete.
@@ -80,6 +82,7 @@ impl AmtLink {
             ctf: false,
             ctf_ordered: false,
             damaged: false,
+            fault: false,
             sending: None,
             replied: None,
             due: None,
@@ -301,7 +304,11 @@ impl Link for AmtLink {
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let cut_off = self.decoder.counters().truncated;
         let (taken, frame) = self.decoder.feed(bytes);
+        // A fault from before these bytes was in the frame that they cut off.
+        self.damaged &= self.decoder.counters().truncated == cut_off;
+        self.damaged |= core::mem::take(&mut self.fault);
         self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
@@ -313,7 +320,7 @@ impl Link for AmtLink {
     }
 
     fn line_error(&mut self, error: LineError) {
-        self.damaged = true;
+        self.fault = true;
         self.counters.line_error(error);
     }
 

@@ -5,9 +5,9 @@ use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::{Action, Limit};
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 
