@@ -279,6 +279,10 @@ pub(crate) struct Beat {
     /// Bytes of a frame.
     frame_len: u8,
     line: Line,
+    /// A frame is expected at this interval.
+    interval: Duration,
+    /// A longer pause separates two bursts.
+    pause: Duration,
     last: Option<Instant>,
     good: Option<Instant>,
     last_byte: Option<Instant>,
@@ -292,17 +296,38 @@ const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
 const GAP_FRAMES: u32 = 3;
 
 impl Beat {
-    pub fn new(frame_len: u8, line: Line) -> Self {
-        Self { frame_len, line, last: None, good: None, last_byte: None, burst: 0, gap: false }
+    pub fn new(frame_len: u8, line: Line, interval: Duration) -> Self {
+        let pause = Self::pause(frame_len, line, interval);
+        Self {
+            frame_len,
+            line,
+            interval,
+            pause,
+            last: None,
+            good: None,
+            last_byte: None,
+            burst: 0,
+            gap: false,
+        }
     }
 
-    /// Bytes came, of whatever kind, with a frame expected at this interval.
-    pub fn bytes(&mut self, now: Instant, count: usize, interval: Duration) {
-        // A longer pause separates two bursts. At a high rate there is little between two frames.
-        let frame = self.line.time_of(self.frame_len.into());
-        let rest = interval.as_ticks().saturating_sub(frame.as_ticks());
-        let pause = (self.line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3));
-        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > pause);
+    /// Frames come at another interval from now on.
+    pub fn expect(&mut self, interval: Duration) {
+        if self.interval != interval {
+            self.interval = interval;
+            self.pause = Self::pause(self.frame_len, self.line, interval);
+        }
+    }
+
+    /// At a high rate there is little between two frames.
+    fn pause(frame_len: u8, line: Line, interval: Duration) -> Duration {
+        let rest = interval.as_ticks().saturating_sub(line.time_of(frame_len.into()).as_ticks());
+        (line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3))
+    }
+
+    /// Bytes came, of whatever kind.
+    pub fn bytes(&mut self, now: Instant, count: usize) {
+        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);
         self.last_byte = Some(now);
         let before = if paused { 0 } else { self.burst };
         self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
@@ -322,9 +347,9 @@ impl Beat {
         self.gap = false;
     }
 
-    /// When the gap begins, with frames expected at this interval.
-    pub fn gap_at(&self, interval: Duration) -> Option<Instant> {
-        self.last.filter(|_| !self.gap)?.checked_add(interval * GAP_FRAMES)
+    /// When the gap begins.
+    pub fn gap_at(&self) -> Option<Instant> {
+        self.last.filter(|_| !self.gap)?.checked_add(self.interval * GAP_FRAMES)
     }
 
     /// The gap was seen.

@@ -77,7 +77,7 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            beat: Beat::new(FRAME_LEN as u8, line),
+            beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
             sign: None,
             ctf: false,
             ctf_ordered: false,
@@ -309,7 +309,7 @@ impl Link for AmtLink {
         // A fault from before these bytes was in the frame that they cut off.
         self.damaged &= self.decoder.counters().truncated == cut_off;
         self.damaged |= core::mem::take(&mut self.fault);
-        self.beat.bytes(now, taken, SET_INTERVAL);
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -409,7 +409,7 @@ impl Link for AmtLink {
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at(SET_INTERVAL)
+        self.beat.gap_at()
     }
 
     fn gap(&mut self) {

@@ -61,7 +61,7 @@ impl ZkLink {
             believed: Believed::new(),
             outbox: Outbox::default(),
             counters: Counters::default(),
-            beat: Beat::new(STATUS_LEN as u8, line),
+            beat: Beat::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
             sign: None,
             next_slot: None,
             out_of_slot: false,
@@ -89,6 +89,7 @@ impl ZkLink {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
             Status::Settings { .. } => self.service.confirm(&self.report, &mut self.outbox),
             Status::Identity { rate, .. } => {
+                self.expect_frames();
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);
             }
             _ => {}
@@ -106,9 +107,9 @@ impl ZkLink {
 
     /// From one frame to the next: the slower one of what two reports agree on and what is asked for, because an ECU may answer
     /// at either (ZK-10, ZK-11).
-    fn frame_interval(&self) -> Duration {
+    fn expect_frames(&mut self) {
         let reported = self.believed.rate().unwrap_or(Rate::Hz20);
-        reported.interval().max(self.wanted_rate.interval())
+        self.beat.expect(reported.interval().max(self.wanted_rate.interval()));
     }
 
     /// The version that two reports agree on: what decides which commands the ECU gets.
@@ -195,7 +196,7 @@ impl Link for ZkLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken, self.frame_interval());
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         }
@@ -254,6 +255,7 @@ impl Link for ZkLink {
                 return Err(Rejected::RateTooFast);
             }
             self.wanted_rate = rate;
+            self.expect_frames();
             self.rate = RateSetting::asking(now);
             return Ok(());
         }
@@ -310,7 +312,7 @@ impl Link for ZkLink {
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at(self.frame_interval())
+        self.beat.gap_at()
     }
 
     fn gap(&mut self) {
