@@ -8,12 +8,12 @@ use super::*;
 fn a_throttle_that_takes_over_from_an_rpm_rises_at_the_rate() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(20_000));
     let low = Command::Run(rpm(20_000));
-    scenario.fly(low, Origin::Rc, SECOND);
+    scenario.fly_us(low, Origin::Rc, SECOND);
     // RC is lost; MAVLink asks for 100 %.
     scenario.bench.frames();
     let mut first = None;
     for _ in 0..100 {
-        scenario.fly(run(100), Origin::Mavlink, PERIOD);
+        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
         if let Some(tenths) = runs_in(&scenario.sent()).first() {
             first = Some(*tenths);
             break;
@@ -32,11 +32,11 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
         scenario.says(says);
         scenario.command(Command::Run(rpm(20_000))).unwrap();
     }
-    scenario.fly(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
+    scenario.fly_us(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
     scenario.bench.frames();
     let mut first = None;
     for _ in 0..100 {
-        scenario.fly(run(100), Origin::Mavlink, PERIOD);
+        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
         if let Some(tenths) = runs_in(&scenario.sent()).first() {
             first = Some(*tenths);
             break;

@@ -6,7 +6,7 @@ use super::*;
 #[test]
 fn the_demand_waits_for_its_release() {
     let mut bench = ecu(3); // throttle and switch in ID 1, whatever switch it reports
-    bench.order(bench.now(), throttle(600)).unwrap();
+    bench.order(bench.now_us(), throttle(600)).unwrap();
     for (released, tenths) in [(false, 0), (true, 600), (false, 0)] {
         bench.act(|link, _| link.release(released));
         for state in 0..=31 {
@@ -42,13 +42,13 @@ fn started() -> Bench<Engine> {
 
 /// A status of the ECU, and what goes out up to the next turn while the source asks for 60 %.
 fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
-    let t = (bench.now() / TURN + 1) * TURN;
-    bench.rx(t - 10_000, frame);
+    let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
+    bench.rx_at_us(t - 10_000, frame);
     let demand = Command::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
     // Refused while it is no start yet.
     let _ = bench.act(|engine, now| engine.command(now, demand, Origin::Rc, true));
     bench.frames();
-    bench.run_to(t + 5_000);
+    bench.run_to_us(t + 5_000);
     let mut frames = bench.bytes();
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
@@ -129,11 +129,11 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
             [ReportedSwitch::Stop, ReportedSwitch::Standby, ReportedSwitch::Run][usize::from(switch)],
         );
         for _ in 0..3 {
-            let t = bench.now() + 10_000;
-            bench.rx(t, &says(state, error, switch));
+            let t = bench.now_us() + 10_000;
+            bench.rx_at_us(t, &says(state, error, switch));
             assert_eq!(known(&bench), running, "{state} {error} {switch}");
             bench.receive(&says(11, 0, 2));
-            assert_eq!((known(&bench), bench.machine.report().phase.unwrap().at), (running, us(t)));
+            assert_eq!((known(&bench), bench.machine.report().phase.unwrap().at), (running, at_us(t)));
         }
         bench.receive(&says(state, error, switch));
         bench.receive(&says(state, error, switch));
@@ -166,7 +166,7 @@ fn the_rpm_waits_for_its_release() {
             bench.receive(&zk::idle(idle, false));
         }
         bench.receive(&zk::state(STATE_IGNITION));
-        bench.order(bench.now(), rpm(demand)).unwrap();
+        bench.order(bench.now_us(), rpm(demand)).unwrap();
         let mut ecu = SimpleEcu::default();
         turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (RUN, Some(target), None), "{idle:?}");
