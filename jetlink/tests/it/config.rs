@@ -1,6 +1,6 @@
 //! The table of engines: what is refused before it can fly.
 
-use crate::support::bench::us;
+use crate::support::bench::at_us;
 use crate::support::scenario::{Ecu, SECOND, Scenario, percent, run};
 use embassy_time::Duration;
 use jetlink::command::Origin;
@@ -396,22 +396,22 @@ fn settings_change_within_their_range() {
 #[test]
 fn settings_can_be_given_to_a_running_engine() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
-    scenario.fly(run(50), Origin::Rc, SECOND);
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
     let mut settings = Ecu::Zk.config().supervision;
     // Of 0.5 s: silence longer than that is no loss any more.
     settings.ages.rc = Duration::from_secs(10);
-    let now = scenario.now();
-    scenario.bench.act(|engine, _| engine.configure(us(now), &settings)).unwrap();
-    scenario.fly(run(50), Origin::Rc, SECOND);
-    scenario.pass(5 * SECOND);
+    let now = scenario.now_us();
+    scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings)).unwrap();
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
+    scenario.pass_us(5 * SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     settings.ages.rc = Duration::from_secs(61);
-    let refused = scenario.bench.act(|engine, _| engine.configure(us(now), &settings));
+    let refused = scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings));
     assert_eq!(refused, Err(setting("SRC_RC_AGE")));
     assert_eq!(Supervision::row(setting("SRC_RC_AGE")).field, "ages.rc");
-    scenario.pass(4 * SECOND);
+    scenario.pass_us(4 * SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::None);
-    scenario.pass(3 * SECOND);
+    scenario.pass_us(3 * SECOND);
     assert_ne!(scenario.telemetry().loss, LossStage::None);
 }
 
