@@ -201,6 +201,18 @@ fn all_that_a_bootloader_leaves_together_is_put_right() {
     });
 }
 
+/// PX4's bootloader, with which a Pixhawk 6C may be sold, starts the application at the same place.
+#[test]
+fn image_runs_behind_what_px4s_bootloader_leaves() {
+    on_each_board(|board| {
+        served(board, Image::Ardupilot, Jump::Old, &Leftover::PX4);
+        // A version whose threads run on the main stack.
+        let main_stack: Vec<_> =
+            Leftover::PX4.into_iter().filter(|one| *one != Leftover::ProcessStack).collect();
+        served(board, Image::Ardupilot, Jump::Old, &main_stack);
+    });
+}
+
 /// ST's own loader starts an image without a reset after `dfu-util …:leave`, with its own vectors.
 #[test]
 fn a_plain_image_that_a_loader_starts_sets_its_own_vectors() {
