@@ -50,7 +50,6 @@ fn main() {
     // --nmagic: no padding of the image to the host's page size.
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
-        println!("cargo:rustc-link-arg-examples={argument}");
     }
 }
 

@@ -11,7 +11,7 @@ use jetlink::channel::{Channel, Handle, LISTENERS};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::{Memory, Record, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::engine::state::EngineState;
 use jetlink::event::{End, Event};
 use jetlink::line::Line;
@@ -111,7 +111,7 @@ fn a_reset_in_flight_goes_on() {
             let mut slowest = Duration::from_ticks(0);
             for phase in 0..10 {
                 clock::reset();
-                let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+                let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
                 let (config, ecu) = amt(baud);
                 let (rx, tx, plug) = wire(&config, ecu, phase);
                 let channel = |memory| match memory {
@@ -171,7 +171,7 @@ fn a_reset_in_flight_goes_on() {
 #[test]
 fn a_latched_stop_survives_a_reset_in_flight() {
     clock::reset();
-    let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+    let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let (config, ecu) = amt(2400);
     let (rx, tx, plug) = wire(&config, ecu, 1);
     let scenario = async {
@@ -267,14 +267,14 @@ fn a_group_of_two() {
             let (l, r) = (l.telemetry(), r.telemetry());
             // Its ECU says nothing but its error; the exhaust says that it is out, and its source does not start it again.
             let of_left = heard(&mut of_left);
-            assert!(of_left.contains(&Event::RunWithdrawn(End::NotBurning)), "{of_left:?}");
+            assert!(of_left.contains(&Event::RunCancelled(End::NotBurning)), "{of_left:?}");
             assert_eq!((l.failed, l.ordered.order), (true, Order::Standby));
             assert!(events.contains(&Event::OtherFailed(1)), "{events:?}");
             assert_eq!(r.state, EngineState::Running);
             assert_eq!(r.report.throttle.expect("reported").value.tenths(), expected, "{option:?}");
             // 20 turns a second, none missed, each on its beat.
             let counters = r.counters;
-            assert_eq!((counters.turns_missed, counters.given_up), (turns_before.turns_missed, 0));
+            assert_eq!((counters.send_slots_missed, counters.given_up), (turns_before.send_slots_missed, 0));
             assert!(counters.sent - turns_before.sent >= 199);
             assert_eq!(l.counters.replies_missed, 0);
         };
@@ -358,8 +358,8 @@ fn a_failure_is_told_again_after_a_reset() {
         let (left, left_ecu) = amt(2400);
         let (mut right, right_ecu) = zk();
         right.port = 1;
-        let memory: &'static [Memory] = Box::leak(Box::new([const { Memory::new() }; 2]));
-        let record = Record { failed, ..Record::new(Order::Standby, Origin::Node) };
+        let memory: &'static [RetainedMemory] = Box::leak(Box::new([const { RetainedMemory::new() }; 2]));
+        let record = RetainedState { failed, ..RetainedState::new(Order::Standby, Origin::Node) };
         memory[0].store(&record, left.fingerprint());
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);

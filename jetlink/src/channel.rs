@@ -8,8 +8,10 @@
 use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::engine::Engine;
-use crate::engine::keep::{Memory, Reset};
+use crate::engine::config::Supervision;
+use crate::engine::retained::{Reset, RetainedMemory};
 use crate::event::Event;
+use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::Hectopascals;
 use core::cell::RefCell;
@@ -36,7 +38,7 @@ pub struct Channel {
     name: &'static str,
     engine: Mutex<CriticalSectionRawMutex, RefCell<Engine>>,
     /// The engine has something to say or to send that its runner has not seen.
-    pub(crate) poke: Signal<CriticalSectionRawMutex, ()>,
+    pub(crate) wake: Signal<CriticalSectionRawMutex, ()>,
     pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
     pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
     progress: AtomicU32,
@@ -46,9 +48,9 @@ pub struct Channel {
     memory: Option<Retained>,
 }
 
-/// Memory that survives a reset, and what it holds may be believed.
+/// RetainedMemory that survives a reset, and what it holds may be believed.
 struct Retained {
-    memory: &'static Memory,
+    memory: &'static RetainedMemory,
     fingerprint: u32,
     reset: Reset,
     /// The number of the next write.
@@ -67,7 +69,7 @@ impl Channel {
     ///
     /// `None` forgets the order, the arming and a latched emergency stop at every reset. It is for tests and for programs
     /// that never reset while an engine runs.
-    pub fn new(config: &EngineConfig, retained: Option<(&'static Memory, Reset)>) -> Self {
+    pub fn new(config: &EngineConfig, retained: Option<(&'static RetainedMemory, Reset)>) -> Self {
         let mut engine = Engine::new(config);
         let memory = retained.map(|(memory, reset)| {
             let fingerprint = config.fingerprint();
@@ -77,7 +79,7 @@ impl Channel {
         Self {
             name: config.name,
             engine: Mutex::new(RefCell::new(engine)),
-            poke: Signal::new(),
+            wake: Signal::new(),
             events: PubSubChannel::new(),
             telemetry: Watch::new(),
             progress: AtomicU32::new(0),
@@ -109,7 +111,7 @@ impl Channel {
             let engine = &mut *engine.borrow_mut();
             let result = act(engine);
             if let Some(kept) = &self.memory
-                && let Some(record) = engine.to_keep()
+                && let Some(record) = engine.take_retained()
             {
                 // Not an add-and-fetch: whoever is here holds the lock.
                 let sequence = kept.sequence.load(Ordering::Relaxed);
@@ -251,11 +253,23 @@ impl<'a> Handle<'a> {
         let answer = critical_section::with(|_| {
             let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
             let free = matches!(command, Command::Run(_) | Command::HandOverToPwm)
-                && others.all(|other| !other.see(|engine| engine.keeps_others_from_start(now)));
+                && others.all(|other| !other.see(|engine| engine.blocks_other_starts(now)));
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });
-        self.channel.poke.signal(());
+        self.channel.wake.signal(());
         answer
+    }
+
+    /// Gives new settings of the supervision to the running engine. They hold from the next frame, command or deadline on; the
+    /// settings of a link ([`crate::setting::Effect::AtNextStart`]) are given to [`Channel::new`] at the next start.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range ([`Supervision::row`]); nothing is changed then.
+    pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
+        let now = self.now();
+        let done = self.channel.with(|engine| engine.configure(now, supervision));
+        self.channel.wake.signal(());
+        done
     }
 
     /// Tells the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.

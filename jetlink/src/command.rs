@@ -1,7 +1,7 @@
 //! What can be asked of an engine, by whom, and why it may be refused.
 
 use crate::ecu::Service;
-use crate::limit::Watched;
+use crate::limit::LimitKind;
 use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 
 /// What a running engine shall do.
@@ -221,7 +221,7 @@ pub enum Interlock {
     /// The supply voltage is too low.
     SupplyLow(Millivolts),
     /// A limit whose action is more than to be told is passed.
-    Limit(Watched),
+    Limit(LimitKind),
     /// A fuel pump that a service command opened is not closed yet.
     PumpOpen,
     /// Another engine of the group starts, or was started less than the configured gap ago.

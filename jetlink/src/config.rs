@@ -6,15 +6,9 @@
 use crate::ecu::EcuConfig;
 use crate::ecu::amt::{self, codec::Engine as AmtEngine};
 use crate::ecu::zk::{self, codec::Rate};
-use crate::engine::config::{Field, Supervision};
+use crate::engine::config::Supervision;
 use crate::line::{Line, StopBits, Timing};
-use embassy_time::Duration;
-
-/// The longest time that makes sense anywhere in a table of engines.
-const LONGEST: Duration = Duration::from_secs(60);
-
-/// The shortest silence that may count as a loss: more than the longest time between two frames, 125 ms.
-const SHORTEST_LOSS: Duration = Duration::from_millis(200);
+use crate::setting::{Setting, SettingError, SettingId};
 
 /// One engine and the port it sits on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -77,6 +71,43 @@ impl EngineConfig {
     }
 }
 
+impl EngineConfig {
+    /// The table of settings of this engine, in an order that is fixed for each protocol.
+    pub fn settings(&self) -> impl Iterator<Item = &'static Setting> {
+        let ecu = match &self.ecu {
+            EcuConfig::Amt(_) => amt::config::Config::SETTINGS,
+            EcuConfig::Zk(_) => zk::config::Config::SETTINGS,
+        };
+        Supervision::TABLE.into_iter().chain([Timing::SETTINGS, ecu]).flatten()
+    }
+
+    /// The number of a setting; [`crate::setting::OFF`] where it is off.
+    pub fn number(&self, name: &str) -> Option<i32> {
+        let of_ecu = || match &self.ecu {
+            EcuConfig::Amt(config) => config.own(name),
+            EcuConfig::Zk(config) => config.own(name),
+        };
+        self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(of_ecu)
+    }
+
+    /// Changes a setting. What it takes to make that effective stands in its row ([`Setting::effect`]).
+    ///
+    /// # Errors
+    /// [`SettingError`], with nothing changed.
+    pub fn set(&mut self, name: &str, number: i32) -> Result<(), SettingError> {
+        let setting = self.settings().find(|setting| setting.name == name).ok_or(SettingError::Unknown)?;
+        if !setting.allows(number) {
+            return Err(SettingError::OutOfRange(setting));
+        }
+        let done = self.timing.set_own(name, number)
+            || match &mut self.ecu {
+                EcuConfig::Amt(config) => config.set_own(name, number),
+                EcuConfig::Zk(config) => config.set_own(name, number),
+            };
+        if done { Ok(()) } else { self.supervision.set(name, number) }
+    }
+}
+
 const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// What is wrong with a table of engines, and in which of its rows (from 0).
@@ -97,8 +128,8 @@ pub enum ConfigError {
     AmtEngine(usize),
     /// A link would never be up, or would be lost at once or never.
     Timing(usize),
-    /// A field of the supervision is out of its range.
-    Supervision(usize, Field),
+    /// A setting of the supervision is out of its range.
+    Supervision(usize, SettingId),
 }
 
 impl ConfigError {
@@ -117,7 +148,7 @@ impl ConfigError {
             Self::AmtEngine(_) => {
                 "an AMT engine has a serial delay of 0.5 s to 60 s, and half of idle of 1 to 254"
             }
-            Self::Supervision(_, field) => field.message(),
+            Self::Supervision(_, id) => Supervision::row(id).message,
             Self::Timing(_) => {
                 "an engine's link needs at least one frame to be up, and 0.2 s to 60 s of silence to be lost"
             }
@@ -158,15 +189,11 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if !engine.line.is_printed_rate() {
             return Err(ConfigError::BaudRate(row));
         }
-        let timing = &engine.timing;
-        if timing.up_after == 0
-            || timing.lost_after.as_ticks() < SHORTEST_LOSS.as_ticks()
-            || timing.lost_after.as_ticks() > LONGEST.as_ticks()
-        {
+        if engine.timing.check_own().is_err() {
             return Err(ConfigError::Timing(row));
         }
-        if let Err(field) = engine.supervision.validate() {
-            return Err(ConfigError::Supervision(row, field));
+        if let Err(setting) = engine.supervision.validate() {
+            return Err(ConfigError::Supervision(row, setting));
         }
         match &engine.ecu {
             EcuConfig::Zk(config) => {
@@ -181,8 +208,7 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
                 if config.reply_slack(engine.line).is_none() {
                     return Err(ConfigError::NoReplyFits(row));
                 }
-                let delay = config.serial_delay.as_millis();
-                if delay < 500 || delay > 60_000 || config.half_idle == 0 || config.half_idle == 255 {
+                if config.check_own().is_err() {
                     return Err(ConfigError::AmtEngine(row));
                 }
             }

@@ -2,7 +2,7 @@
 
 use crate::command::{Demand, Ordered, Origin, Rejected};
 use crate::ecu::{Faults, Service, amt, zk};
-use crate::limit::Passed;
+use crate::limit::LimitViolation;
 use crate::report::{NotSent, Phase};
 use crate::units::Rpm;
 
@@ -51,16 +51,16 @@ pub enum Event {
     CommandRejected(Rejected, Origin),
     /// The source of commands is silent, or speaks again (`None`).
     SourceLoss(LossStage),
-    /// Another source rules.
-    Ruler(Origin),
+    /// Another source is in control.
+    ActiveSource(Origin),
     /// A limit was passed.
-    Limit(Passed),
+    Limit(LimitViolation),
     /// So many other engines of the group have failed: they ran, and stopped or fell silent without a command.
     OtherFailed(u8),
     /// After a reset the engine was found running, and goes on with this demand.
-    WentOn(Demand),
+    Resumed(Demand),
     /// The life of the engine that was ordered to run is over: the order is cancelled, and standby goes out.
-    RunWithdrawn(End),
+    RunCancelled(End),
     /// Whether the engine still lives is in doubt: the demand does not reach it until the ECU has reported it running twice.
     LifeInDoubt,
     /// The ECU reports it running again: the demand goes out.

@@ -2,10 +2,43 @@
 
 use embassy_time::Instant;
 
-/// What was watched.
+/// What is done when a limit is passed.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Action {
+    /// Only reported.
+    #[default]
+    Report = 0,
+    /// The demand goes to the fail-safe throttle and stays there until standby is commanded.
+    FailSafe = 1,
+    /// Standby.
+    Standby = 2,
+}
+
+/// A limit and what is done when it is passed. `None` as the limit: not monitored; of the shaft speed: the ECU's own figure.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Watched {
+pub struct Limit<T> {
+    /// The limit.
+    pub at: Option<T>,
+    /// What is done.
+    pub action: Action,
+}
+
+impl<T> Limit<T> {
+    /// Monitored, and only reported.
+    pub const fn report(at: T) -> Self {
+        Self { at: Some(at), action: Action::Report }
+    }
+
+    /// Not monitored. Of the shaft speed: reported at the ECU's own figure.
+    pub const NONE: Self = Self { at: None, action: Action::Report };
+}
+
+/// What a limit is of.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LimitKind {
     /// Shaft speed above its limit, in rpm.
     OverSpeed,
     /// Exhaust temperature above its limit, in 0.1 °C.
@@ -26,7 +59,7 @@ pub enum Watched {
     StartTimeout,
 }
 
-impl Watched {
+impl LimitKind {
     /// Name in plain words.
     pub const fn name(self) -> &'static str {
         match self {
@@ -46,10 +79,10 @@ impl Watched {
 /// A limit that was passed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Passed {
+pub struct LimitViolation {
     /// Which.
-    pub what: Watched,
-    /// The value, in the unit named at [`Watched`].
+    pub what: LimitKind,
+    /// The value, in the unit named at [`LimitKind`].
     pub value: i32,
     /// The limit, in the same unit.
     pub limit: i32,
@@ -57,8 +90,8 @@ pub struct Passed {
     pub at: Instant,
 }
 
-impl Passed {
-    pub(crate) fn new(what: Watched, value: u32, limit: u32, at: Instant) -> Self {
+impl LimitViolation {
+    pub(crate) fn new(what: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
         Self { what, value: signed(value), limit: signed(limit), at }
     }

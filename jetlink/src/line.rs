@@ -1,5 +1,6 @@
 //! The serial line: how long bytes take on it, and what goes wrong on it.
 
+use crate::setting::settings;
 use embassy_time::Duration;
 
 /// Stop bits after each byte.
@@ -81,12 +82,10 @@ pub enum LineError {
     Read,
 }
 
-/// When an ECU counts as heard and as lost.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Timing {
-    /// Good frames in a row, none of them `lost_after` later than the one before, until the link is up.
-    pub up_after: u8,
-    /// Silence until it is lost. 0.2 s to 60 s.
-    pub lost_after: Duration,
+settings! {
+    /// When the link to an ECU is up, and when it is lost.
+    pub struct Timing, "timing.", AtNextStart {
+        up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Good frames in a row, none of them `lost_after` later than the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
+        lost_after: ms "LINK_LOST" = 500 in 200..=60_000, "Silence until the link is lost: ten frames at 20 Hz. AMT: 1000, eight frames at 2400 baud.";
+    }
 }

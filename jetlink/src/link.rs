@@ -124,6 +124,10 @@ pub trait Link {
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
     /// The UART saw a fault.
     fn line_error(&mut self, error: LineError);
+    /// A read failed, and the byte is lost. All bytes before it have come.
+    fn byte_lost(&mut self, error: LineError) {
+        self.line_error(error);
+    }
     /// Keep this on the wire from now on.
     ///
     /// # Errors
@@ -184,7 +188,7 @@ pub trait Link {
     /// Whether the ECU is heard.
     fn state(&self) -> LinkState;
     /// When the last good frame was complete.
-    fn heard(&self) -> Option<Instant>;
+    fn last_rx(&self) -> Option<Instant>;
     /// Since when it is heard without a loss.
     fn up_since(&self) -> Option<Instant>;
     /// A service command that is in force makes the ECU stop its engine.
@@ -199,7 +203,7 @@ pub trait Link {
 
 /// Whether an ECU is heard: silence is found by a timer, never at the next byte.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Presence {
+pub(crate) struct LinkMonitor {
     timing: Timing,
     state: LinkState,
     frames_in_a_row: u8,
@@ -208,7 +212,7 @@ pub(crate) struct Presence {
     silent_at: Option<Instant>,
 }
 
-impl Presence {
+impl LinkMonitor {
     pub const fn new(timing: Timing) -> Self {
         Self {
             timing,
@@ -258,7 +262,7 @@ impl Presence {
         self.state
     }
 
-    pub const fn heard(&self) -> Option<Instant> {
+    pub const fn last_rx(&self) -> Option<Instant> {
         self.heard
     }
 
@@ -380,12 +384,12 @@ impl Outbox {
 /// A value that changes only when two frames in a row say so. AMT frames have no checksum, a ZK one lets one in
 /// 256 damaged frames through, and one odd frame must not drop the throttle of a running engine.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Agreed<T> {
+pub(crate) struct Debounced<T> {
     value: Option<T>,
     candidate: Option<T>,
 }
 
-impl<T: Copy + PartialEq> Agreed<T> {
+impl<T: Copy + PartialEq> Debounced<T> {
     pub const fn new(value: Option<T>) -> Self {
         Self { value, candidate: None }
     }

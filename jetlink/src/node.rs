@@ -3,7 +3,7 @@
 use crate::channel::{Channel, ClaimError, Handle, Source};
 use crate::command::Origin;
 use crate::config::{ConfigError, EngineConfig, validate};
-use crate::engine::keep::{Memory, Reset};
+use crate::engine::retained::{Reset, RetainedMemory};
 use crate::health::{ClockSource, Health, HealthCell};
 use crate::runner::Runner;
 use core::array::from_fn;
@@ -35,7 +35,7 @@ impl<const N: usize> NodePlace<N> {
     pub fn build(
         &mut self,
         engines: &[EngineConfig; N],
-        retained: Option<(&'static [Memory], Reset)>,
+        retained: Option<(&'static [RetainedMemory], Reset)>,
     ) -> Result<&Node<N>, ConfigError> {
         validate(engines)?;
         self.0.channels.clear();
@@ -65,7 +65,7 @@ impl<const N: usize> Node<N> {
     /// compiling.
     pub fn new(
         engines: &[EngineConfig; N],
-        retained: Option<(&'static [Memory], Reset)>,
+        retained: Option<(&'static [RetainedMemory], Reset)>,
     ) -> Result<Self, ConfigError> {
         let mut place = NodePlace::new();
         place.build(engines, retained)?;

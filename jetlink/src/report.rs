@@ -266,7 +266,7 @@ pub struct Counters {
     /// Replies that ended late all the same, because the UART was slower than it should be.
     pub replies_late: u32,
     /// Turns of the keep-alive that were skipped, because the UART was still sending (ZK).
-    pub turns_missed: u32,
+    pub send_slots_missed: u32,
     /// Transmissions given up.
     pub given_up: u32,
     /// Transmissions that the UART refused.
@@ -279,7 +279,7 @@ pub struct Counters {
     /// late one counts in `replies_late`.
     pub worst_reply_margin: Option<Duration>,
     /// Largest delay of a turn of the keep-alive (ZK).
-    pub worst_turn_delay: Option<Duration>,
+    pub worst_slot_delay: Option<Duration>,
 }
 
 impl Counters {

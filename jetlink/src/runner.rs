@@ -156,11 +156,11 @@ impl<'a> Runner<'a> {
         loop {
             let deadline = self.drain().await;
             self.publish();
-            self.tell_group();
+            self.report_failure();
             self.channel.made_progress();
             let heartbeat = Instant::now() + HEARTBEAT;
             let wake = deadline.map_or(heartbeat, |deadline| deadline.min(heartbeat));
-            let woken = select3(rx.read(&mut buffer), self.channel.poke.wait(), Timer::at(wake)).await;
+            let woken = select3(rx.read(&mut buffer), self.channel.wake.wait(), Timer::at(wake)).await;
             errors.drain(|error| self.channel.with(|engine| engine.line_error(error)));
             if let embassy_futures::select::Either3::First(read) = woken {
                 match read {
@@ -182,9 +182,11 @@ impl<'a> Runner<'a> {
         let now = Instant::now();
         while !bytes.is_empty() {
             let (taken, frame) =
-                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_unseen_frame()));
+                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_frame_to_supervise()));
             if frame {
                 self.changed.set(true);
+                self.drain().await;
+                self.channel.with(|engine| engine.supervise());
                 self.drain().await;
             }
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();
@@ -195,7 +197,7 @@ impl<'a> Runner<'a> {
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     async fn read_failed(&self, error: LineError) {
-        self.channel.with(|engine| engine.line_error(error));
+        self.channel.with(|engine| engine.byte_lost(error));
         Timer::after(READ_PAUSE).await;
     }
 
@@ -225,7 +227,7 @@ impl<'a> Runner<'a> {
                 Err(why) => engine.not_sent(now, why),
             });
             // The reading half drains: what comes next, and when to wake.
-            self.channel.poke.signal(());
+            self.channel.wake.signal(());
             match result {
                 Ok(()) => failing_since = None,
                 Err(NotSent::TooLate) => {}
@@ -259,7 +261,7 @@ impl<'a> Runner<'a> {
 
     /// Tells the other engines of the group when this one has failed, or no longer has.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
-    fn tell_group(&self) {
+    fn report_failure(&self) {
         let failed = self.channel.see(|engine| engine.failed());
         if self.failed.replace(failed) == failed {
             return;
@@ -267,7 +269,7 @@ impl<'a> Runner<'a> {
         let now = Instant::now();
         for other in self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel)) {
             other.with(|engine| engine.other_failed(now, failed));
-            other.poke.signal(());
+            other.wake.signal(());
         }
     }
 

@@ -18,22 +18,22 @@ pub struct Telemetry {
     /// Whether the ECU is heard.
     pub link: LinkState,
     /// When the last good frame was complete.
-    pub heard: Option<Instant>,
+    pub last_rx: Option<Instant>,
     /// What the engine does, in plain words.
     pub state: EngineState,
     /// What the ECU has said.
     pub report: Report,
     /// What is ordered, and by whom.
     pub ordered: Ordered,
-    /// The ECU reports what is ordered; see [`Event::NotObeyed`].
+    /// The ECU reports what is ordered; see [`crate::event::Event::NotObeyed`].
     pub obeyed: bool,
     /// Who rules: of a running engine the source whose demand is in force, else the highest that is fresh, or whoever
     /// ordered last when none is.
-    pub ruler: Origin,
+    pub active_source: Origin,
     /// When it last spoke.
-    pub source_heard: Option<Instant>,
+    pub source_last_rx: Option<Instant>,
     /// What it asked a running engine for, before ramps, slew and limits.
-    pub asked: Option<Demand>,
+    pub commanded: Option<Demand>,
     /// A source that is about to take over, or the one that was lost and speaks again: the demand is held meanwhile.
     pub waiting: Option<Origin>,
     /// How far the loss of that source has gone.

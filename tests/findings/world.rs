@@ -1,21 +1,22 @@
 //! Pilots, a node, and simulated ECUs on its wires, in virtual time. A pilot is a stream of one command; a test says who
 //! says what, lets time pass, and looks at the wire and the turbines.
 
-use crate::wire::{Frame, Reader};
+use crate::wire::{self, Frame};
 use embassy_time::{Duration, Timer};
 use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu};
-use sim::any::AnyEcu;
+use sim::any::{AnyConfig, AnyEcu};
 use sim::clock;
+use sim::control::Reader;
 use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::{Phase, Turbine};
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
@@ -50,7 +51,7 @@ pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineCon
     let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
     let mut ecu = AmtConfig::new(sim::amt::Engine::Olympus);
     change(&mut config, &mut ecu);
-    (config, AmtEcu::new(ecu).into())
+    (config, AnyConfig::Amt(ecu).ecu())
 }
 
 /// An engine with a ZK ECU of this protocol version at 9600 baud.
@@ -58,7 +59,7 @@ pub fn zk(version: u8, change: impl FnOnce(&mut EngineConfig, &mut ZkConfig)) ->
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
     let mut ecu = ZkConfig::new(version);
     change(&mut config, &mut ecu);
-    (config, ZkEcu::new(ecu).into())
+    (config, AnyConfig::Zk(ecu).ecu())
 }
 
 struct Pilot {
@@ -71,7 +72,7 @@ struct Pilot {
 pub struct World<const N: usize = 1> {
     pub configs: [EngineConfig; N],
     pub plugs: [Plug<AnyEcu>; N],
-    memory: &'static [Memory; N],
+    memory: &'static [RetainedMemory; N],
     node: Option<&'static Node<N>>,
     halves: Vec<(WireRx, WireTx)>,
     tasks: Vec<Pin<Box<dyn Future<Output = ()>>>>,
@@ -92,16 +93,16 @@ impl<const N: usize> World<N> {
     pub fn new(engines: [(EngineConfig, AnyEcu); N]) -> Self {
         clock::reset();
         // It outlives every node, as memory does; a few bytes for each test.
-        let memory = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+        let memory = Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
         let mut world = Self::with_memory(engines, memory);
         world.boot();
         world
     }
 
     /// A node that is held in reset.
-    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [Memory; N]) -> Self {
+    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [RetainedMemory; N]) -> Self {
         let configs = std::array::from_fn(|n| engines[n].0);
-        let readers = std::array::from_fn(|n| Reader::new(matches!(engines[n].1, AnyEcu::Amt(_))));
+        let readers = std::array::from_fn(|n| Reader::new(engines[n].1.protocol()));
         let mut halves = Vec::new();
         let plugs = engines.map(|(config, ecu)| {
             let line = sim::line::Line::n1(config.line.baud);
@@ -177,7 +178,7 @@ impl<const N: usize> World<N> {
 
     /// Nothing survives from before.
     pub fn forget(&mut self) {
-        self.memory.iter().for_each(Memory::clear);
+        self.memory.iter().for_each(RetainedMemory::clear);
     }
 
     pub fn handle(&self, engine: usize) -> Handle<'static> {
@@ -189,7 +190,7 @@ impl<const N: usize> World<N> {
     where
         Self: Sized,
     {
-        let memory: &'static [Memory; 1] = std::array::from_ref(&self.memory[0]);
+        let memory: &'static [RetainedMemory; 1] = std::array::from_ref(&self.memory[0]);
         drop(self);
         World::with_memory([(config, ecu)], memory)
     }
@@ -273,7 +274,7 @@ impl<const N: usize> World<N> {
             });
             clock::run_for(all, Duration::from_micros(step));
             for ((plug, reader), sent) in self.plugs.iter().zip(&mut self.readers).zip(&mut self.sent) {
-                reader.read(&plug.take_log(), sent);
+                wire::read(reader, &plug.take_log(), sent);
             }
         }
     }

@@ -188,7 +188,7 @@ impl<'a> Desk<'a> {
 
     /// Sees whether the link is up again after the last fault.
     pub fn watch_recovery(&self, telemetry: &Telemetry) {
-        let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from);
+        let heard = telemetry.last_rx.filter(|&heard| heard >= self.clean_from);
         if let (Some(heard), LinkState::Up, None) = (heard, telemetry.link, self.recovered_after.get())
             && self.clean_from > Instant::MIN
         {

@@ -7,7 +7,7 @@ use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
-use jetlink::engine::keep::{self, Memory};
+use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
 use std::cell::{Cell, RefCell};
@@ -16,7 +16,7 @@ use std::rc::Rc;
 use std::task::Poll;
 
 /// What a reset leaves alone. There is one node in the program.
-static MEMORY: [Memory; MOST_ENGINES] = [const { Memory::new() }; MOST_ENGINES];
+static MEMORY: [RetainedMemory; MOST_ENGINES] = [const { RetainedMemory::new() }; MOST_ENGINES];
 
 /// A reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -75,8 +75,8 @@ impl<'a> Node<'a> {
     /// It starts, with what was kept. Gives its channels, for the tasks that live and die with them.
     pub fn boot(&self) -> Rc<[Channel]> {
         let reset = match self.cause.get() {
-            Cause::Watchdog => keep::Reset::Warm,
-            Cause::BrownOut | Cause::PowerLost => keep::Reset::PowerLost,
+            Cause::Watchdog => retained::Reset::Warm,
+            Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         let channels: Rc<[Channel]> = self
             .engines
@@ -181,13 +181,13 @@ fn sum(before: &Counters, since: &Counters) -> Counters {
         sent: before.sent.saturating_add(since.sent),
         replies_missed: before.replies_missed.saturating_add(since.replies_missed),
         replies_late: before.replies_late.saturating_add(since.replies_late),
-        turns_missed: before.turns_missed.saturating_add(since.turns_missed),
+        send_slots_missed: before.send_slots_missed.saturating_add(since.send_slots_missed),
         given_up: before.given_up.saturating_add(since.given_up),
         write_errors: before.write_errors.saturating_add(since.write_errors),
         commands_rejected: before.commands_rejected.saturating_add(since.commands_rejected),
         events_lost: before.events_lost.saturating_add(since.events_lost),
         worst_reply_margin: before.worst_reply_margin.into_iter().chain(since.worst_reply_margin).min(),
-        worst_turn_delay: before.worst_turn_delay.max(since.worst_turn_delay),
+        worst_slot_delay: before.worst_slot_delay.max(since.worst_slot_delay),
     }
 }
 
@@ -199,9 +199,9 @@ mod tests {
     fn counts_of_two_boots_are_added_and_the_worst_of_both_is_kept() {
         let ms = |ms| Some(Duration::from_millis(ms));
         let first = Counters { frames: 500, worst_reply_margin: ms(9), ..Counters::default() };
-        let second = Counters { frames: 30, worst_turn_delay: ms(2), ..Counters::default() };
+        let second = Counters { frames: 30, worst_slot_delay: ms(2), ..Counters::default() };
         let both = sum(&first, &second);
-        assert_eq!((both.frames, both.worst_reply_margin, both.worst_turn_delay), (530, ms(9), ms(2)));
+        assert_eq!((both.frames, both.worst_reply_margin, both.worst_slot_delay), (530, ms(9), ms(2)));
         assert_eq!(sum(&both, &Counters { worst_reply_margin: ms(7), ..first }).worst_reply_margin, ms(7));
     }
 }

@@ -409,7 +409,7 @@ impl<'a> Pilot<'a> {
     fn describe(&self) -> String {
         let telemetry = self.telemetry();
         let report = &telemetry.report;
-        if telemetry.heard.is_none() {
+        if telemetry.last_rx.is_none() {
             return "the ECU was never heard".to_owned();
         }
         if telemetry.link != LinkState::Up {

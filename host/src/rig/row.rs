@@ -29,7 +29,7 @@ pub fn heads(names: &[&str]) -> String {
 pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) -> String {
     let dash = || "-".to_owned();
     let counters = &sample.counters;
-    let timing = match (counters.worst_reply_margin, counters.worst_turn_delay) {
+    let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
         (Some(margin), _) => format!("margin {}", millis(margin)),
         (None, Some(delay)) => format!("delay {}", millis(delay)),
         (None, None) => dash(),
@@ -128,8 +128,8 @@ mod tests {
             ..quiet
         };
         loud.counters.crc_failures = 123_456;
-        loud.counters.turns_missed = 1234;
-        loud.counters.worst_turn_delay = Some(Duration::from_micros(12_345));
+        loud.counters.send_slots_missed = 1234;
+        loud.counters.worst_slot_delay = Some(Duration::from_micros(12_345));
         let heads = heads(&names);
         for line in [&heads, &row("booster", &names, &quiet, 0.0), &row("booster", &names, &loud, 100.0)] {
             let ends = where_they_end(line);

@@ -70,7 +70,7 @@ impl Sample {
             silent: desk.silent.get(),
             link: telemetry.link,
             does: telemetry.state,
-            ruler: telemetry.ruler,
+            ruler: telemetry.active_source,
             waiting: telemetry.waiting,
             loss: telemetry.loss,
             limited: telemetry.limited,
@@ -142,7 +142,7 @@ impl Sample {
     /// Replies and turns that the node missed by its own count.
     pub const fn missed(&self) -> u32 {
         let counters = &self.counters;
-        counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.turns_missed)
+        counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.send_slots_missed)
     }
 
     /// What came from the ECU and was no frame.

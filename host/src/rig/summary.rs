@@ -105,7 +105,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     row("worst cadence error", &|o| {
         o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
     });
-    row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.turns_missed.to_string() });
+    row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.send_slots_missed.to_string() });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
     row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
     row("rejected commands", &|o| o.commands_rejected.to_string());

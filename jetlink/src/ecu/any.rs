@@ -51,6 +51,10 @@ impl Link for AnyLink {
         each!(self, link => link.line_error(error));
     }
 
+    fn byte_lost(&mut self, error: LineError) {
+        each!(self, link => link.byte_lost(error));
+    }
+
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
         each!(self, link => link.order(now, order))
     }
@@ -135,8 +139,8 @@ impl Link for AnyLink {
         each!(self, link => link.state())
     }
 
-    fn heard(&self) -> Option<Instant> {
-        each!(self, link => link.heard())
+    fn last_rx(&self) -> Option<Instant> {
+        each!(self, link => link.last_rx())
     }
 
     fn up_since(&self) -> Option<Instant> {

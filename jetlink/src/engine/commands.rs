@@ -56,7 +56,7 @@ impl Engine {
 
     /// Arming counts as a change only: after an emergency stop a source that has said it all along has to disarm first.
     fn arm(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
-        if let Some(said) = slot(&mut self.said_arm, origin) {
+        if let Some(said) = slot(&mut self.arm_commanded, origin) {
             *said = true;
         }
         if matches!(self.mode, Mode::Stop(_)) {
@@ -76,7 +76,7 @@ impl Engine {
 
     /// Ends a start that has not reached running, and never an engine that has.
     fn disarm(&mut self, now: Instant, origin: Origin) {
-        for table in [&mut self.said_arm, &mut self.must_disarm] {
+        for table in [&mut self.arm_commanded, &mut self.must_disarm] {
             if let Some(flag) = slot(table, origin) {
                 *flag = false;
             }
@@ -372,7 +372,7 @@ impl Engine {
         let waits = self.waits_for_version();
         let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
-        let told = core::mem::replace(&mut self.clamp_told, max.is_some());
+        let told = core::mem::replace(&mut self.clamp_reported, max.is_some());
         match max {
             Some(max) => {
                 if !told {
@@ -454,7 +454,7 @@ impl Engine {
         {
             return Err(Interlock::SupplyLow(supply));
         }
-        if let Some((passed, _)) = self.watch.in_force() {
+        if let Some((passed, _)) = self.limits.in_force() {
             return Err(Interlock::Limit(passed.what));
         }
         if !others_allow_start {
@@ -482,7 +482,7 @@ impl Engine {
         let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
             return Err(Interlock::EgtUnknown);
         };
-        let hottest = self.watch.hottest().unwrap_or(egt.value).max(egt.value);
+        let hottest = self.limits.hottest().unwrap_or(egt.value).max(egt.value);
         if hottest > rules.egt_max { Err(Interlock::TooHot(hottest)) } else { Ok(()) }
     }
 

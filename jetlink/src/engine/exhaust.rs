@@ -59,6 +59,11 @@ pub(super) struct Exhaust {
 }
 
 impl Exhaust {
+    /// Another temperature from which on an exhaust burns, for the values that come from now on.
+    pub const fn configure(&mut self, limit: Celsius) {
+        self.limit = limit;
+    }
+
     pub const fn new(limit: Celsius) -> Self {
         Self {
             limit,

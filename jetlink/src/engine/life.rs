@@ -159,7 +159,7 @@ impl Life {
             self.answers = false;
             return Some(End::PowerUp);
         }
-        self.count_faults(now, sign);
+        self.count_faults(now, sign, exhaust);
         let fit = self.fit(sign, exhaust);
         let end = match fit {
             Fit::Fits => {
@@ -289,8 +289,8 @@ impl Life {
         self.doubt.get_or_insert(Doubt::new(now))
     }
 
-    /// With faults in place of a state nothing says that the engine runs: the next state has to.
-    fn count_faults(&mut self, now: Instant, sign: Sign) {
+    /// With faults in place of a state nothing but the exhaust says that the engine runs: the next state has to.
+    fn count_faults(&mut self, now: Instant, sign: Sign, exhaust: Burning) {
         match sign {
             Sign::Faulted { .. } => {
                 self.faulted = self.faulted.saturating_add(1);
@@ -298,7 +298,16 @@ impl Life {
                     self.raise(now).faults = true;
                 }
             }
-            Sign::State { .. } => self.faulted = 0,
+            Sign::State { .. } => {
+                // Until now the exhaust has said so: what is in doubt is in doubt from here on.
+                if self.only_faults()
+                    && exhaust == Burning::Yes
+                    && let Some(doubt) = self.doubt.as_mut().filter(|doubt| !doubt.gap)
+                {
+                    doubt.since = now;
+                }
+                self.faulted = 0;
+            }
             _ => {}
         }
     }
@@ -386,7 +395,7 @@ impl Finding {
     }
 
     /// The same, where this source's demand was in force before.
-    pub const fn ruled_by(self, ruler: Origin) -> Self {
+    pub const fn controlled_by(self, ruler: Origin) -> Self {
         Self { ruler, ..self }
     }
 

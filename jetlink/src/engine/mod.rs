@@ -12,9 +12,9 @@
 //! - The ECU's own state wins over what was commanded.
 
 pub mod config;
-pub mod keep;
+pub mod limits;
+pub mod retained;
 pub mod state;
-pub mod watch;
 
 mod commands;
 mod exhaust;
@@ -26,23 +26,25 @@ mod run;
 mod shaper;
 mod sources;
 
-use self::config::{Action, START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
+use self::config::{START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
 use self::exhaust::{Burning, Exhaust};
-use self::keep::Record;
 use self::life::{Finding, Life};
+use self::limits::LimitMonitor;
+use self::retained::RetainedState;
 use self::run::{Arbitration, RUN_OUT, Run};
 use self::shaper::{Lowered, Shape, Shaper};
 use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
-use self::watch::Watch;
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::ecu::any::AnyLink;
 use crate::event::{End, Event, LossStage};
-use crate::limit::{Passed, Watched};
+use crate::limit::Action;
+use crate::limit::{LimitKind, LimitViolation};
 use crate::line::LineError;
 use crate::link::{Link, Output, Sign, Stage, earlier};
 use crate::report::{LinkState, NotSent, Phase, ReportedSwitch, bump};
+use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
@@ -95,7 +97,7 @@ enum Beginning {
         silent_since: Instant,
     },
     /// After a reset of the node, with an order in force: in doubt until two reports confirm it.
-    Reset(Record),
+    Reset(RetainedState),
 }
 
 /// A start that waits while another engine of the group starts.
@@ -126,7 +128,7 @@ pub struct Engine {
     /// The sources whose own standby permits their own next run to start the engine, in the order of [`Origin::ALL`].
     permitted: [bool; Origin::ALL.len()],
     /// The sources whose last word about arming was "arm", and those that have to say "disarm" before it counts again.
-    said_arm: [bool; Origin::ALL.len()],
+    arm_commanded: [bool; Origin::ALL.len()],
     must_disarm: [bool; Origin::ALL.len()],
     start_wait: Option<StartWait>,
     /// When the last start was asked for.
@@ -140,7 +142,7 @@ pub struct Engine {
     failed: bool,
     /// So many other engines of the group have failed.
     others_failed: u8,
-    watch: Watch,
+    limits: LimitMonitor,
     exhaust: Exhaust,
     /// Resets in a row in which no source has spoken, this one counted.
     resets: u8,
@@ -152,12 +154,12 @@ pub struct Engine {
     /// When that was.
     started: Instant,
     /// What survived the reset, until the engine begins.
-    kept: Option<Record>,
-    given_to_keep: Option<Record>,
+    kept: Option<RetainedState>,
+    last_retained: Option<RetainedState>,
     /// The last ruler that was told.
-    ruler_told: Option<Origin>,
+    reported_source: Option<Origin>,
     /// A demand beyond the maximum was reported.
-    clamp_told: bool,
+    clamp_reported: bool,
     /// Since when the ECU has reported something else than what is ordered.
     disobeys_since: Option<Instant>,
     /// That was told.
@@ -190,7 +192,7 @@ impl Engine {
             ordered: Ordered { order: Order::Listen, origin: Origin::Node },
             armed: false,
             permitted: [false; Origin::ALL.len()],
-            said_arm: [false; Origin::ALL.len()],
+            arm_commanded: [false; Origin::ALL.len()],
             must_disarm: [false; Origin::ALL.len()],
             start_wait: None,
             last_start: None,
@@ -199,7 +201,7 @@ impl Engine {
             ended_by_loss: false,
             failed: false,
             others_failed: 0,
-            watch: Watch::new(config.supervision.limits),
+            limits: LimitMonitor::new(config.supervision.limits),
             exhaust: Exhaust::new(config.supervision.burning_egt),
             resets: 0,
             transmitter: None,
@@ -207,9 +209,9 @@ impl Engine {
             begun: false,
             started: Instant::MIN,
             kept: None,
-            given_to_keep: None,
-            ruler_told: None,
-            clamp_told: false,
+            last_retained: None,
+            reported_source: None,
+            clamp_reported: false,
             disobeys_since: None,
             disobeys: false,
             commands_rejected: 0,
@@ -224,13 +226,13 @@ impl Engine {
         }
     }
 
-    /// A good frame came that nobody has looked at yet: [`Engine::poll`] does.
-    pub const fn has_unseen_frame(&self) -> bool {
+    /// A good frame was received that [`Engine::supervise`] has not looked at.
+    pub const fn has_frame_to_supervise(&self) -> bool {
         self.unseen.is_some()
     }
 
     /// Bytes came from the ECU; see [`Link::receive`]. What the frame says about the life of the engine is judged before
-    /// its reply is handed out; everything else that it changes is found after that, and is in the next one.
+    /// its reply is handed out; everything else is left to [`Engine::supervise`], and is in the next one.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.wake.is_some_and(|at| at <= now) {
             self.update(now);
@@ -247,6 +249,11 @@ impl Engine {
     /// The UART saw a fault.
     pub fn line_error(&mut self, error: LineError) {
         self.link.line_error(error);
+    }
+
+    /// See [`Link::byte_lost`].
+    pub fn byte_lost(&mut self, error: LineError) {
+        self.link.byte_lost(error);
     }
 
     /// See [`Link::sent`].
@@ -283,16 +290,19 @@ impl Engine {
         self.update(now);
     }
 
-    /// See [`Link::poll`].
-    pub fn poll(&mut self) -> Output {
-        let mut output = self.link.poll();
-        if matches!(output, Output::Wait(_))
-            && let Some(now) = self.unseen.take()
-        {
+    /// Looks at the frame that [`Engine::receive`] has taken: limits, sources, stages of loss. Call it when the outputs of that
+    /// input are drained, so that the reply to a frame does not wait for it; then drain again.
+    pub fn supervise(&mut self) {
+        if let Some(now) = self.unseen.take() {
+            self.touch();
             self.look(now);
             self.update(now);
-            output = self.link.poll();
         }
+    }
+
+    /// See [`Link::poll`]. It only drains: everything is decided in the inputs.
+    pub fn poll(&mut self) -> Output {
+        let output = self.link.poll();
         if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
             run.handed_out = Some(run.shaped);
         }
@@ -313,6 +323,21 @@ impl Engine {
     /// The atmospheric pressure, for an ECU that asks for it (ZK-14).
     pub fn pressure(&mut self, now: Instant, pressure: Hectopascals) {
         self.link.pressure(now, pressure);
+    }
+
+    /// New settings of the supervision. They hold from the next frame, command or deadline on.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range; nothing is changed then.
+    pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SettingId> {
+        config.validate()?;
+        self.touch();
+        self.config = *config;
+        self.sources.configure(config);
+        self.limits.configure(config.limits);
+        self.exhaust.configure(config.burning_egt);
+        self.update(now);
+        Ok(())
     }
 
     /// A command. The latest of a source wins, the highest fresh source rules, and a stop pre-empts everything.
@@ -345,7 +370,7 @@ impl Engine {
     }
 
     /// Whether another engine of the group has to wait with its start.
-    pub fn keeps_others_from_start(&self, now: Instant) -> bool {
+    pub fn blocks_other_starts(&self, now: Instant) -> bool {
         let starting = match &self.mode {
             Mode::Run(run) => !run.life.reached(),
             Mode::Pwm { life, .. } => !life.reached(),
@@ -376,19 +401,19 @@ impl Engine {
             Mode::Run(run) => Some(run),
             _ => None,
         };
-        let ruler = self.ruler(now).unwrap_or(self.ordered.origin);
+        let active_source = self.active(now).unwrap_or(self.ordered.origin);
         let ended = if self.ended_by_loss { LossStage::Standby } else { LossStage::None };
         Telemetry {
             at: now,
             link: self.link.state(),
-            heard: self.link.heard(),
+            last_rx: self.link.last_rx(),
             state: EngineState::of(now, self.link.state(), self.link.report()),
             report: *self.link.report(),
             ordered: self.ordered,
             obeyed: !self.disobeys,
-            ruler,
-            source_heard: self.sources.last_heard(ruler),
-            asked: run.map(|run| run.demand),
+            active_source,
+            source_last_rx: self.sources.last_rx(active_source),
+            commanded: run.map(|run| run.demand),
             waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
             loss: run.map_or(ended, |run| run.stage),
             limited: run.is_some_and(|run| run.limited),
@@ -421,7 +446,7 @@ impl Engine {
         self.end();
         self.mode = Mode::Stop(by);
         self.failed = false;
-        for (must, said) in self.must_disarm.iter_mut().zip(self.said_arm) {
+        for (must, said) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
             *must |= said;
         }
         if core::mem::take(&mut self.armed) {
@@ -514,7 +539,7 @@ impl Engine {
             // Where the switch went by ID 6, an rpm was the ECU's own to hold.
             own_speed_control: matches!(
                 beginning,
-                Beginning::Reset(Record { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
+                Beginning::Reset(RetainedState { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
             ),
             resumed_low,
             limited,
@@ -558,7 +583,7 @@ impl Engine {
                 match end {
                     Some(end) => self.life_over(now, end),
                     None => {
-                        self.tell_doubt(doubted, doubts);
+                        self.report_doubt(doubted, doubts);
                         if doubts {
                             // What is answered to a set of a doubtful engine depends on that set.
                             self.shape(now);
@@ -598,10 +623,10 @@ impl Engine {
         self.sources.forget_runs();
         self.standby(now, Origin::Node);
         self.failed = failed;
-        self.event(Event::RunWithdrawn(end));
+        self.event(Event::RunCancelled(end));
     }
 
-    fn tell_doubt(&mut self, doubted: bool, doubts: bool) {
+    fn report_doubt(&mut self, doubted: bool, doubts: bool) {
         match (doubted, doubts) {
             (false, true) => self.event(Event::LifeInDoubt),
             (true, false) => {
@@ -609,7 +634,7 @@ impl Engine {
                 if let Mode::Run(run) = &mut self.mode {
                     run.shaper.rise();
                     if core::mem::take(&mut run.resumed) {
-                        event = Event::WentOn(run.shaped);
+                        event = Event::Resumed(run.shaped);
                     }
                 }
                 self.event(event);
@@ -636,10 +661,10 @@ impl Engine {
         self.keep_limits(now);
         self.rule(now);
         self.shape(now);
-        if let Some(ruler) = self.ruler(now)
-            && self.ruler_told.replace(ruler) != Some(ruler)
+        if let Some(ruler) = self.active(now)
+            && self.reported_source.replace(ruler) != Some(ruler)
         {
-            self.event(Event::Ruler(ruler));
+            self.event(Event::ActiveSource(ruler));
         }
     }
 
@@ -656,7 +681,7 @@ impl Engine {
                 match life.gap(now) {
                     Some(end) => self.life_over(now, end),
                     None => {
-                        self.tell_doubt(doubted, true);
+                        self.report_doubt(doubted, true);
                         if let Mode::Run(run) = &mut self.mode
                             && let Some(sent) = run.sent
                         {
@@ -706,7 +731,8 @@ impl Engine {
             let ms = |until: Instant| {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
             };
-            let passed = Passed { what: Watched::StartTimeout, value: ms(now), limit: ms(by), at: now };
+            let passed =
+                LimitViolation { what: LimitKind::StartTimeout, value: ms(now), limit: ms(by), at: now };
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::Limit(passed));
@@ -734,9 +760,9 @@ impl Engine {
         self.failed = true;
         // The stages of loss go on where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since).ruled_by(ruler));
+        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since).controlled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
-        self.event(Event::RunWithdrawn(End::Unconfirmed));
+        self.event(Event::RunCancelled(End::Unconfirmed));
     }
 
     /// When nothing is in force and no source has wanted anything: standby goes out then. A ZK ECU from version 5 would keep
@@ -753,12 +779,12 @@ impl Engine {
     }
 
     /// Who rules: of a running engine the source whose demand is in force, of a stopped one whoever stopped it.
-    fn ruler(&self, now: Instant) -> Option<Origin> {
+    fn active(&self, now: Instant) -> Option<Origin> {
         match &self.mode {
             Mode::Listen(_) => None,
             Mode::Stop(by) => Some(*by),
             Mode::Run(run) => Some(run.ruler),
-            Mode::Standby | Mode::Pwm { .. } => self.sources.ruler(now).map(|(ruler, _)| ruler),
+            Mode::Standby | Mode::Pwm { .. } => self.sources.active(now).map(|(ruler, _)| ruler),
         }
     }
 
@@ -802,7 +828,7 @@ impl Engine {
     /// Does what a limit asks for that is passed. Also for one that was passed before the engine ran.
     fn keep_limits(&mut self, now: Instant) {
         let Mode::Run(run) = &mut self.mode else { return };
-        match self.watch.in_force() {
+        match self.limits.in_force() {
             Some((_, Action::FailSafe)) => run.limited = true,
             Some((_, Action::Standby)) => {
                 let failed = run.life.reached();
@@ -836,7 +862,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
-            spoken: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
+            received: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
@@ -917,8 +943,8 @@ impl Engine {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
-        self.watch.see(now, self.link.report(), lowered);
-        while let Some(passed) = self.watch.found() {
+        self.limits.see(now, self.link.report(), lowered);
+        while let Some(passed) = self.limits.found() {
             self.event(Event::Limit(passed));
         }
         let disobeys = !self.obeys(now);
@@ -933,11 +959,11 @@ impl Engine {
     fn obeys(&self, now: Instant) -> bool {
         let report = self.link.report();
         let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
-        let stands = self.phase().is_some_and(Phase::is_stopped);
+        let at_rest = self.phase().is_some_and(Phase::is_stopped);
         let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
             (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
             // It may end there by itself.
-            (Order::EmergencyStop | Order::Standby, _) if stands => true,
+            (Order::EmergencyStop | Order::Standby, _) if at_rest => true,
             (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
             (Order::Standby, switch) => switch != ReportedSwitch::Run,
             (Order::Run(_), switch) => switch == ReportedSwitch::Run,

@@ -3,8 +3,8 @@
 //! With an order in force in the record, the run goes on with its life in doubt: nothing goes out that could start an
 //! engine, until two reports say that it runs. Without one, nothing is in force, and what the ECU reports decides.
 
-use super::keep::Record;
 use super::life::{Finding, Found};
+use super::retained::RetainedState;
 use super::run::Run;
 use super::sources::Intent;
 use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
@@ -37,14 +37,14 @@ fn seconds(time: Duration) -> u16 {
 impl Engine {
     /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
     /// does not take its place.
-    pub fn keep(&mut self, kept: Option<Record>) {
+    pub fn keep(&mut self, kept: Option<RetainedState>) {
         let Some(kept) = kept else { return };
         (self.armed, self.failed) = (kept.armed, kept.failed);
-        self.said_arm = flags(kept.said_arm);
+        self.arm_commanded = flags(kept.arm_commanded);
         self.must_disarm = flags(kept.must_disarm);
         // This reset counts, until a source speaks.
         self.resets = kept.resets.saturating_add(1);
-        self.given_to_keep = Some(kept);
+        self.last_retained = Some(kept);
         self.kept = Some(kept);
         if kept.by_id6 {
             self.link.resume_switch_by_id6();
@@ -56,7 +56,7 @@ impl Engine {
                 self.mode = Mode::Stop(kept.origin);
             }
             Order::Standby => self.mode = Mode::Standby,
-            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran).ruled_by(kept.origin)),
+            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran).controlled_by(kept.origin)),
         }
         if kept.pump_open {
             let origin = Origin::Node;
@@ -65,7 +65,7 @@ impl Engine {
     }
 
     /// Begins, after a reset of whatever kind, with what survived it.
-    pub fn start(&mut self, now: Instant, kept: Option<Record>) {
+    pub fn start(&mut self, now: Instant, kept: Option<RetainedState>) {
         self.link.start(now);
         self.touch();
         (self.begun, self.started) = (true, now);
@@ -83,13 +83,13 @@ impl Engine {
         }
     }
 
-    fn go_on(&mut self, now: Instant, kept: Option<Record>) {
+    fn go_on(&mut self, now: Instant, kept: Option<RetainedState>) {
         let ran = kept.is_some_and(|kept| kept.ran);
         let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
         let all_silent = kept.map_or(Duration::from_ticks(0), |kept| kept.all_silent + RESET_TAKES);
         let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
         let finding = Finding::new(now, ran).carrying(all_silent, silent);
-        self.mode = Mode::Listen(finding.ruled_by(ruler));
+        self.mode = Mode::Listen(finding.controlled_by(ruler));
         self.order(now, Order::Listen, Origin::Node);
         let Some(kept) = kept else { return };
         match kept.order {
@@ -97,9 +97,16 @@ impl Engine {
                 let low = self.resets >= RESETS_MAX;
                 let lost = low || kept.loss >= LossStage::FailSafe;
                 // After resets in a row without a word it is not waited for once more.
-                let believed_silent = if low { Duration::MAX } else { silent };
-                self.sources.resume(now, kept.origin, demand, lost, believed_silent);
-                let record = Record { silent, all_silent, resets: self.resets, ..kept };
+                let counts_as_silent = if low { Duration::MAX } else { silent };
+                // A ramp that goes on only while the node runs would come to no stated end. An rpm is at idle with the fail-safe.
+                let demand = match demand {
+                    Demand::Throttle(throttle) if low => {
+                        Demand::Throttle(throttle.min(self.config.loss.throttle))
+                    }
+                    demand => demand,
+                };
+                self.sources.resume(now, kept.origin, demand, lost, counts_as_silent);
+                let record = RetainedState { silent, all_silent, resets: self.resets, ..kept };
                 self.begin(now, demand, kept.origin, Beginning::Reset(record));
                 if kept.loss != LossStage::None {
                     self.event(Event::SourceLoss(kept.loss));
@@ -122,23 +129,25 @@ impl Engine {
     }
 
     /// What shall survive a reset, if it is not what the last call gave.
-    pub fn to_keep(&mut self) -> Option<Record> {
+    pub fn take_retained(&mut self) -> Option<RetainedState> {
         if !core::mem::take(&mut self.record_stale) {
             return None;
         }
         let record = self.record();
-        (self.given_to_keep.replace(record) != Some(record)).then_some(record)
+        (self.last_retained.replace(record) != Some(record)).then_some(record)
     }
 
     /// What shall survive a reset.
-    pub fn record(&self) -> Record {
+    pub fn record(&self) -> RetainedState {
         let by = self.ordered.origin;
         let kept = match &self.mode {
-            Mode::Listen(_) if self.kept.is_some() => self.kept.unwrap_or(Record::new(Order::Listen, by)),
+            Mode::Listen(_) if self.kept.is_some() => {
+                self.kept.unwrap_or(RetainedState::new(Order::Listen, by))
+            }
             Mode::Listen(finding) => {
                 let since = self.at.saturating_duration_since(finding.silent_since);
-                let spoken = self.sources.any_spoken();
-                let of = |before| if spoken { Duration::from_ticks(0) } else { before + since };
+                let received = self.sources.any_received();
+                let of = |before| if received { Duration::from_ticks(0) } else { before + since };
                 // Another reset in a start that one has cut short already leaves it one.
                 let (order, starting) = match finding.started {
                     Some(since) => {
@@ -147,52 +156,57 @@ impl Engine {
                     }
                     None => (Order::Listen, 0),
                 };
-                Record {
+                RetainedState {
                     ran: finding.ran,
-                    silent: Record::steps(of(finding.lost_for)),
-                    all_silent: Record::steps(of(finding.carried)),
+                    silent: RetainedState::steps(of(finding.lost_for)),
+                    all_silent: RetainedState::steps(of(finding.carried)),
                     starting,
-                    ..Record::new(order, finding.ruler)
+                    ..RetainedState::new(order, finding.ruler)
                 }
             }
-            Mode::Stop(by) => Record::new(Order::EmergencyStop, *by),
-            Mode::Standby => Record::new(Order::Standby, by),
+            Mode::Stop(by) => RetainedState::new(Order::EmergencyStop, *by),
+            Mode::Standby => RetainedState::new(Order::Standby, by),
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
                 let silent = self.silent(run);
-                let spoken = self.sources.has_wanted(run.ruler);
-                let silent = if spoken { Record::coarse_steps(silent) } else { Record::steps(silent) };
+                let received = self.sources.has_wanted(run.ruler);
+                let silent =
+                    if received { RetainedState::coarse_steps(silent) } else { RetainedState::steps(silent) };
                 let all_silent = match self.sources.last_word() {
-                    Some(word) => Record::coarse_steps(self.at.saturating_duration_since(word)),
-                    None => Record::steps(run.all_carried + self.at.saturating_duration_since(run.began)),
+                    Some(word) => RetainedState::coarse_steps(self.at.saturating_duration_since(word)),
+                    None => {
+                        RetainedState::steps(run.all_carried + self.at.saturating_duration_since(run.began))
+                    }
                 };
                 let since = run.started_before + self.at.saturating_duration_since(run.began);
                 let starting = if ran { 0 } else { seconds(since) };
-                Record {
+                RetainedState {
                     limited,
                     loss,
                     ran,
                     silent,
                     all_silent,
                     starting,
-                    ..Record::new(self.run_to_keep(run), run.ruler)
+                    ..RetainedState::new(self.run_state(run), run.ruler)
                 }
             }
-            Mode::Pwm { life, .. } => Record { ran: life.reached(), ..Record::new(Order::Pwm, by) },
+            Mode::Pwm { life, .. } => {
+                RetainedState { ran: life.reached(), ..RetainedState::new(Order::Pwm, by) }
+            }
         };
         // A lower source that speaks is none that a dead one's demand may be held for.
-        let spoken = match &self.mode {
+        let received = match &self.mode {
             Mode::Run(run) => self.sources.has_wanted(run.ruler),
-            _ => self.sources.any_spoken(),
+            _ => self.sources.any_received(),
         };
-        let resets = if spoken { 0 } else { self.resets };
-        Record {
+        let resets = if received { 0 } else { self.resets };
+        RetainedState {
             armed: self.armed,
             failed: self.failed,
             by_id6: self.link.switch_by_id6(),
             pump_open: self.pump.is_some() || self.link.closing_pump(),
             resets,
-            said_arm: mask(self.said_arm),
+            arm_commanded: mask(self.arm_commanded),
             must_disarm: mask(self.must_disarm),
             ..kept
         }
@@ -207,7 +221,7 @@ impl Engine {
         }
     }
 
-    fn run_to_keep(&self, run: &Run) -> Order {
+    fn run_state(&self, run: &Run) -> Order {
         if self.link.shutting_down() {
             // A reset ends the service command, not the shutdown.
             return Order::Standby;
@@ -267,14 +281,14 @@ impl Engine {
                     run.life.answer();
                 }
                 self.express(now);
-                self.event(Event::WentOn(demand));
+                self.event(Event::Resumed(demand));
             }
         }
     }
 
     /// Since when nobody has wanted the engine that was found to run; now, if somebody does.
     fn lost_since(&self, now: Instant, finding: &Finding) -> Instant {
-        if matches!(self.sources.ruler(now), Some((_, Intent::Run(_)))) {
+        if matches!(self.sources.active(now), Some((_, Intent::Run(_)))) {
             return now;
         }
         // Whose demand was in force may have fallen silent since; or whoever spoke.

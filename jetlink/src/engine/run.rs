@@ -81,7 +81,7 @@ impl Run {
         if sources.last_word().is_some() {
             self.all_carried = Duration::from_ticks(0);
         }
-        match sources.ruler(now) {
+        match sources.active(now) {
             // Of the source in control, or of one above it, standby comes at once.
             // Of an engine that was found running nobody knows whose it is: any source but the highest may be the lower one.
             Some((origin, Intent::Standby))

@@ -34,7 +34,7 @@ pub(super) struct Shape {
     /// Nothing puts that in doubt.
     pub living: bool,
     /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
-    pub spoken: bool,
+    pub received: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
@@ -122,6 +122,8 @@ impl Shaper {
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
         }
+        // What is held while its life is in doubt does not jump when it is let go.
+        self.rising |= shape.running && !shape.living;
         // The reduction for an engine that failed is a fail-safe, and no slower than one.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
@@ -162,7 +164,7 @@ impl Shaper {
             }
             Plan::To(demand) => {
                 let target = reduced(demand, shape.reduced_to);
-                self.rising &= !shape.running || !shape.spoken || self.moving.demand() != target;
+                self.rising &= !shape.running || !shape.received || self.moving.demand() != target;
                 (target, slew)
             }
             Plan::FailSafe { asked, ruled } => {

@@ -45,7 +45,7 @@ struct Source {
     /// Its last word was standby, given then.
     standby_at: Option<Instant>,
     /// It has spoken since the node started; otherwise it was resumed.
-    spoken: bool,
+    received: bool,
     /// When it last wanted something, since the node started.
     wanted: Option<Instant>,
 }
@@ -68,6 +68,12 @@ impl Sources {
             return_within: config.return_within,
             sources: [None; Origin::SOURCES.len()],
         }
+    }
+
+    /// New settings. A timeout counts from the next command of its source on.
+    pub const fn configure(&mut self, config: &Supervision) {
+        (self.ages, self.recover_after, self.return_within) =
+            (config.ages, config.recover_after, config.return_within);
     }
 
     /// A source says what it wants.
@@ -121,7 +127,7 @@ impl Sources {
             let (since, was_lost) = match before {
                 Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
                 // The first word after a reset, within a short gap: what was lost before it stays lost, and nothing else is.
-                Some(source) if !source.spoken && now < source.lost_at(age) + return_within => {
+                Some(source) if !source.received && now < source.lost_at(age) + return_within => {
                     (now, source.was_lost)
                 }
                 // A steady stream with one short gap goes on.
@@ -155,7 +161,7 @@ impl Sources {
                 period,
                 period_before,
                 standby_at,
-                spoken: true,
+                received: true,
                 wanted,
             });
         }
@@ -178,7 +184,7 @@ impl Sources {
                     period: Duration::from_ticks(0),
                     period_before: Duration::from_ticks(0),
                     standby_at: None,
-                    spoken: false,
+                    received: false,
                     wanted: None,
                 });
             }
@@ -197,18 +203,18 @@ impl Sources {
     }
 
     /// The source in control, and what it wants.
-    pub fn ruler(&self, now: Instant) -> Option<(Origin, Intent)> {
+    pub fn active(&self, now: Instant) -> Option<(Origin, Intent)> {
         self.each().find(|(_, source)| self.may_rule(now, source)).map(|(o, s)| (o, s.intent))
     }
 
     /// Whether this source is in control.
     pub fn in_control(&self, now: Instant, origin: Origin) -> bool {
-        self.ruler(now).is_some_and(|(ruler, _)| ruler == origin)
+        self.active(now).is_some_and(|(ruler, _)| ruler == origin)
     }
 
     /// A source of higher priority than this one that is in control.
     pub fn above(&self, now: Instant, origin: Origin) -> Option<Origin> {
-        let (ruler, _) = self.ruler(now)?;
+        let (ruler, _) = self.active(now)?;
         (ruler.priority() > origin.priority()).then_some(ruler)
     }
 
@@ -218,7 +224,7 @@ impl Sources {
     }
 
     /// When a source last spoke.
-    pub fn last_heard(&self, origin: Origin) -> Option<Instant> {
+    pub fn last_rx(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).map(|source| source.heard)
     }
 
@@ -252,8 +258,8 @@ impl Sources {
     }
 
     /// Whether any source has spoken since the node started.
-    pub fn any_spoken(&self) -> bool {
-        self.each().any(|(_, source)| source.spoken)
+    pub fn any_received(&self) -> bool {
+        self.each().any(|(_, source)| source.received)
     }
 
     /// Whether a source has wanted something since the node started.

@@ -363,7 +363,7 @@ proptest! {
                     (Command::ReleaseStop, Ok(_)) => latched = false,
                     (Command::Run(_), Ok(Accepted::InForce)) => {
                         prop_assert!(runs_now);
-                        prop_assert_eq!(after.ruler, origin);
+                        prop_assert_eq!(after.active_source, origin);
                         if !ran {
                             prop_assert!(after.armed && before.link == LinkState::Up);
                             prop_assert_eq!(before.ordered.order, Order::Standby);
@@ -386,7 +386,7 @@ proptest! {
             let now = scenario.telemetry();
             prop_assert_eq!(now.stop_latched, latched);
             prop_assert_eq!(now.ordered.order == Order::EmergencyStop, latched);
-            if let (Order::Run(demand) | Order::Doubt(demand), Some(heard)) = (now.ordered.order, now.source_heard) {
+            if let (Order::Run(demand) | Order::Doubt(demand), Some(heard)) = (now.ordered.order, now.source_last_rx) {
                 let age = now.at.duration_since(heard).as_micros();
                 let low = match demand {
                     Demand::Throttle(throttle) => throttle <= safe,

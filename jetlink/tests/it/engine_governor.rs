@@ -4,8 +4,9 @@
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::{Action, Governor, Limit};
+use jetlink::engine::config::Governor;
 use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 
@@ -80,7 +81,7 @@ fn it_is_refused_while_no_speed_is_known() {
     scenario.values.fault = 0;
     scenario.fly(run(30), Origin::Rc, 3 * EVERY);
     scenario.fly(target(50_000), Origin::Rc, 3 * SECOND);
-    assert_eq!(scenario.telemetry().asked, Some(rpm(50_000)));
+    assert_eq!(scenario.telemetry().commanded, Some(rpm(50_000)));
     assert!(matches!(scenario.order(), Order::Run(Demand::Throttle(_))), "the ECU gets a throttle");
 }
 
@@ -199,9 +200,9 @@ fn a_lost_source_brings_the_governors_throttle_down() {
 /// After a reset it goes on at the throttle that the ECU obeys.
 #[test]
 fn it_goes_on_after_a_reset() {
-    let kept = jetlink::engine::keep::Record {
+    let kept = jetlink::engine::retained::RetainedState {
         armed: true,
-        ..jetlink::engine::keep::Record::new(Order::Run(rpm(80_000)), Origin::Rc)
+        ..jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
     };
     let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(kept));
     scenario.values.rpm = Some(80_000);

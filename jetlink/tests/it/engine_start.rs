@@ -4,7 +4,7 @@ use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::engine::state::EngineState;
 use jetlink::event::{End, Event};
-use jetlink::limit::Watched;
+use jetlink::limit::LimitKind;
 use jetlink::report::{EcuState, LinkState};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
@@ -162,7 +162,7 @@ fn an_engine_that_is_ready_starts() {
         assert_eq!(scenario.wire(), Wire::Standby);
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(0)), Wire::Run(0)));
-        assert_eq!(scenario.telemetry().ruler, Origin::Rc);
+        assert_eq!(scenario.telemetry().active_source, Origin::Rc);
     }
 }
 
@@ -350,11 +350,11 @@ fn one_engine_of_a_group_starts_at_a_time() {
         scenario.others_allow_start = false;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::StartWaits), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
-        assert!(!scenario.bench.machine.keeps_others_from_start(us(scenario.now())));
+        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now())));
         scenario.others_allow_start = true;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
         let started = scenario.now();
-        let keeps = |scenario: &Scenario, t| scenario.bench.machine.keeps_others_from_start(us(t));
+        let keeps = |scenario: &Scenario, t| scenario.bench.machine.blocks_other_starts(us(t));
         assert!(keeps(&scenario, started));
         // Longer than the gap of 10 s, and still starting.
         scenario.says(Says::Starting).fly(run(0), Origin::Rc, 12 * SECOND);
@@ -404,7 +404,7 @@ fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?} {says:?}");
             let events = scenario.bench.event_kinds();
-            assert_eq!(events.iter().filter(|event| matches!(event, Event::RunWithdrawn(_))).count(), 1);
+            assert_eq!(events.iter().filter(|event| matches!(event, Event::RunCancelled(_))).count(), 1);
             for _ in 0..50 {
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
                 scenario.pass(PERIOD);
@@ -440,7 +440,7 @@ fn one_odd_report_does_not_withdraw_a_run() {
             scenario.odd(Says::Stopped, scenario.values);
         }
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
-        assert!(scenario.bench.event_kinds().contains(&Event::RunWithdrawn(End::AtRest)));
+        assert!(scenario.bench.event_kinds().contains(&Event::RunCancelled(End::AtRest)));
     }
 }
 
@@ -453,7 +453,7 @@ fn a_start_waits_for_the_ecu() {
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
         scenario.silent().fly(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: lost before it came alive");
-        assert!(scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::RunWithdrawn(_))));
+        assert!(scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::RunCancelled(_))));
     }
 }
 
@@ -470,7 +470,7 @@ fn the_throttle_stays_at_idle_until_the_engine_runs() {
             let sent = scenario.sent();
             assert!(sent.iter().all(|wire| *wire == Wire::Run(0)), "{ecu:?} {says:?}: {sent:?}");
         }
-        assert_eq!(scenario.telemetry().asked, Some(percent(80)));
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.says = Some(Says::Running);
         scenario.fly(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
@@ -530,7 +530,7 @@ fn a_start_has_its_time_to_the_tick() {
             assert_eq!(passed.len(), 1, "{ecu:?}");
             assert_eq!(
                 (passed[0].what, passed[0].value, passed[0].limit),
-                (Watched::StartTimeout, 20_000, 20_000)
+                (LimitKind::StartTimeout, 20_000, 20_000)
             );
             assert_eq!(passed[0].at, us(start + 20 * SECOND));
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
@@ -565,7 +565,7 @@ fn the_ecus_own_start_up_time_counts_twice() {
     assert_eq!(scenario.order(), Order::Standby);
     let passed = scenario.passed();
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (Watched::StartTimeout, limit, limit));
+    assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
     assert_eq!(passed[0].at, us(start + twice));
 }
 

@@ -4,7 +4,7 @@ use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Reje
 use jetlink::ecu::zk::codec::Action;
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Engine;
-use jetlink::engine::keep::Record;
+use jetlink::engine::retained::RetainedState;
 use jetlink::event::{Event, LossStage};
 use jetlink::report::LinkState;
 
@@ -250,18 +250,18 @@ fn a_stop_while_it_listens() {
 // After a reset
 // ---------------------------------------------------------------------------------------------
 
-fn record(order: Order, origin: Origin) -> Option<Record> {
-    Some(Record { armed: true, ..Record::new(order, origin) })
+fn record(order: Order, origin: Origin) -> Option<RetainedState> {
+    Some(RetainedState { armed: true, ..RetainedState::new(order, origin) })
 }
 
 /// Of an engine that has reached running.
-fn kept_run(demand: Demand) -> Option<Record> {
+fn kept_run(demand: Demand) -> Option<RetainedState> {
     record(Order::Run(demand), Origin::Rc)
 }
 
 /// Of one that has not.
-fn start_cut_short() -> Option<Record> {
-    kept_run(percent(0)).map(|kept| Record { ran: false, ..kept })
+fn start_cut_short() -> Option<RetainedState> {
+    kept_run(percent(0)).map(|kept| RetainedState { ran: false, ..kept })
 }
 
 /// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is heard. Only a standby that was
@@ -308,9 +308,9 @@ fn a_running_engine_goes_on_with_what_was_kept() {
         assert!(scenario.telemetry().in_doubt.is_some());
         scenario.to(2 * EVERY);
         let telemetry = scenario.telemetry();
-        assert_eq!((telemetry.ordered.order, telemetry.ruler), (Order::Run(percent(60)), Origin::Rc));
+        assert_eq!((telemetry.ordered.order, telemetry.active_source), (Order::Run(percent(60)), Origin::Rc));
         assert_eq!(telemetry.in_doubt, None);
-        assert!(scenario.bench.event_kinds().contains(&Event::WentOn(percent(60))), "{ecu:?}");
+        assert!(scenario.bench.event_kinds().contains(&Event::Resumed(percent(60))), "{ecu:?}");
         scenario.to(4 * EVERY);
         let sent = scenario.sent();
         assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}");
@@ -333,7 +333,7 @@ fn a_running_engine_goes_on_with_what_was_kept() {
             }
             Ecu::Zk => assert_eq!(sent, []),
         }
-        assert!(!scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::WentOn(_))));
+        assert!(!scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::Resumed(_))));
 
         // Nobody speaks: the stages of loss, counted from here on.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
@@ -396,7 +396,7 @@ fn a_running_engine_goes_on_with_what_its_ecu_says() {
             }
             let telemetry = scenario.telemetry();
             assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {kept:?}");
-            assert_eq!((telemetry.ruler, telemetry.loss), (Origin::Node, LossStage::Hold));
+            assert_eq!((telemetry.active_source, telemetry.loss), (Origin::Node, LossStage::Hold));
             let from = scenario.now();
             scenario.to(from + SECOND);
             assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::FailSafe));
@@ -513,7 +513,7 @@ fn a_latched_stop_survives_a_reset() {
         // And what is kept of it is the same again, but for arming, which a stop ends, and one more reset.
         let kept = record(Order::EmergencyStop, Origin::Emergency);
         let scenario = Scenario::after_reset(ecu, ecu.config(), kept);
-        let again = kept.map(|kept| Record { armed: false, resets: 1, ..kept });
+        let again = kept.map(|kept| RetainedState { armed: false, resets: 1, ..kept });
         assert_eq!(Some(scenario.bench.machine.record()), again);
     }
 }
@@ -552,8 +552,8 @@ fn what_is_kept_is_what_is_in_force() {
         let mut scenario = Scenario::started(ecu, percent(60));
         scenario.fly(run(60), Origin::Rc, 4 * EVERY);
         let kept = scenario.bench.machine.record();
-        assert_eq!(Some(Record { said_arm: 0, ..kept }), kept_run(percent(60)));
-        assert_eq!(kept.said_arm, 1 << 3, "RC, the fourth of all origins");
+        assert_eq!(Some(RetainedState { arm_commanded: 0, ..kept }), kept_run(percent(60)));
+        assert_eq!(kept.arm_commanded, 1 << 3, "RC, the fourth of all origins");
         scenario.pass(10 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
         scenario.fly(run(60), Origin::Rc, 5 * SECOND);
@@ -567,8 +567,8 @@ fn what_is_kept_is_what_is_in_force() {
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
         let again = scenario.bench.machine.record();
         assert_eq!(
-            Some(Record { silent: micros(0), all_silent: micros(0), ..again }),
-            kept_run(percent(60)).map(|kept| Record { resets: 1, ..kept })
+            Some(RetainedState { silent: micros(0), all_silent: micros(0), ..again }),
+            kept_run(percent(60)).map(|kept| RetainedState { resets: 1, ..kept })
         );
         scenario.command(Command::Disarm).unwrap();
         let record = scenario.bench.machine.record();

@@ -1,9 +1,10 @@
 //! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
 
 use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
-use jetlink::engine::config::{Action, Limit, Limits};
+use jetlink::engine::config::Limits;
 use jetlink::event::Event;
-use jetlink::limit::Watched;
+use jetlink::limit::LimitKind;
+use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm};
 
 use crate::support::bench::us;
@@ -28,7 +29,7 @@ fn burns(scenario: &mut Scenario) {
 }
 
 /// What is told when some frames in a row say this, and the engine's own values after it.
-fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Watched, i32, i32)> {
+fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
     let before = scenario.values;
     scenario.values = values;
     scenario.fly(run(50), Origin::Rc, u64::from(frames) * EVERY);
@@ -40,13 +41,13 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Watc
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
 #[test]
 fn two_values_in_a_row_pass_a_limit() {
-    use Watched::{LowRpm, OverSpeed, OverTemperature};
+    use LimitKind::{LowRpm, OverSpeed, OverTemperature};
     type Change = fn(&mut Limits);
-    let cases: [(Change, Watched, Values, Values, i32, i32); 3] = {
+    let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
         let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
         [
             (
-                |l| l.over_speed = Limit::tell(Rpm::new(13_000)),
+                |l| l.over_speed = Limit::report(Rpm::new(13_000)),
                 OverSpeed,
                 values(13_000, 26),
                 values(13_500, 26),
@@ -54,7 +55,7 @@ fn two_values_in_a_row_pass_a_limit() {
                 13_000,
             ),
             (
-                |l| l.low_rpm = Limit::tell(Rpm::new(11_000)),
+                |l| l.low_rpm = Limit::report(Rpm::new(11_000)),
                 LowRpm,
                 values(11_000, 26),
                 values(10_500, 26),
@@ -63,7 +64,7 @@ fn two_values_in_a_row_pass_a_limit() {
             ),
             // AMT: 126 steps of 4.6 °C less 50 are 529.6, one more is 534.2.
             (
-                |l| l.over_temperature = Limit::tell(Celsius::from_tenths(5_300)),
+                |l| l.over_temperature = Limit::report(Celsius::from_tenths(5_300)),
                 OverTemperature,
                 values(TURNING, 530),
                 values(TURNING, 535),
@@ -101,7 +102,7 @@ fn two_values_in_a_row_pass_a_limit() {
 #[test]
 fn a_limit_is_told_with_its_time() {
     for ecu in BOTH {
-        let mut scenario = running(ecu, |l| l.over_speed = Limit::tell(Rpm::new(13_000)));
+        let mut scenario = running(ecu, |l| l.over_speed = Limit::report(Rpm::new(13_000)));
         let values = Values { rpm: Some(14_000), ..scenario.values };
         let from = scenario.now();
         scenario.silent();
@@ -124,9 +125,9 @@ fn the_engines_own_figures_serve() {
     };
     for (rpm, told) in [
         (168_000, vec![]),
-        (168_010, vec![(Watched::OverSpeed, 168_010, 168_000)]),
+        (168_010, vec![(LimitKind::OverSpeed, 168_010, 168_000)]),
         (4_000, vec![]),
-        (3_990, vec![(Watched::LowRpm, 3_990, 4_000)]),
+        (3_990, vec![(LimitKind::LowRpm, 3_990, 4_000)]),
     ] {
         let mut scenario = running(Ecu::Zk, quiet);
         assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
@@ -163,7 +164,7 @@ fn hot_start() {
             let passed = scenario.passed();
             if told {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
-                assert_eq!((passed[0].what, passed[0].limit), (Watched::HotStart, 200));
+                assert_eq!((passed[0].what, passed[0].limit), (LimitKind::HotStart, 200));
                 // Soon after it passed the limit.
                 assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {
@@ -190,7 +191,7 @@ fn hot_start() {
 }
 
 /// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source asks `demand` of it.
-fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<Watched> {
+fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
     scenario.values.rpm = Some(20_000);
     scenario.fly(run(50), Origin::Rc, 10 * SECOND);
@@ -211,11 +212,11 @@ fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<Watched> {
 #[test]
 fn flame_out() {
     for ecu in BOTH {
-        assert_eq!(run_down(ecu, &[], 50), [Watched::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
         assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was asked for");
         // A higher demand is no excuse, and the noise of a stick neither.
-        assert_eq!(run_down(ecu, &[], 60), [Watched::FlameOut], "{ecu:?}");
-        assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [Watched::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[], 60), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [LimitKind::FlameOut], "{ecu:?}");
         // A slow lowering is one.
         assert_eq!(run_down(ecu, &[49, 48, 47, 46, 45, 44], 43), [], "{ecu:?}");
     }
@@ -225,7 +226,7 @@ fn flame_out() {
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
     for ecu in BOTH {
-        for implausible in [Limit::NONE, Limit::tell(150_000)] {
+        for implausible in [Limit::NONE, Limit::report(150_000)] {
             for odd in [0, 10_000, 14_000, 60_000, 120_000] {
                 for wait in 0..6 {
                     let mut scenario = running(ecu, |limits| {
@@ -252,7 +253,7 @@ fn implausible_telemetry() {
         assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let told = told_after(&mut scenario, 2, values);
-        assert_eq!(told[0].0, Watched::Implausible, "{ecu:?}");
+        assert_eq!(told[0].0, LimitKind::Implausible, "{ecu:?}");
         assert!(told[0].1 > 150_000 && told[0].2 == 150_000);
 
         let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
@@ -290,11 +291,11 @@ fn supply_low() {
         supply(&mut scenario);
         assert_eq!(scenario.limits(), [], "{ecu:?}: not watched");
         for (limit, frames, told) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
-            let mut scenario = running(ecu, |l| l.supply_low = Limit::tell(Millivolts::new(limit)));
+            let mut scenario = running(ecu, |l| l.supply_low = Limit::report(Millivolts::new(limit)));
             for _ in 0..frames {
                 supply(&mut scenario);
             }
-            assert_eq!(scenario.limits(), vec![Watched::SupplyLow; told], "{ecu:?} {limit} {frames}");
+            assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; told], "{ecu:?} {limit} {frames}");
         }
     }
 }
@@ -303,16 +304,16 @@ fn supply_low() {
 #[test]
 fn a_fault_of_the_ecu() {
     for ecu in BOTH {
-        for action in [Action::None, Action::FailSafe, Action::Standby] {
+        for action in [Action::Report, Action::FailSafe, Action::Standby] {
             let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
             burns(&mut scenario);
             let values = Values { fault: 2, ..scenario.values };
             assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {action:?}");
             let told = told_after(&mut scenario, 5, values);
-            assert_eq!(told, [(Watched::EcuFault, 2, 0)], "{ecu:?} {action:?}");
+            assert_eq!(told, [(LimitKind::EcuFault, 2, 0)], "{ecu:?} {action:?}");
             let expected = match action {
-                Action::None => Order::Run(percent(50)),
+                Action::Report => Order::Run(percent(50)),
                 Action::FailSafe => Order::Run(percent(0)),
                 Action::Standby => Order::Standby,
             };
@@ -338,7 +339,7 @@ fn actions() {
         let from = scenario.now();
         scenario.values.rpm = Some(14_000);
         scenario.fly(run(50), Origin::Rc, 2 * EVERY);
-        assert_eq!(scenario.limits(), [Watched::OverSpeed]);
+        assert_eq!(scenario.limits(), [LimitKind::OverSpeed]);
         scenario.fly(run(50), Origin::Rc, 500_000);
         // 50 % a second.
         assert!((200..350).contains(&scenario.tenths()), "{ecu:?}: {}", scenario.tenths());
@@ -361,9 +362,9 @@ fn actions() {
 #[test]
 fn a_limit_that_is_passed_refuses_a_start() {
     for (action, expected) in [
-        (Action::None, Ok(Accepted::InForce)),
-        (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(Watched::SupplyLow)))),
-        (Action::Standby, Err(Rejected::Start(Interlock::Limit(Watched::SupplyLow)))),
+        (Action::Report, Ok(Accepted::InForce)),
+        (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
+        (Action::Standby, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
     ] {
         let config =
             Ecu::Zk.with(|s| s.limits.supply_low = Limit { at: Some(Millivolts::new(12_000)), action });
@@ -372,7 +373,7 @@ fn a_limit_that_is_passed_refuses_a_start() {
             scenario.pass(EVERY);
             scenario.bench.receive(&zk_frames::status(2, 0, [50, 50, 0]));
         }
-        assert_eq!(scenario.limits(), [Watched::SupplyLow]);
+        assert_eq!(scenario.limits(), [LimitKind::SupplyLow]);
         assert_eq!(scenario.command(run(0)), expected, "{action:?}");
     }
 }
@@ -447,5 +448,5 @@ fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
         scenario.pass(1000);
         scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
     }
-    assert_eq!(scenario.limits(), [Watched::Implausible]);
+    assert_eq!(scenario.limits(), [LimitKind::Implausible]);
 }

@@ -576,12 +576,17 @@ impl Decoder {
         self.frame.len as usize
     }
 
+    /// A byte was lost: a frame that was begun is never whole.
+    pub fn byte_lost(&mut self) {
+        if self.frame.len > 0 {
+            self.counters.truncated = self.counters.truncated.wrapping_add(1);
+            self.drop_frame();
+        }
+    }
+
     fn push(&mut self, byte: u8) -> Option<Frame> {
         if byte == LEADER {
-            if self.frame.len > 0 {
-                self.counters.truncated = self.counters.truncated.wrapping_add(1);
-                self.drop_frame();
-            }
+            self.byte_lost();
         } else if self.frame.len == 0 {
             self.counters.bytes_skipped = self.counters.bytes_skipped.wrapping_add(1);
             return None;

@@ -2,42 +2,27 @@
 
 use super::codec::{CONTROL_LEN, Engine};
 use crate::line::{Line, Timing};
-use crate::units::Throttle;
+use crate::setting::settings;
 use embassy_time::Duration;
 
 /// From the last stop bit of an ECU frame to the last stop bit of its reply (AMT-11).
 pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
 
-/// How an AMT ECU is spoken to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Config {
-    /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
-    pub engine: Option<Engine>,
-    /// Throttle sent with "run" until the ECU reports full operation: some want the stick up for a start
-    /// (AMT-14).
-    pub start_throttle: Throttle,
-    /// Left free at the end of the reply window, for the difference between two clocks.
-    pub reply_guard: Duration,
-    /// The ECU's serial delay time: without replies for so long it stops its turbine by itself (AMT-12). After a longer
-    /// silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU. 0.5 s to 60 s.
-    pub serial_delay: Duration,
-    /// Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed.
-    /// An engine whose shaft turns slower is not running. 1 to 254.
-    pub half_idle: u8,
+settings! {
+    /// How an AMT ECU is spoken to.
+    pub struct Config, "ecu.", AtNextStart {
+        start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some want the stick up for a start (AMT-14).";
+        reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";
+        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without replies for so long it stops its turbine by itself (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU.";
+        half_idle: raw "AMT_HALF_IDLE" = 20 in 1..=254, "Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed. An engine whose shaft turns slower is not running. 20 is 10 000 rpm of an Olympus, which idles at 36 000 rpm and lights at 6000 rpm.";
+    }
+    groups {
+        /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
+        engine: Option<Engine> = None;
+    }
 }
 
 impl Config {
-    /// Engine not known, start throttle 0 %, guard 0.5 ms, serial delay time 4 s, half of idle 20 (10 000 rpm of an
-    /// Olympus, which idles at 36 000 rpm and lights at 6000 rpm).
-    pub const DEFAULT: Self = Self {
-        engine: None,
-        start_throttle: Throttle::IDLE,
-        reply_guard: Duration::from_micros(500),
-        serial_delay: Duration::from_secs(4),
-        half_idle: 20,
-    };
-
     /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 

@@ -20,7 +20,7 @@ use crate::command::{Demand, Order, Rejected};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Agreed, Beat, Link, Outbox, Output, Presence, Sign, Stage, Transmission};
+use crate::link::{Beat, Debounced, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission};
 use crate::report::{
     Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
 };
@@ -36,7 +36,7 @@ pub struct AmtLink {
     config: Config,
     /// `None` where no reply fits the window: the line is then listened to, and every reply counts as missed.
     slack: Option<Duration>,
-    presence: Presence,
+    monitor: LinkMonitor,
     decoder: Decoder,
     report: Report,
     outbox: Outbox,
@@ -46,23 +46,25 @@ pub struct AmtLink {
     sign: Option<Sign>,
     ctf: bool,
     /// That it went out was told.
-    ctf_told: bool,
+    ctf_ordered: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
+    /// It saw one since the last bytes came.
+    fault: bool,
     /// End of the window of the reply that is going out.
     sending: Option<Instant>,
     /// When the last set that was replied to was complete.
     replied: Option<Instant>,
     /// End of the window of a frame that has no reply yet.
     due: Option<Instant>,
-    phase: Agreed<Phase>,
-    switch: Agreed<ReportedSwitch>,
+    phase: Debounced<Phase>,
+    switch: Debounced<ReportedSwitch>,
     /// Whether the sets are error sets. One odd set is no fault.
-    faulty: Agreed<bool>,
+    faulty: Debounced<bool>,
     /// The engine runs, so the demand goes out; until then the start throttle does (AMT-14).
     released: bool,
     /// `Some(None)`: the ECU named an engine that no table has.
-    engine: Agreed<Option<Engine>>,
+    engine: Debounced<Option<Engine>>,
 }
 
 impl AmtLink {
@@ -71,7 +73,7 @@ impl AmtLink {
         Self {
             config,
             slack: config.reply_slack(line),
-            presence: Presence::new(timing),
+            monitor: LinkMonitor::new(timing),
             decoder: Decoder::new(),
             report: Report::default(),
             outbox: Outbox::default(),
@@ -80,16 +82,17 @@ impl AmtLink {
             beat: Beat::new(FRAME_LEN as u8, line),
             sign: None,
             ctf: false,
-            ctf_told: false,
+            ctf_ordered: false,
             damaged: false,
+            fault: false,
             sending: None,
             replied: None,
             due: None,
-            phase: Agreed::new(None),
-            switch: Agreed::new(None),
-            faulty: Agreed::new(Some(false)),
+            phase: Debounced::new(None),
+            switch: Debounced::new(None),
+            faulty: Debounced::new(Some(false)),
             released: false,
-            engine: Agreed::new(config.engine.map(Some)),
+            engine: Debounced::new(config.engine.map(Some)),
         }
     }
 
@@ -109,10 +112,10 @@ impl AmtLink {
     fn hear(&mut self, now: Instant) {
         self.beat.frame(now);
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
-        if self.presence.timeout(now) {
+        if self.monitor.timeout(now) {
             self.outbox.event(Event::LinkLost);
         }
-        if self.presence.frame(now) {
+        if self.monitor.frame(now) {
             self.outbox.event(Event::LinkUp);
         }
     }
@@ -268,7 +271,7 @@ impl AmtLink {
         }
         let Some(window_end) = self.due.take() else { return };
         let Some(control) = self.control() else { return };
-        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_told, true) {
+        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_ordered, true) {
             self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
         }
         self.sending = Some(window_end);
@@ -317,11 +320,15 @@ impl AmtLink {
 
 impl Link for AmtLink {
     fn start(&mut self, now: Instant) {
-        self.presence.start(now);
+        self.monitor.start(now);
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let cut_off = self.decoder.counters().truncated;
         let (taken, frame) = self.decoder.feed(bytes);
+        // A fault from before these bytes was in the frame that they cut off.
+        self.damaged &= self.decoder.counters().truncated == cut_off;
+        self.damaged |= core::mem::take(&mut self.fault);
         self.beat.bytes(now, taken, SET_INTERVAL);
         if let Some(frame) = frame {
             self.frame(now, &frame);
@@ -333,7 +340,13 @@ impl Link for AmtLink {
     }
 
     fn line_error(&mut self, error: LineError) {
-        self.damaged = true;
+        self.fault = true;
+        self.counters.line_error(error);
+    }
+
+    fn byte_lost(&mut self, error: LineError) {
+        // The frame that it was in is never whole. Between two frames it was in neither, and damages none.
+        self.decoder.byte_lost();
         self.counters.line_error(error);
     }
 
@@ -363,7 +376,7 @@ impl Link for AmtLink {
         match service {
             AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_) | Order::Doubt(_)) => {
                 self.ctf = true;
-                self.ctf_told = false;
+                self.ctf_ordered = false;
                 Ok(())
             }
             AnyService::Amt(Service::Ctf) => Err(Rejected::NotOrderedToRun),
@@ -397,14 +410,14 @@ impl Link for AmtLink {
     }
 
     fn timeout(&mut self, now: Instant) {
-        if self.presence.timeout(now) {
+        if self.monitor.timeout(now) {
             self.outbox.event(Event::LinkLost);
         }
     }
 
     fn poll(&mut self) -> Output {
         self.reply();
-        self.outbox.poll().unwrap_or(Output::Wait(self.presence.deadline()))
+        self.outbox.poll().unwrap_or(Output::Wait(self.monitor.deadline()))
     }
 
     fn take_sign(&mut self) -> Option<Sign> {
@@ -437,15 +450,15 @@ impl Link for AmtLink {
     }
 
     fn state(&self) -> LinkState {
-        self.presence.state()
+        self.monitor.state()
     }
 
-    fn heard(&self) -> Option<Instant> {
-        self.presence.heard()
+    fn last_rx(&self) -> Option<Instant> {
+        self.monitor.last_rx()
     }
 
     fn up_since(&self) -> Option<Instant> {
-        self.presence.up_since()
+        self.monitor.up_since()
     }
 
     fn shutting_down(&self) -> bool {

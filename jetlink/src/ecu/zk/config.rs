@@ -2,23 +2,21 @@
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
 use crate::line::Timing;
+use crate::setting::settings;
 use embassy_time::Duration;
 
-/// How a ZK ECU is spoken to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Config {
-    /// Status rate; also the cadence of the commands (ZK-11).
-    pub rate: Rate,
-    /// Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go
-    /// in ID 1 (mode 1), until an rpm is demanded (mode 3).
-    pub split_switch: bool,
+settings! {
+    /// How a ZK ECU is spoken to.
+    pub struct Config, "ecu.", AtNextStart {
+        split_switch: yes_no "ZK_SPLIT_SWITCH" = 0 in 0..=1, "Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go in ID 1 (mode 1), until an rpm is commanded (mode 3).";
+    }
+    groups {
+        /// Status rate; also the cadence of the commands (ZK-11).
+        rate: Rate = Rate::Hz20;
+    }
 }
 
 impl Config {
-    /// 20 Hz, switch and throttle in one command.
-    pub const DEFAULT: Self = Self { rate: Rate::Hz20, split_switch: false };
-
     /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
     pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
 }

@@ -5,9 +5,9 @@ use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::engine::config::{Action, Limit};
-use jetlink::engine::keep::{Memory, Record, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 
@@ -93,16 +93,16 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 /// that is kept is released by it.
 #[test]
 fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
-    let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+    let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
-    let stored = Record { armed: true, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+    let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
     memory.store(&stored, config.fingerprint());
     let channel = Channel::new(&config, Some((memory, Reset::Warm)));
     let handle = channel.handle();
     assert_eq!(handle.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
     assert_eq!(handle.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
     // It counts as one more reset without a source.
-    let kept = Record { resets: 1, ..Record::new(Order::EmergencyStop, Origin::Rc) };
+    let kept = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
 }
 
@@ -175,7 +175,8 @@ fn a_lost_demand_never_rises() {
 fn word_said_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
         let retained = || {
-            let kept = Record { armed: true, ..Record::new(Order::Run(percent(33)), Origin::Mavlink) };
+            let kept =
+                RetainedState { armed: true, ..RetainedState::new(Order::Run(percent(33)), Origin::Mavlink) };
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
             scenario.introduce();
             assert_eq!(scenario.order(), Order::Doubt(percent(33)), "{ecu:?}: nothing is confirmed yet");

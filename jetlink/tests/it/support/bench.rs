@@ -18,10 +18,12 @@ pub trait Machine {
     fn not_sent(&mut self, now: Instant, why: NotSent);
     fn timeout(&mut self, now: Instant);
     fn poll(&mut self) -> Output;
+    /// What an engine does with a frame when its reply is handed out.
+    fn supervise(&mut self) {}
 }
 
 macro_rules! machine {
-    ($name:ident, $as:ident, |$machine:ident, $now:ident| $start:expr) => {
+    ($name:ident, $as:ident, |$machine:ident, $now:ident| $start:expr $(, $supervise:ident)?) => {
         impl Machine for $name {
             fn start(&mut self, now: Instant) {
                 let ($machine, $now) = (self, now);
@@ -42,12 +44,15 @@ macro_rules! machine {
             fn poll(&mut self) -> Output {
                 $as::poll(self)
             }
+            $(fn supervise(&mut self) {
+                $as::$supervise(self);
+            })?
         }
     };
 }
 machine!(AmtLink, Link, |link, now| Link::start(link, now));
 machine!(ZkLink, Link, |link, now| Link::start(link, now));
-machine!(Engine, Engine, |engine, now| engine.start(now, None));
+machine!(Engine, Engine, |engine, now| engine.start(now, None), supervise);
 
 /// An instant from microseconds.
 pub fn us(micros: u64) -> Instant {
@@ -172,6 +177,7 @@ impl<M: Machine> Bench<M> {
     pub fn receive(&mut self, mut bytes: &[u8]) {
         while !bytes.is_empty() {
             let taken = self.act(|machine, now| machine.receive(now, bytes));
+            self.act(|machine, _| machine.supervise());
             assert!((1..=bytes.len()).contains(&taken), "took {taken} of {}", bytes.len());
             bytes = &bytes[taken..];
         }

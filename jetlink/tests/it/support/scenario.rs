@@ -9,9 +9,9 @@ use jetlink::ecu::amt;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::Engine;
 use jetlink::engine::config::Supervision;
-use jetlink::engine::keep::Record;
+use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
-use jetlink::limit::{Passed, Watched};
+use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::line::Line;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
@@ -185,7 +185,7 @@ impl Scenario {
     }
 
     /// The same engine after a reset, with what was kept; its ECU knows nothing of it.
-    pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<Record>) -> Self {
+    pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<RetainedState>) -> Self {
         let mut scenario = Self::nothing_heard(ecu, config);
         let mut machine = Engine::new(&config);
         machine.start(us(0), kept);
@@ -342,11 +342,11 @@ impl Scenario {
     }
 
     /// The limits that were told since the last call; other events are dropped.
-    pub fn limits(&mut self) -> Vec<Watched> {
+    pub fn limits(&mut self) -> Vec<LimitKind> {
         self.passed().into_iter().map(|passed| passed.what).collect()
     }
 
-    pub fn passed(&mut self) -> Vec<Passed> {
+    pub fn passed(&mut self) -> Vec<LimitViolation> {
         self.bench
             .event_kinds()
             .into_iter()
