@@ -681,7 +681,7 @@ fn mavlink_standby_before_the_runner_begins() {
     let kept = flying(Ecu::Zk, 60).bench.machine.record();
     let config = Ecu::Zk.config();
     let mut engine = Engine::new(&config);
-    engine.keep(Some(kept));
+    engine.restore(Some(kept));
     for n in 1..20 {
         let _ = engine.command(us(n * PERIOD), Command::Standby, Origin::Mavlink, true);
     }

@@ -97,10 +97,10 @@ fn each_source_has_its_own_age() {
     for ecu in BOTH {
         for (origin, limit) in limits {
             let config = ecu.with(|s| {
-                s.ages.emergency = micros(300_000);
-                s.ages.rc = micros(450_000);
-                s.ages.mavlink = micros(1_200_000);
-                s.ages.bench = micros(700_001);
+                s.timeouts.emergency = micros(300_000);
+                s.timeouts.rc = micros(450_000);
+                s.timeouts.mavlink = micros(1_200_000);
+                s.timeouts.bench = micros(700_001);
             });
             let mut scenario = Scenario::ready(ecu, config);
             scenario.pass(5 * SECOND);
@@ -658,7 +658,7 @@ fn slew_limits() {
         let config = ecu.with(|s| {
             s.slew.up = Some(200);
             s.slew.down = Some(400);
-            s.ages.rc = Duration::from_secs(60);
+            s.timeouts.rc = Duration::from_secs(60);
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(20));
         scenario.pass(5 * SECOND);
@@ -681,7 +681,7 @@ fn slew_limits() {
     // An rpm in the same share of the maximum: 20 % of 160 000 rpm a second.
     let config = Ecu::Zk.with(|s| {
         s.slew.up = Some(200);
-        s.ages.rc = Duration::from_secs(60);
+        s.timeouts.rc = Duration::from_secs(60);
     });
     let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(ZK_IDLE));
     let from = scenario.now();
