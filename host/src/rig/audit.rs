@@ -363,7 +363,7 @@ impl Audit {
             self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
             self.may_rise(at + RISE_WITHIN);
         } else {
-            self.find(at, Vec::new(), "the node gave up an order, although its ECU was heard");
+            self.find(at, Vec::new(), "the node gave up an order, although its ECU was received");
         }
     }
 

@@ -9,6 +9,8 @@ mod faults;
 mod limiter;
 mod lines;
 mod node;
+mod out;
+mod output;
 mod pilot;
 mod plan;
 mod plot;
@@ -27,11 +29,13 @@ use self::ending::{EndRequest, EndedBy};
 use self::engines::Engine;
 use self::faults::Faults;
 use self::lines::Lines;
+use self::out::{Out, reader_left};
+use self::output::{Problem, Wanted};
 use self::plan::Plan;
 use self::plot::{Plot, Subject};
 use self::scenario::Scenario;
 use self::session::{End, Setup};
-use self::show::{Screen, Show, ShowError, cannot_show};
+use self::show::{Screen, Show, ShowError};
 use self::table::Table;
 use embassy_time::Duration;
 use std::io::{self, IsTerminal, Write};
@@ -49,15 +53,22 @@ const HELP: &str = "\
 What it does:
   Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
   idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
-  table shows it live (q ends it); otherwise, and with --fast, plain lines do. The summary at the end
-  counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
+  screen shows it live; otherwise, and with --fast, plain lines do. The summary at the end counts what the node
+  and what the ECUs received. Every frame on the wire is compared with what was commanded.
 
-What is shown:
-  asked   what the pilot commands
-  wire    what the node last said to the ECU: it differs from what is asked while a limit, a loss, another source or
-          an emergency stop (STOP) has its way
-  worst cadence error   ZK: the node sends at fixed turns. An emergency stop, and the frame right behind a change of
-          the way of commanding, go out ahead of their turn and do not count
+Columns:
+  commanded  what the source commands
+  sent       the demand that the node last sent to the ECU: it differs from the commanded one while a limit, a lost
+             source, another source or an emergency stop (STOP) is in force
+  source     the source in control; what holds its demand
+  errors     bytes and frames from the ECU that could not be decoded
+
+Summary:
+  commands rejected    refused by an interlock or by the rules of sources. A start that waits for another engine is
+                       none, nor is what was commanded while the node still listened after its own start
+  unsolicited commands frames on the wire that no order in force allows
+  worst cadence error  ZK: the node sends in fixed send slots. An emergency stop, and the frame right behind a change
+                       of the control mode, are sent ahead of their slot and do not count
 
 Engines:
   --engine name=left,ecu=amt,engine=olympus,baud=2400
@@ -80,24 +91,28 @@ Faults, a list with commas:
   cut=ENGINE@TIME+LENGTH    cuts a line (left@40s+5s)
   hot-start=ENGINE, no-light=ENGINE    the starts of an engine fail
   flame-out=ENGINE@TIME     its flame goes out once
-  On disturbed lines missed windows and decode errors are counted and do not fail the run. An AMT ECU may stop
-  its engine then, because it was not heard: that is told, and the engine started again. A link that does not
-  come back fails the run, and so does a command on the wire that nobody gave.
+  A fault that could not act in this run is refused. On disturbed lines missed windows and decode errors are
+  counted and do not fail the run. An AMT ECU may stop its engine then, because it received nothing: that is
+  reported, and the engine started again. A link that does not recover fails the run, and so does an unsolicited
+  command.
 
 Scenarios:
-  --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It says what had to
-  happen, and judges by what was on the wires and what the simulated engines did whether it did.
+  --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It has a list of
+  expected events, and judges by what was on the wires and what the simulated engines did whether they occurred.
 
-CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told for 2 s:
+CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported nothing for 2 s:
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
   demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
-  (replies and turns, by the node's count), decode_errors, rejected (commands), engine_state (in plain words),
-  rules (who), waiting (who is about to take over), loss (how far the source is lost), limited (a limit has lowered
-  the demand), armed, order (of the node), wire_throttle_pct and wire_rpm (what was last on the wire)
+  (replies and send slots, by the node's count), decode_errors, rejected (commands, see the summary),
+  engine_state (in plain words), rules (the source in control), waiting (the source about to take over), loss (stage
+  of the loss of the source), limited (a limit has lowered the demand), armed, order (of the node),
+  wire_throttle_pct and wire_rpm (last sent), faults (as the ECU reports them), events (since the row before,
+  separated by |)
+  The file is flushed every second: `tail -f`, a FIFO and /dev/stdout work. Text goes to the standard error then.
 
 Exit status:
-  0  no reply window was missed on a clean line, and every engine reached what was asked; with --scenario: all
-     that had to happen did
+  0  no reply window was missed on a clean line, and every engine reached its targets; with --scenario: all expected
+     events occurred
   1  otherwise, or a file could not be written
   2  a wrong option
   A run that is ended early completes its files and prints the summary so far. That is no failure: the status is
@@ -109,7 +124,7 @@ Time:
 
 /// Arguments of `jetlink rig`.
 #[derive(clap::Args, Debug)]
-#[command(after_long_help = HELP, after_help = "--help tells more, --engine and --faults in full.")]
+#[command(after_long_help = HELP, after_help = "--help explains all, --engine and --faults in full.")]
 pub struct Args {
     /// An engine and its ECU; repeatable
     #[arg(long = "engine", value_name = "DESCRIPTION")]
@@ -169,6 +184,14 @@ pub fn run(args: Args) -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    if let Err(problem) = output::check(&wanted(&args)) {
+        let (error, status) = match problem {
+            Problem::Option(error) => (error, 2),
+            Problem::File(error) => (error, 1),
+        };
+        complain(&error);
+        return ExitCode::from(status);
+    }
     match perform(&args, &setup) {
         Ok(status) => status,
         Err(error) => {
@@ -178,15 +201,22 @@ pub fn run(args: Args) -> ExitCode {
     }
 }
 
+/// The files that are to be written.
+fn wanted(args: &Args) -> Vec<Wanted<'_>> {
+    let csv = args.csv.as_deref().map(|path| Wanted { option: "--csv", path, ending: "" });
+    let plot = args.plot.as_deref().map(|path| Wanted { option: "--plot", path, ending: "svg" });
+    csv.into_iter().chain(plot).collect()
+}
+
 fn list_scenarios() -> ExitCode {
     let text: String =
         scenario::ALL.iter().map(|scenario| format!("{:<22}  {}\n", scenario.name, scenario.line)).collect();
-    match io::stdout().write_all(text.as_bytes()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            complain(&cannot_show(&error));
+    match Out::Stdout.write(&text) {
+        Err(error) if !reader_left(&error) => {
+            complain(&Out::Stdout.cannot_write(&error));
             ExitCode::FAILURE
         }
+        _ => ExitCode::SUCCESS,
     }
 }
 
@@ -205,7 +235,7 @@ fn setup(args: &Args) -> Result<Setup, String> {
     let seed = args
         .seed
         .parse()
-        .map_err(|_| format!("--seed: `{}` is no whole number from 0 to {}", args.seed, u64::MAX))?;
+        .map_err(|_| format!("--seed: `{}` is not a whole number from 0 to {}", args.seed, u64::MAX))?;
     let mut faults = match &args.faults {
         Some(text) => Faults::parse(text, &engines)?,
         None => Faults::default(),
@@ -217,6 +247,7 @@ fn setup(args: &Args) -> Result<Setup, String> {
         .transpose()?;
     let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
     let mut plan = Plan::new(&engines, duration, args.standby, &mut faults)?;
+    faults.check(&plan, &engines)?;
     if let Some(scenario) = scenario {
         plan.length = scenario.length();
     }
@@ -239,7 +270,9 @@ fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
     });
     let plot = args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?;
     // The last of all: from here on the terminal may not be as it was.
-    let on_terminal = io::stdout().is_terminal();
+    let out =
+        if wanted(args).iter().any(|file| output::is_stdout(file.path)) { Out::Stderr } else { Out::Stdout };
+    let on_terminal = out == Out::Stdout && io::stdout().is_terminal() && !is_dumb();
     let table =
         (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length, end.clone()));
     let screen = match table {
@@ -247,7 +280,7 @@ fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
         // A terminal that cannot be drawn on can still be written to.
         Some(Err(_)) | None => {
             let every = if on_terminal && setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
-            Screen::Lines(Lines::new(names.clone(), every))
+            Screen::Lines(Lines::new(out, names.clone(), every))
         }
     };
     let show = Show { names, screen, csv, plot };
@@ -266,22 +299,30 @@ fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
     let ended_by = end.requested().filter(|_| outcomes.end == End::Interrupted);
     let problems = summary::problems(&outcomes);
     let text = summary::text(&outcomes, &problems, ended_by);
+    // With the terminal or the reader gone, nobody reads.
+    let nobody_reads = ended_by == Some(EndedBy::HangUp)
+        || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));
     let printed = match &shown {
         Err(ShowError::Screen(_) | ShowError::File(_)) => Ok(()),
-        Ok(()) | Err(ShowError::Panicked) => io::stdout().write_all(text.as_bytes()),
+        Ok(()) | Err(ShowError::Panicked) => out.write(&text),
     };
-    // With the terminal gone, nobody reads.
-    let nobody_reads = ended_by == Some(EndedBy::HangUp);
     match shown {
         Err(ShowError::File(error)) => return Err(error),
-        Err(ShowError::Screen(error)) if !nobody_reads => return Err(error),
+        Err(ShowError::Screen(error)) if !nobody_reads => return Err(out.cannot_write(&error)),
         Err(ShowError::Panicked) => return Err("the screen's thread has panicked".to_owned()),
         Ok(()) | Err(ShowError::Screen(_)) => {}
     }
-    printed.or_else(|error| if nobody_reads { Ok(()) } else { Err(cannot_show(&error)) })?;
+    printed.or_else(|error| {
+        if nobody_reads || reader_left(&error) { Ok(()) } else { Err(out.cannot_write(&error)) }
+    })?;
     Ok(match ended_by {
         _ if !problems.is_empty() => ExitCode::FAILURE,
         Some(by) => ExitCode::from(by.status()),
         None => ExitCode::SUCCESS,
     })
+}
+
+/// Whether the terminal says of itself that it takes no control sequences.
+fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_some_and(|term| term == "dumb")
 }

@@ -124,6 +124,9 @@ impl<'a> Node<'a> {
         self.look();
         let mut telemetry = self.last.borrow()[engine];
         telemetry.counters = sum(&self.before.borrow()[engine], &telemetry.counters);
+        // Those of its first moments are no fault of whoever commands.
+        let at_start = self.rejected_at_start.borrow()[engine];
+        telemetry.counters.commands_rejected = telemetry.counters.commands_rejected.saturating_sub(at_start);
         telemetry
     }
 
@@ -140,12 +143,6 @@ impl<'a> Node<'a> {
             self.rejected_at_start.borrow_mut()[engine] += 1;
         }
         Some(answer)
-    }
-
-    /// How many commands of this engine were rejected for another reason than that the node had just started.
-    pub fn commands_rejected(&self, engine: usize) -> u32 {
-        let rejected = self.telemetry(engine).counters.commands_rejected;
-        rejected.saturating_sub(self.rejected_at_start.borrow()[engine])
     }
 
     fn look(&self) {

@@ -166,7 +166,7 @@ impl<'a> Pilot<'a> {
 
     async fn start(&mut self) -> Result<(), String> {
         self.stage(Stage::Start);
-        let Some(idle) = self.demand(0) else { return Err("the ECU has not told its speeds".to_owned()) };
+        let Some(idle) = self.demand(0) else { return Err("the ECU has not reported its speeds".to_owned()) };
         self.desk.lever.set(Lever::Run(idle));
         self.allowed().await?;
         let takes = self.plan.start_takes;
@@ -206,7 +206,7 @@ impl<'a> Pilot<'a> {
                 }
                 Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
                 Err(Cut::TimeUp | Cut::Stopped) => {
-                    return Err(format!("the start was not asked for in time: {}", self.describe()));
+                    return Err(format!("the start was not commanded in time: {}", self.describe()));
                 }
             }
         }
@@ -253,7 +253,7 @@ impl<'a> Pilot<'a> {
     /// One step from idle (0) to full (100), held until `end`.
     async fn step(&mut self, before: u8, percent: u8, end: Instant, strict: bool) -> Result<(), String> {
         let Some(demand) = self.demand(percent) else {
-            return Err("the ECU no longer tells its speeds".to_owned());
+            return Err("the ECU no longer reports its speeds".to_owned());
         };
         self.desk.lever.set(Lever::Run(demand));
         let first = speed(&self.telemetry());
@@ -399,7 +399,7 @@ impl<'a> Pilot<'a> {
             Cut::Refused(why) => format!("a command was refused: {why}"),
             Cut::Stopped | Cut::TimeUp => {
                 self.desk.stops.set(self.desk.stops.get() + 1);
-                format!("the engine stopped by itself: {}", self.describe())
+                format!("uncommanded shutdown: {}", self.describe())
             }
         }
     }
@@ -409,10 +409,10 @@ impl<'a> Pilot<'a> {
         let telemetry = self.telemetry();
         let report = &telemetry.report;
         if telemetry.heard.is_none() {
-            return "the ECU was never heard".to_owned();
+            return "nothing was ever received from the ECU".to_owned();
         }
         if telemetry.link != LinkState::Up {
-            return "the ECU is not heard".to_owned();
+            return "nothing is received from the ECU".to_owned();
         }
         let now = telemetry.at;
         let mut text = match report.state.filter(|state| is_fresh(state, now)) {

@@ -3,6 +3,7 @@
 
 use super::audit::Said;
 use super::desk::Stage;
+use super::output::Whole;
 use super::quantity::seconds;
 use super::sample::Sample;
 use core::ops::Range;
@@ -108,7 +109,7 @@ fn thousands(value: f64) -> String {
 /// What is needed to draw, gathered while the run goes on.
 #[derive(Debug)]
 pub struct Plot {
-    path: String,
+    file: Whole,
     subjects: Vec<Subject>,
     title: String,
     points: Vec<Vec<Point>>,
@@ -118,11 +119,18 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// For these engines. The file is created now, so that a wrong path is told before the run.
+    /// For these engines.
     pub fn create(path: &str, subjects: Vec<Subject>, title: String) -> Result<Self, String> {
-        std::fs::write(path, "").map_err(|error| format!("cannot write {path}: {error}"))?;
         let points = vec![Vec::new(); subjects.len()];
-        Ok(Self { path: path.to_owned(), subjects, title, points, marks: Vec::new(), every: 1, skipped: 0 })
+        Ok(Self {
+            file: Whole::create(path)?,
+            subjects,
+            title,
+            points,
+            marks: Vec::new(),
+            every: 1,
+            skipped: 0,
+        })
     }
 
     /// Keeps a sample of all engines.
@@ -165,8 +173,8 @@ impl Plot {
     /// Draws it.
     pub fn finish(self) -> Result<(), String> {
         let mut svg = String::new();
-        self.draw(&mut svg).map_err(|error| format!("cannot draw {}: {error}", self.path))?;
-        std::fs::write(&self.path, svg).map_err(|error| format!("cannot write {}: {error}", self.path))
+        self.draw(&mut svg).map_err(|error| format!("cannot draw {}: {error}", self.file.path()))?;
+        self.file.finish(&svg)
     }
 
     fn draw(&self, svg: &mut String) -> Result<(), String> {

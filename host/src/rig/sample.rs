@@ -4,6 +4,7 @@ use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
+use jetlink::ecu::Faults;
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
 
@@ -53,6 +54,8 @@ pub struct Sample {
     pub egt: Option<f64>,
     /// Throttle that the ECU obeys, in percent.
     pub throttle: Option<f64>,
+    /// What the ECU reports to be wrong.
+    pub faults: Option<Faults>,
     /// What the node has counted.
     pub counters: Counters,
 }
@@ -82,6 +85,7 @@ impl Sample {
                 .throttle
                 .filter(|throttle| is_fresh(throttle, at))
                 .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
+            faults: report.faults.filter(|faults| is_fresh(faults, at)).map(|faults| faults.value),
             counters: telemetry.counters,
         }
     }

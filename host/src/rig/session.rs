@@ -211,7 +211,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             // A pilot that has given up still waits for its engine to cool.
             flown: flown.take().or_else(|| desk.failure.take().map(Err)),
             node: telemetry.counters,
-            commands_rejected: node.commands_rejected(i),
+            commands_rejected: telemetry.counters.commands_rejected,
             link: telemetry.link,
             ecu: plug.ecu(|ecu| counts(ecu)),
             audit: desk.audit.into_inner(),
@@ -388,9 +388,9 @@ fn text(event: Event) -> Option<String> {
         Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
         Event::Armed(true, origin) => format!("armed by {}", origin.name()),
         Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
-        Event::NotObeyed => "THE ECU DOES NOT DO WHAT IT IS TOLD: check the wire to it".to_owned(),
-        Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
-        Event::Ruler(origin) => format!("{} rules", origin.name()),
+        Event::NotObeyed => "THE ECU DOES NOT FOLLOW ITS ORDERS: check the wire to it".to_owned(),
+        Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
+        Event::Ruler(origin) => format!("{} is in control", origin.name()),
         // The fault itself is told by its name.
         Event::Limit(Passed { what: Watched::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
@@ -429,7 +429,7 @@ fn limit(passed: Passed) -> String {
         Watched::SupplyLow => format!("supply {value} mV, below {limit} mV"),
         Watched::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
         Watched::EcuFault => format!("the ECU reports fault {value}"),
-        Watched::StartTimeout => format!("not running {} s after the start was asked for", limit / 1000),
+        Watched::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
     }
 }
 

@@ -35,8 +35,8 @@ pub struct Show {
 /// Why a run could not be shown.
 #[derive(Debug)]
 pub enum ShowError {
-    /// The standard output takes nothing.
-    Screen(String),
+    /// What text goes to takes nothing.
+    Screen(io::Error),
     /// A file takes nothing.
     File(String),
     /// A panic, whose message has been printed.
@@ -72,6 +72,9 @@ impl Show {
             if let (Message::Mark { at, label }, Some(plot)) = (&message, &mut self.plot) {
                 plot.mark(*at, label);
             }
+            if let (Message::Note(note), Some(csv)) = (&message, &mut self.csv) {
+                csv.note(note);
+            }
             if let Message::Samples { at, samples } = &message {
                 if let Some(csv) = &mut self.csv {
                     csv.samples(*at, &self.names, samples).map_err(ShowError::File)?;
@@ -80,13 +83,8 @@ impl Show {
                     plot.samples(*at, samples);
                 }
             }
-            shown.map_err(|error| ShowError::Screen(cannot_show(&error)))?;
+            shown.map_err(ShowError::Screen)?;
         }
         Ok(())
     }
-}
-
-/// That the standard output takes nothing, for people.
-pub fn cannot_show(error: &io::Error) -> String {
-    format!("cannot write to the standard output: {error}")
 }

@@ -427,7 +427,7 @@ impl<'a> Cockpit<'a> {
     pub fn must(&self, held: bool, what: impl Into<String>) {
         let what = what.into();
         if !held {
-            self.notes.add(None, format!("THIS DID NOT HAPPEN: {what}"));
+            self.notes.add(None, format!("THIS DID NOT OCCUR: {what}"));
         }
         self.checks.borrow_mut().push(Check { what, held });
     }
