@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod decode;
+mod decode_hint;
 mod image;
 mod rig;
 

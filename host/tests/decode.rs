@@ -261,6 +261,37 @@ fn set_up_set_with_any_text() {
     assert_eq!(found[0]["raw"], "ff05f7e83e392eb13520313430363137".to_owned() + "20");
 }
 
+/// Status and standard output stay as they are; the last line of standard error says what the other protocol would find.
+#[test]
+fn the_wrong_protocol_is_hinted_at() {
+    let zk = ZK_EXAMPLE.repeat(20);
+    let outcome = decode(&["--protocol", "amt"], &zk);
+    assert_eq!((outcome.status, outcome.stdout.as_str()), (0, ""));
+    assert_eq!(
+        outcome.stderr.lines().last(),
+        Some(
+            "hint: 100 % of the bytes are in no amt frame; --protocol zk would find 20 frames and leave 0 %"
+        )
+    );
+    let amt = AMT_NORMAL.repeat(20);
+    assert_eq!(
+        decode(&["--protocol", "zk"], &amt).stderr.lines().last(),
+        Some(
+            "hint: 100 % of the bytes are in no zk frame; --protocol amt would find 20 frames and leave 0 %"
+        )
+    );
+    // Neither: something else is wrong.
+    let garbage: Vec<u8> = (0..200_u32).map(|i| (i * 37 % 251) as u8).collect();
+    let outcome = decode(&["--protocol", "zk"], &garbage);
+    let hint = outcome.stderr.lines().last().unwrap();
+    assert!(hint.contains("would find 0 frames") && hint.ends_with("the levels of the line"), "{hint}");
+    // Half of the bytes is not over half, and nothing is no reason for a hint.
+    for input in [[&ZK_EXAMPLE[..], &[0; 7]].concat(), Vec::new(), zk] {
+        let outcome = decode(&["--protocol", "zk"], &input);
+        assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
+    }
+}
+
 #[test]
 fn summary_counts_what_zk_lost() {
     let mut broken = ZK_EXAMPLE;
