@@ -664,7 +664,7 @@ mod tests {
         let mut input = Script(script.into_iter().collect());
         let source = Zk { decoder: zk::Decoder::new(), version: None };
         let unreadable = |error| Failure::Input { name: "the script".into(), error };
-        let result = decode(&mut input, &mut output, source, unreadable);
+        let result = decode(&mut input, &mut output, source, Other::zk(), unreadable);
         (String::from_utf8(output).unwrap(), result)
     }
 

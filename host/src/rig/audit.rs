@@ -101,7 +101,7 @@ enum Allowed {
 }
 
 /// What the ECU's frames on the wire show of gaps, by what became of each byte.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Heard {
     /// Between two frames of the ECU.
     period: Nanos,
@@ -158,7 +158,7 @@ struct Level {
 }
 
 /// Watches one line.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Audit {
     kind: Kind,
     length: usize,
@@ -195,6 +195,8 @@ pub struct Audit {
     switched_at: Option<Nanos>,
     /// What the node said last that concerns the switch or the demand.
     pub on_wire: Option<Said>,
+    /// The first bit of the first frame of the last emergency stop.
+    pub stop_at: Option<Nanos>,
     /// All that it said; kept for a scenario's judge.
     pub spoken: Option<Vec<Spoken>>,
     /// Frames of the node.
@@ -234,6 +236,7 @@ impl Audit {
                 .unwrap_or(6),
             orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
             on_wire: None,
+            stop_at: None,
             spoken: None,
             frame: Vec::new(),
             frame_start: 0,
@@ -437,6 +440,9 @@ impl Audit {
                 }),
         };
         if let Ok((_, _, said)) = meant {
+            if said == Said::Stop && self.on_wire != Some(Said::Stop) {
+                self.stop_at = Some(start);
+            }
             if said != Said::Nothing {
                 self.on_wire = Some(said);
             }

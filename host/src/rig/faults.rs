@@ -212,6 +212,14 @@ impl Faults {
         Ok(())
     }
 
+    /// What `heavy` does to a line.
+    pub fn heavy() -> LineFaults {
+        let mut faults = Self::default();
+        // The set is good: the tests read it.
+        let _ = faults.read(HEAVY, &[]);
+        faults.line
+    }
+
     /// Whether anything goes wrong on all lines.
     pub fn on_lines(&self) -> bool {
         self.line != LineFaults::default()

@@ -14,7 +14,7 @@ use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
-use jetlink::telemetry::{LinkState, Phase, Telemetry};
+use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
 
@@ -34,6 +34,12 @@ const STEP: Duration = Duration::from_secs(10);
 const STEADY_TICKS: usize = 10;
 /// EGT, in tenths of a degree, below which an engine is cool.
 const COOL: i16 = 1000;
+/// What a source that falls silent in the middle of the run leaves out.
+const SILENCE: Duration = Duration::from_secs(6);
+/// Between the end of a silence and the engine's obedience.
+const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
+/// Demands before a silence, in percent: the fall to idle is to be seen.
+const BEFORE_SILENCE: [u8; 2] = [80, 60];
 /// Slower than this the shaft counts as standing.
 const STANDING_RPM: u32 = 1000;
 
@@ -60,6 +66,8 @@ pub struct Pilot<'a> {
     clean_from: Instant,
     /// How often its flame is put out in this run.
     flame_outs: usize,
+    /// When its source is to fall silent.
+    silent_at: Option<Instant>,
 }
 
 impl<'a> Pilot<'a> {
@@ -82,6 +90,7 @@ impl<'a> Pilot<'a> {
             rng: fastrand::Rng::with_seed(seed),
             // Faults that never end are not waited for.
             clean_from: desk.clean_from.min(plan.shutdown_at),
+            silent_at: plan.silent_at,
             flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
     }
@@ -193,6 +202,10 @@ impl<'a> Pilot<'a> {
         let limit = Instant::now() + ALLOWED_WITHIN;
         let mut ticker = Ticker::every(TICK);
         loop {
+            if self.desk.silent.get() && Instant::now() < limit {
+                ticker.next().await;
+                continue;
+            }
             match self.command(self.desk.lever.get()) {
                 Ok(()) => return Ok(()),
                 // It waits, for as long as it is asked for.
@@ -225,9 +238,14 @@ impl<'a> Pilot<'a> {
                 self.recovered().await?;
             }
             let before = percent;
-            percent = self.another(before);
+            percent = match self.silent_at {
+                Some(at) if Instant::now() + STEP * 2 >= at => {
+                    BEFORE_SILENCE.into_iter().find(|next| next.abs_diff(before) >= 20).unwrap_or(40)
+                }
+                _ => self.another(before),
+            };
             let mut end = Instant::now() + STEP + Duration::from_millis(self.rng.u64(..3000));
-            if Instant::now() + STEP * 2 + IDLE > shutdown_at {
+            if Instant::now() + STEP * 2 + IDLE > shutdown_at && self.silent_at.is_none() {
                 // The last one.
                 end = end.max(shutdown_at - IDLE);
             }
@@ -235,6 +253,10 @@ impl<'a> Pilot<'a> {
                 end = end.min(self.clean_from);
             }
             self.step(before, percent, end, !disturbed).await?;
+            if self.silent_at.is_some_and(|at| Instant::now() >= at) {
+                self.silent_at = None;
+                self.fall_silent().await?;
+            }
         }
         self.recovered().await?;
         self.step(percent, 0, Instant::now() + IDLE, false).await
@@ -289,6 +311,31 @@ impl<'a> Pilot<'a> {
             Err(cut) => return Err(self.stopped(cut)),
         }
         self.keep_running(end).await
+    }
+
+    /// The source says nothing for a while: the demand is held, goes to idle, and comes back with it.
+    async fn fall_silent(&self) -> Result<(), String> {
+        self.stage(Stage::Event);
+        self.desk.note("its source falls silent");
+        self.desk.silent.set(true);
+        let silent = self.keep_running(Instant::now() + SILENCE).await;
+        self.desk.silent.set(false);
+        silent?;
+        self.desk.note(format!("its source speaks again after {} s", seconds(SILENCE)));
+        let Lever::Run(demand) = self.desk.lever.get() else { return Ok(()) };
+        let follows = self
+            .keep(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
+                (telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
+            })
+            .await;
+        match follows {
+            Ok(()) => self.stage(Stage::Steps),
+            Err(Cut::TimeUp) => {
+                return Err(format!("it did not follow its source again in time: {}", self.describe()));
+            }
+            Err(cut) => return Err(self.stopped(cut)),
+        }
+        Ok(())
     }
 
     async fn shut_down(&mut self) -> Result<(), String> {
@@ -360,6 +407,10 @@ impl<'a> Pilot<'a> {
     fn command(&self, lever: Lever) -> Result<(), Cut> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
+        if self.desk.silent.get() {
+            self.desk.audit.borrow_mut().may_be_up_to(at, 0);
+            return Ok(());
+        }
         let Some(answer) = self.node.command(self.desk.index, lever.command(), Origin::Bench) else {
             return Ok(());
         };

@@ -469,6 +469,7 @@ fn bands(chart: &mut Chart<'_, '_>, points: &[Point], top: f64, time: &Range<f64
             Stage::Done => RGBColor(0xf4, 0xf4, 0xf4),
             Stage::Failed => RGBColor(0xff, 0xc8, 0xc8),
             Stage::Event => RGBColor(0xfd, 0xfa, 0xe4),
+            Stage::Played => RGBColor(0xee, 0xe6, 0xfa),
         };
         let area = Rectangle::new([(first.t, 0.0), (until, top)], color.filled());
         // A name that is longer than its band stands a line lower, clear of its neighbour's.

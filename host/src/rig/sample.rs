@@ -2,11 +2,15 @@
 
 use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
+use super::outcome::Outcomes;
+use super::passing::Passing;
+use super::play::action::Fault;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
 use jetlink::ecu::Faults;
 use jetlink::engine::state::EngineState;
 use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
+use sim::wire::Entry;
 
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
@@ -172,6 +176,17 @@ pub const fn decode_errors(counters: &Counters) -> u32 {
         .wrapping_add(counters.unknown_frames)
 }
 
+/// What a sample has no room for.
+#[derive(Clone, Debug)]
+pub struct Detail {
+    /// All that the node knows of the engine.
+    pub telemetry: Telemetry,
+    /// The bytes on its line since the sample before.
+    pub entries: Vec<Entry>,
+    /// Faults that were set by hand and last.
+    pub faults: Vec<Fault>,
+}
+
 /// From the engines to whatever shows them.
 #[derive(Clone, Debug)]
 pub enum Message {
@@ -181,7 +196,13 @@ pub enum Message {
         at: Instant,
         /// In the order of the list of engines.
         samples: Vec<Sample>,
+        /// In the same order, or none, if nobody looks at them.
+        details: Vec<Detail>,
     },
+    /// How the run passes from now on.
+    Passing(Passing),
+    /// All was done; the run may still be played on.
+    Complete(Box<Outcomes>),
     /// Something happened.
     Note(Note),
     /// A moment to be found again in the plot.

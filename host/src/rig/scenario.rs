@@ -8,7 +8,7 @@ mod power;
 mod sources;
 mod wires;
 
-pub use self::cockpit::{Check, Cockpit};
+pub use self::cockpit::Cockpit;
 use super::audit::{Said, Spoken};
 use embassy_time::Duration;
 use sim::ecu::{MILLIS, Nanos, SECOND};

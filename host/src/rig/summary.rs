@@ -1,10 +1,10 @@
 //! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
 
 use super::ending::EndedBy;
+use super::outcome::{End, Outcome, Outcomes};
 use super::quantity::seconds;
 use super::row::millis;
 use super::sample::decode_errors;
-use super::session::{End, Outcome, Outcomes};
 use embassy_time::Duration;
 use jetlink::telemetry::LinkState;
 
@@ -21,11 +21,23 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     for check in outcomes.checks.iter().filter(|check| !check.held) {
         problems.push(format!("expected, and did not occur: {}", check.what));
     }
+    let played = outcomes.is_played();
     for outcome in &outcomes.engines {
         let mut problem = |what: String| problems.push(format!("{}: {what}", outcome.name));
         let Outcome { node, ecu, audit, .. } = outcome;
-        if let Some(Err(why)) = &outcome.flown {
+        if let (Some(Err(why)), None) = (&outcome.flown, outcome.played) {
             problem(why.clone());
+        }
+        if let Some(played) = outcome.played {
+            for (count, what) in [
+                (played.ignitions, "uncommanded ignitions"),
+                (played.late_stops, "emergency stops that were late on the wire"),
+                (played.missed, "reply windows missed outside of the faults that were set by hand"),
+            ] {
+                if count > 0 {
+                    problem(format!("{count} {what}"));
+                }
+            }
         }
         for finding in &audit.findings {
             let bytes: String = finding.bytes.iter().map(|byte| format!("{byte:02X} ")).collect();
@@ -39,16 +51,16 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
         if more > 0 {
             problem(format!("and {more} more unsolicited commands"));
         }
-        if outcomes.end == End::Complete && outcome.flown.is_some() && outcome.is_live {
+        if outcomes.end == End::Complete && !played && outcome.flown.is_some() && outcome.is_live {
             problem("the engine is not shut down".to_owned());
         }
-        if outcomes.end == End::Complete && outcome.link != LinkState::Up {
+        if outcomes.end == End::Complete && !played && outcome.link != LinkState::Up {
             problem("the link is not up at the end".to_owned());
         }
         if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > outcomes.bad_commands) {
             problem(format!("the ECU received {} late and {} bad commands", ecu.late, ecu.bad));
         }
-        if outcome.line_was_clean {
+        if outcome.line_was_clean && outcome.played.is_none() {
             if missed(outcome) > 0 {
                 problem(format!("{} reply windows were missed on a clean line", missed(outcome)));
             }
@@ -89,10 +101,11 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
 
     row("", &|o| o.name.to_owned());
     row("targets reached", &|o| {
-        match &o.flown {
-            Some(Ok(())) => "yes",
-            Some(Err(_)) => "NO",
-            None => "cut short",
+        match (&o.flown, o.played) {
+            (_, Some(_)) => "played",
+            (Some(Ok(())), None) => "yes",
+            (Some(Err(_)), None) => "NO",
+            (None, None) => "cut short",
         }
         .to_owned()
     });
@@ -154,12 +167,22 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
         text += &format!("FAILED  {problem}\n");
     }
     if problems.is_empty() && outcomes.end == End::Complete {
-        text += match outcomes.checks.len() {
-            0 => "PASS: all engines reached their targets and are shut down.\n",
-            _ => "PASS: all expected events occurred, and all engines are shut down.\n",
-        };
+        text += pass(outcomes);
+        text.push('\n');
     }
     text
+}
+
+/// What a run without a problem has shown.
+pub fn pass(outcomes: &Outcomes) -> &'static str {
+    if outcomes.is_played() {
+        "PASS: no unsolicited command, no uncommanded ignition, no late stop, no window missed outside of the faults set by \
+         hand."
+    } else if outcomes.checks.is_empty() {
+        "PASS: all engines reached their targets and are shut down."
+    } else {
+        "PASS: all expected events occurred, and all engines are shut down."
+    }
 }
 
 fn missed(outcome: &Outcome) -> u64 {
@@ -168,7 +191,7 @@ fn missed(outcome: &Outcome) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scenario::Check;
+    use super::super::outcome::Check;
     use super::*;
 
     #[test]
@@ -180,6 +203,7 @@ mod tests {
             end: End::Complete,
             checks,
             bad_commands: 0,
+            actions: Vec::new(),
         };
         let good = outcomes(vec![check(true)]);
         assert_eq!(problems(&good), Vec::<String>::new());

@@ -95,10 +95,10 @@ impl Terminal {
     /// Until the table is shown and at work.
     #[track_caller]
     fn is_live(&self) {
-        wait_until("the table is shown", || {
-            self.output().matches(HEAD).count() > 5 && self.output().contains("left")
-        });
-        assert!(self.is_raw(), "the table needs single keys");
+        wait_until("the screen is shown", || self.output().contains(HEAD) && self.output().contains("left"));
+        // The first event comes with the first frames of the ECUs.
+        wait_until("the run goes on", || self.output().contains("link up"));
+        assert!(self.is_raw(), "the screen needs single keys");
     }
 
     fn is_raw(&self) -> bool {
