@@ -15,7 +15,7 @@ const DEFAULT: [&str; 4] = [
 ];
 
 /// More would not fit the table on a terminal; a board has fewer ports.
-pub const MOST_ENGINES: usize = 8;
+const MOST_ENGINES: usize = 8;
 /// Longer names would not fit the table either.
 const LONGEST_NAME: usize = 12;
 

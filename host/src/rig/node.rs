@@ -3,7 +3,7 @@
 //! The tasks that own the lines live and die with the [`Channel`]s. Everybody else asks here, and gets what was
 //! known last while the node is away.
 
-use super::engines::{Engine, MOST_ENGINES};
+use super::engines::Engine;
 use embassy_time::Duration;
 use jetlink::channels::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
@@ -13,9 +13,6 @@ use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::Poll;
-
-/// What a reset leaves alone. There is one node in the program.
-static MEMORY: [Memory; MOST_ENGINES] = [const { Memory::new() }; MOST_ENGINES];
 
 /// A reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -41,6 +38,8 @@ pub enum Cause {
 #[derive(Debug)]
 pub struct Node<'a> {
     engines: &'a [Engine],
+    /// What a reset leaves alone.
+    memory: &'static [Memory],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
     /// What was counted until the last reset.
@@ -55,11 +54,10 @@ pub struct Node<'a> {
 impl<'a> Node<'a> {
     /// A node that was never under power.
     pub fn new(engines: &'a [Engine]) -> Self {
-        for memory in &MEMORY {
-            memory.clear();
-        }
         let node = Self {
             engines,
+            // It lives as long as the program, as in the firmware; there is one node in a run.
+            memory: Box::leak(engines.iter().map(|_| Memory::new()).collect()),
             channels: RefCell::new(None),
             last: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
@@ -80,7 +78,7 @@ impl<'a> Node<'a> {
         let channels: Rc<[Channel]> = self
             .engines
             .iter()
-            .zip(&MEMORY)
+            .zip(self.memory)
             .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, reset))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
@@ -97,7 +95,7 @@ impl<'a> Node<'a> {
         self.channels.replace(None);
         self.cause.set(reset.cause);
         if reset.cause == Cause::PowerLost {
-            for memory in &MEMORY {
+            for memory in self.memory {
                 memory.clear();
             }
         }

@@ -26,6 +26,9 @@ pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> Strin
         return format!("{name}: nothing is received from its ECU ({})", sample.does_text());
     }
     if let Some((name, sample)) = all().find(|(_, sample)| sample.loss != LossStage::None) {
+        if !sample.silent && sample.link == LinkState::Up {
+            return format!("{name}'s source speaks again: it is in control within 3 s");
+        }
         return match sample.loss {
             LossStage::Hold => format!("{name}'s source is silent: its last demand is held for 1 s"),
             LossStage::FailSafe => {

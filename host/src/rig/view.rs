@@ -11,3 +11,6 @@ pub mod terminal;
 pub mod theme;
 mod why;
 mod wire;
+
+#[cfg(test)]
+mod tests;

@@ -67,6 +67,11 @@ struct Terminal {
 
 impl Terminal {
     fn start(args: &[&str]) -> Self {
+        Self::start_as("xterm-256color", args)
+    }
+
+    /// On a terminal that says of itself what it is.
+    fn start_as(term: &str, args: &[&str]) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
         grantpt(&master).expect("a terminal");
         unlockpt(&master).expect("a terminal");
@@ -75,7 +80,8 @@ impl Terminal {
         tcsetwinsize(&side, Winsize { ws_row: 30, ws_col: 140, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
         let program = || Stdio::from(side.try_clone().expect("a copy"));
         let child =
-            jetlink(args).stdin(program()).stdout(program()).stderr(program()).spawn().expect("it runs");
+            jetlink(args).env("TERM", term).stdin(program()).stdout(program()).stderr(program()).spawn();
+        let child = child.expect("it runs");
         let keyboard = File::from(master);
         let output = Arc::new(Mutex::new(String::new()));
         let (mut screen, copy) = (keyboard.try_clone().expect("a copy"), output.clone());
@@ -193,6 +199,78 @@ fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
             });
         }
     });
+}
+
+#[test]
+fn events_are_printed_with_the_summary() {
+    let mut terminal = Terminal::start(&["--standby"]);
+    terminal.is_live();
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    let events = text.split_once("\nEvents\n").expect("events").1;
+    let events = events.split_once("\nSummary after ").expect("a summary").0;
+    assert!(events.contains("  left          link up") && events.contains("the node has started"), "{text}");
+}
+
+/// The screen is left, the shell gets its terminal, and `fg` brings it back.
+#[test]
+fn ctrl_z_suspends_and_goes_on() {
+    for by_key in [true, false] {
+        let mut terminal = Terminal::start(&["--standby", "--duration", "600s"]);
+        terminal.is_live();
+        if by_key {
+            terminal.types(&[26]);
+        } else {
+            signal(&terminal.child, "TSTP");
+        }
+        let pid = terminal.child.id();
+        let state = || {
+            let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+            stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next())
+        };
+        wait_until("it stops", || state() == Some('T'));
+        wait_until("the screen is left", || terminal.output().ends_with(SHOW_CURSOR));
+        assert!(!terminal.is_raw(), "the shell needs its terminal");
+        let before = terminal.output().len();
+        signal(&terminal.child, "CONT");
+        wait_until("the screen is back", || {
+            terminal.output().get(before..).is_some_and(|new| new.contains(HEAD) && new.contains("left"))
+        });
+        assert!(terminal.is_raw());
+        terminal.types(b"q");
+        let (ended, text) = terminal.end();
+        assert_eq!(ended.code(), Some(0), "{text}");
+    }
+}
+
+#[test]
+fn a_dumb_terminal_and_plain_get_lines() {
+    for (term, args) in [
+        ("dumb", &["--standby", "--duration", "2s"][..]),
+        ("xterm", &["--plain", "--standby", "--duration", "2s"]),
+    ] {
+        let mut terminal = Terminal::start_as(term, args);
+        let status = ended(&mut terminal.child);
+        wait_until("the summary", || terminal.output().contains("\nSummary after "));
+        let text = terminal.output();
+        assert_eq!(status.code(), Some(0), "{text}");
+        assert!(!text.contains('\u{1b}') && text.contains("  left          link up"), "{text}");
+    }
+}
+
+#[test]
+fn a_run_that_is_complete_stays_until_it_is_ended() {
+    let mut terminal = Terminal::start(&["--standby", "--duration", "2s"]);
+    wait_until("the verdict", || terminal.output().contains("verdict: PASS"));
+    assert!(terminal.child.try_wait().expect("a status").is_none());
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    assert!(
+        text.contains("PASS: all engines reached their targets") && !text.contains("was ended by"),
+        "{text}"
+    );
 }
 
 #[test]

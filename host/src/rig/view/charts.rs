@@ -1,87 +1,111 @@
-//! The last two minutes of each engine as a chart: shaft speed, demand and EGT.
+//! The last two minutes of each engine: shaft speed with EGT above, the throttle in a strip of its own below. A demand in rpm
+//! belongs to the shaft speed.
 
 use super::super::quantity::seconds;
 use super::super::record::{Band, Point, thinned};
-use super::model::Model;
+use super::model::{Model, Subject};
 use super::theme::{Theme, Tone};
 use embassy_time::Instant;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::text::Span;
+use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
 /// What is shown, in seconds.
 const SPAN: f64 = 120.0;
 /// Charts beside one another.
 const BESIDE: usize = 4;
+/// Lines of the strip of the throttle.
+const STRIP: u16 = 6;
+/// Room above the highest value.
+const HEADROOM: f64 = 1.08;
 
 /// Draws one for each engine.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let count = model.subjects.len();
     let beside = count.clamp(1, BESIDE);
     let lines = count.div_ceil(beside).max(1);
-    for (line, place) in Layout::vertical(vec![Constraint::Fill(1); lines]).split(area).iter().enumerate() {
-        for (i, place) in
-            Layout::horizontal(vec![Constraint::Fill(1); beside]).split(*place).iter().enumerate()
-        {
-            let engine = line * beside + i;
-            if engine < count {
-                chart(model, theme, frame, *place, engine);
+    let places = Layout::vertical(vec![Constraint::Fill(1); lines]).split(area);
+    for (line, place) in places.iter().enumerate() {
+        let places = Layout::horizontal(vec![Constraint::Fill(1); beside]).split(*place);
+        for (i, place) in places.iter().enumerate() {
+            if let Some(subject) = model.subjects.get(line * beside + i) {
+                engine(model, theme, frame, *place, line * beside + i, subject);
             }
         }
     }
 }
 
-fn chart(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine: usize) {
-    let Some(subject) = model.subjects.get(engine) else { return };
+/// A curve: a point at each end of each band.
+type Curve = Vec<(f64, f64)>;
+
+fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine: usize, subject: &Subject) {
     let now = seconds(model.at - Instant::MIN);
-    let begin = (now - SPAN).max(0.0);
-    let points = thinned(model.record.since(engine, begin), usize::from(area.width) * 2);
-    let percent = |band: Band, full: f64| [band.least / full * 100.0, band.most / full * 100.0];
-    let curve = |value: &dyn Fn(&Point) -> Option<[f64; 2]>| -> Vec<(f64, f64)> {
-        let of_point = |point: &Point| value(point).map(|both| both.map(|value| (point.t - now, value)));
+    let points = thinned(model.record.since(engine, now - SPAN), usize::from(area.width) * 2);
+    let curve = |value: &dyn Fn(&Point) -> Option<Band>, scale: f64| -> Curve {
+        let of_point = |point: &Point| {
+            value(point).map(|band| [band.least, band.most].map(|value| (point.t - now, value * scale)))
+        };
         points.iter().filter_map(of_point).flatten().collect()
     };
-    let rpm = curve(&|point| point.rpm.map(|band| percent(band, subject.max_rpm)));
     let egt_full = subject.egt_limit.unwrap_or(800.0);
-    let egt = curve(&|point| point.egt.map(|band| percent(band, egt_full)));
-    let demand = curve(&|point| {
-        let throttle = point.throttle.map(|band| [band.least, band.most]);
-        throttle.or(point.demand_rpm.map(|band| percent(band, subject.max_rpm)))
-    });
-    let style = |tone| theme.style(tone);
-    let marker = theme.marker();
-    let dataset = |name: &'static str, tone: Tone| {
-        Dataset::default().name(name).marker(marker).graph_type(GraphType::Scatter).style(style(tone))
-    };
-    let sets = vec![
-        dataset("demand", Tone::Warn).data(&demand),
-        dataset("EGT", Tone::Bad).data(&egt),
-        dataset("rpm", Tone::Good).data(&rpm),
+    // Both have one axis: the EGT is drawn so that its limit is at the highest speed.
+    let to_rpm = subject.max_rpm / egt_full;
+    let by_rpm = subject.engine.by_rpm();
+    let mut speeds = vec![
+        ("EGT", Tone::Bad, curve(&|point| point.egt, to_rpm)),
+        ("rpm", Tone::Good, curve(&|point| point.rpm, 1.0)),
     ];
-    let title = format!(
-        " {}: rpm, demand (100 % = {:.0} rpm), EGT (100 % = {egt_full:.0} °C) ",
-        model.name(engine),
-        subject.max_rpm
-    );
-    let block = Block::bordered()
-        .border_set(theme.border())
-        .border_style(style(Tone::Quiet))
-        .title(Span::styled(theme.text(&title), style(Tone::Head)));
-    let labels = |texts: [&'static str; 3]| texts.map(|text| Span::styled(text, style(Tone::Quiet)));
-    let chart = Chart::new(sets)
+    if by_rpm {
+        speeds.insert(0, ("demand", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
+    }
+    let title = vec![
+        Span::styled(format!(" {}: ", model.name(engine)), theme.style(Tone::Head)),
+        Span::styled("rpm", theme.style(Tone::Good)),
+        Span::styled(theme.text(&format!(", EGT (top: {egt_full:.0} °C)")), theme.style(Tone::Bad)),
+        Span::styled(if by_rpm { ", demand " } else { " " }, theme.style(Tone::Warn)),
+    ];
+    let top = format!("{:.0}k", subject.max_rpm / 1000.0);
+    let strip = if by_rpm { 0 } else { STRIP.min(area.height / 3) };
+    let [upper, lower] = Layout::vertical([Constraint::Fill(1), Constraint::Length(strip)]).areas(area);
+    chart(theme, frame, upper, title.into(), &speeds, subject.max_rpm * HEADROOM, &top);
+    if strip > 0 {
+        let throttles = [
+            ("sent", Tone::Busy, curve(&|point| point.sent_throttle, 1.0)),
+            ("commanded", Tone::Warn, curve(&|point| point.throttle, 1.0)),
+        ];
+        let title = vec![
+            Span::raw(" throttle "),
+            Span::styled("commanded", theme.style(Tone::Warn)),
+            Span::raw(" and "),
+            Span::styled("sent ", theme.style(Tone::Busy)),
+        ];
+        chart(theme, frame, lower, title.into(), &throttles, 100.0 * HEADROOM, "100 %");
+    }
+}
+
+fn chart(
+    theme: Theme,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    title: Line<'static>,
+    curves: &[(&'static str, Tone, Curve)],
+    top: f64,
+    top_name: &str,
+) {
+    let quiet = theme.style(Tone::Quiet);
+    let sets = curves.iter().map(|(name, tone, curve)| {
+        let set = Dataset::default().name(*name).marker(theme.marker()).graph_type(GraphType::Scatter);
+        set.style(theme.style(*tone)).data(curve)
+    });
+    let label = |text: &str| Span::styled(text.to_owned(), quiet);
+    let block = Block::bordered().border_set(theme.border()).border_style(quiet).title(title);
+    let x = Axis::default().style(quiet).bounds([-SPAN, 0.0]);
+    let y = Axis::default().style(quiet).bounds([0.0, top]);
+    let chart = Chart::new(sets.collect())
         .block(block)
-        .x_axis(
-            Axis::default()
-                .style(style(Tone::Quiet))
-                .bounds([-SPAN, 0.0])
-                .labels(labels(["-120 s", "-60 s", "now"])),
-        )
-        .y_axis(
-            Axis::default()
-                .style(style(Tone::Quiet))
-                .bounds([0.0, 115.0])
-                .labels(labels(["0", "58", "115 %"])),
-        );
+        .legend_position(None)
+        .x_axis(x.labels(["-120 s", "-60 s", "now"].map(label)))
+        .y_axis(y.labels([label("0"), label(top_name)]));
     frame.render_widget(chart, area);
 }

@@ -54,6 +54,15 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
         Some(Popup::Release) => popup::release(model, theme, frame, body),
         None => {}
     }
+    // The charts bring characters of their own.
+    if theme.ascii {
+        for cell in &mut frame.buffer_mut().content {
+            if !cell.symbol().is_ascii() {
+                let text = theme.text(cell.symbol());
+                cell.set_symbol(if text.is_empty() { " " } else { &text });
+            }
+        }
+    }
 }
 
 fn engines(model: &Model, theme: Theme, frame: &mut Frame<'_>, body: Rect) {

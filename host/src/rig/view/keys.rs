@@ -79,18 +79,25 @@ const fn act(act: Act) -> Does {
     Does::Wish(Wish::Act(act))
 }
 
+const fn with_ctrl(codes: &'static [KeyCode], name: &'static str, does: Does, text: &'static str) -> Key {
+    Key { codes, ctrl: true, name, does, text, short: "" }
+}
+
 use KeyCode::Char;
 
+const STOP: Wish = Wish::Act(Act::EmergencyStop);
+const DIGITS: [KeyCode; 8] =
+    [Char('1'), Char('2'), Char('3'), Char('4'), Char('5'), Char('6'), Char('7'), Char('8')];
+
 /// Everywhere. Those that are not of a menu come behind those of the menu that is open.
-pub const KEYS: [Key; 27] = [
-    key(
-        &[Char(' ')],
-        "Space",
-        Does::WishAll(Wish::Act(Act::EmergencyStop)),
-        "emergency stop of all engines, everywhere",
-        "STOP ALL",
-    ),
-    key(&[Char('r')], "r", Does::Release, "release the emergency stop (then y)", ""),
+pub const KEYS: [Key; 28] = [
+    key(&[Char(' ')], "Space", Does::WishAll(STOP), "emergency stop of all engines", "STOP ALL"),
+    key(&[Char('r')], "r", Does::Release, "release the stop (then y)", ""),
+    key(&[Char('?'), KeyCode::F(1)], "?", Does::Help, "these keys", "keys"),
+    key(&[Char('q')], "q", Does::Quit, "end: verdict and events", "end"),
+    key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open", ""),
+    key(&[Char('f')], "f", Does::Faults, "break something: faults", "faults"),
+    key(&[Char('b')], "b", act(Act::Script), "back to the script, anew", "script"),
     key(&[Char('a')], "a", act(Act::Arm), "arm", ""),
     key(&[Char('d')], "d", act(Act::Disarm), "disarm", ""),
     key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),
@@ -99,61 +106,28 @@ pub const KEYS: [Key; 27] = [
     key(&[KeyCode::Down], "Down", Does::Wish(Wish::Step(-50)), "demand 5 % down", ""),
     key(&[KeyCode::PageUp], "PgUp", Does::Wish(Wish::Step(200)), "demand 20 % up", ""),
     key(&[KeyCode::PageDown], "PgDn", Does::Wish(Wish::Step(-200)), "demand 20 % down", ""),
-    key(&[Char('b')], "b", act(Act::Script), "back to the script: standby, and begin it anew", "script"),
-    key(&[Char('f')], "f", Does::Faults, "break something: the menu of faults", "faults"),
-    key(
-        &[Char('1'), Char('2'), Char('3'), Char('4'), Char('5'), Char('6'), Char('7'), Char('8')],
-        "1 to 8",
-        Does::Select,
-        "select an engine",
-        "",
-    ),
+    key(&DIGITS, "1 to 8", Does::Select, "select an engine", ""),
     key(&[KeyCode::Left], "Left", Does::Previous, "select the engine before", ""),
-    key(&[KeyCode::Right, KeyCode::Tab], "Right, Tab", Does::Next, "select the next engine", ""),
-    key(&[Char('w')], "w", Does::Why, "why the engine does what it does", "why"),
+    key(&[KeyCode::Right, KeyCode::Tab], "Right", Does::Next, "select the next one (or Tab)", ""),
+    key(&[Char('w')], "w", Does::Why, "why it does what it does", "why"),
     key(&[Char('v')], "v", Does::Wire, "what is on the wire", "wire"),
     key(&[Char('p')], "p", Does::Pause, "pause, or go on", "pause"),
     key(&[Char('.')], ".", Does::Step, "pause, and let 0.1 s pass", ""),
-    key(&[Char('+'), Char('=')], "+", Does::Faster, "faster, up to 60 times real time", "speed"),
-    key(&[Char('-')], "-", Does::Slower, "slower, down to real time", ""),
-    key(&[Char('0')], "0", Does::Auto, "the speed that the run chooses", ""),
-    key(&[Char('m')], "m", Does::Mouse, "mouse on or off: a click selects an engine", ""),
-    key(&[Char('?'), KeyCode::F(1)], "?", Does::Help, "these keys", "keys"),
-    key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open; never ends the run", ""),
-    key(&[Char('q')], "q", Does::Quit, "end, and print the verdict and the events", "end"),
-    Key {
-        codes: &[Char('c')],
-        ctrl: true,
-        name: "Ctrl-C",
-        does: Does::Interrupt,
-        text: "the same with status 130; Ctrl-Z suspends",
-        short: "",
-    },
+    key(&[Char('+'), Char('=')], "+", Does::Faster, "faster, up to ×60", "speed"),
+    key(&[Char('-')], "-", Does::Slower, "slower, down to ×1", ""),
+    key(&[Char('0')], "0", Does::Auto, "the speed the run chooses", ""),
+    key(&[Char('m')], "m", Does::Mouse, "mouse on or off", ""),
+    with_ctrl(&[Char('c')], "Ctrl-C", Does::Interrupt, "end with status 130"),
+    with_ctrl(&[Char('z')], "Ctrl-Z", Does::Suspend, "suspend; fg goes on"),
 ];
-
-/// Of the terminal's, and in no list.
-const SUSPEND: Key =
-    Key { codes: &[Char('z')], ctrl: true, name: "Ctrl-Z", does: Does::Suspend, text: "suspend", short: "" };
 
 /// While the menu of faults is open.
 pub const FAULTS: [Key; 6] = [
     key(&[Char('c')], "c", Does::Wish(Wish::Toggle(Fault::Cut)), "cut both wires, or mend them", ""),
-    key(
-        &[Char('n')],
-        "n",
-        Does::Wish(Wish::Toggle(Fault::Noise)),
-        "noise on the line: one byte in twelve",
-        "",
-    ),
+    key(&[Char('n')], "n", Does::Wish(Wish::Toggle(Fault::Noise)), "noise: one byte in twelve", ""),
     key(&[Char('o')], "o", Does::Wish(Wish::Toggle(Fault::FlameOut)), "the flame goes out", ""),
     key(&[Char('p')], "p", Does::Wish(Wish::Toggle(Fault::Power)), "the ECU's power off, or on", ""),
-    key(
-        &[Char('x')],
-        "x",
-        Does::Wish(Wish::Toggle(Fault::Reset)),
-        "the watchdog resets the node (all engines)",
-        "",
-    ),
+    key(&[Char('x')], "x", Does::Wish(Wish::Toggle(Fault::Reset)), "the watchdog resets the node", ""),
     key(
         &[Char('s')],
         "s",
@@ -174,8 +148,8 @@ pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
     }
     let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
     let is_it = |key: &&Key| key.ctrl == ctrl && key.codes.contains(&event.code);
-    let all = open.iter().chain(&KEYS).chain([&SUSPEND]);
-    all.into_iter().find(is_it).map(|key| key.does)
+    let mut all = open.iter().chain(&KEYS);
+    all.find(is_it).map(|key| key.does)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 fn rows(theme: Theme, keys: &[Key]) -> Vec<Line<'static>> {
     let row = |key: &Key| {
         Line::from(vec![
-            Span::styled(format!(" {:<11}", key.name), theme.style(Tone::Head)),
+            Span::styled(format!(" {:<7}", key.name), theme.style(Tone::Head)),
             Span::raw(theme.text(key.text)),
         ])
     };
@@ -34,9 +34,10 @@ fn draw(theme: Theme, frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec
 pub fn help(theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let mut lines = rows(theme, &KEYS);
     if lines.len() + 2 > usize::from(area.height) {
+        let wide = lines.iter().map(Line::width).max().unwrap_or(0) + 1;
         let right = lines.split_off(lines.len().div_ceil(2));
         for (left, right) in lines.iter_mut().zip(right) {
-            let room = 46_usize.saturating_sub(left.width());
+            let room = wide.saturating_sub(left.width());
             left.spans.push(Span::raw(" ".repeat(room)));
             left.spans.extend(right.spans);
         }
