@@ -102,8 +102,9 @@ impl Terminal {
     #[track_caller]
     fn is_live(&self) {
         wait_until("the screen is shown", || self.output().contains(HEAD) && self.output().contains("left"));
-        // The first event comes with the first frames of the ECUs.
+        // The first event comes with the first frames of the ECUs, and more than a second of it is to be seen.
         wait_until("the run goes on", || self.output().contains("link up"));
+        thread::sleep(Duration::from_secs(1));
         assert!(self.is_raw(), "the screen needs single keys");
     }
 
@@ -278,7 +279,7 @@ fn a_panic_restores_the_terminal_and_fails() {
     let (csv, plot) = (file("panic.csv"), file("panic.svg"));
     let terminal = Terminal::start(&[
         "--panic-at",
-        "2s",
+        "20s", // at ×4
         "--csv",
         csv.to_str().unwrap(),
         "--plot",

@@ -12,12 +12,13 @@ use crossterm::event::{
     DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind, poll, read,
 };
 use crossterm::terminal::{
-    BeginSynchronizedUpdate, EndSynchronizedUpdate, EnterAlternateScreen, LeaveAlternateScreen,
-    disable_raw_mode, enable_raw_mode,
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
+    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
 };
 use crossterm::{cursor, execute};
-use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
+use ratatui::layout::Rect;
+use ratatui::{Terminal, TerminalOptions, Viewport};
 use std::io::{self, Stdout};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -65,6 +66,15 @@ fn take_over() -> io::Result<()> {
     execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)
 }
 
+/// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it asks the terminal for
+/// its cursor, which not every terminal answers.
+fn fresh() -> io::Result<Terminal<CrosstermBackend<Stdout>>> {
+    let (width, height) = size()?;
+    execute!(io::stdout(), Clear(ClearType::All))?;
+    let viewport = Viewport::Fixed(Rect::new(0, 0, width, height));
+    Terminal::with_options(CrosstermBackend::new(io::stdout()), TerminalOptions { viewport })
+}
+
 fn give_back() {
     // Nothing can be done if the terminal does not listen any more.
     let _ = execute!(
@@ -96,7 +106,7 @@ impl Screen {
     /// Takes the terminal over.
     pub fn enter(model: Model, theme: Theme, requests: Sender<Request>, end: EndRequest) -> io::Result<Self> {
         let screen = AlternateScreen::enter()?;
-        let terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
+        let terminal = fresh()?;
         let (stop, goes_on) = (Arc::default(), Arc::default());
         #[cfg(unix)]
         {
@@ -182,7 +192,7 @@ impl Screen {
                     self.model.click(mouse.column, mouse.row);
                 }
                 // All that was drawn before is in the wrong place.
-                Event::Resize(..) => self.terminal.clear()?,
+                Event::Resize(..) => self.terminal = fresh()?,
                 _ => continue,
             }
             self.drawn = None;
@@ -231,6 +241,7 @@ impl Screen {
             execute!(io::stdout(), EnableMouseCapture)?;
         }
         self.drawn = None;
-        self.terminal.clear()
+        self.terminal = fresh()?;
+        Ok(())
     }
 }
