@@ -40,7 +40,7 @@ fn main() {
         // A board without an STM32 has its own files.
         None => read(&format!("memory/{name}.x")),
     };
-    write("board.x", &(map + &read("memory/kept.x")));
+    write("board.x", &(map + &read("memory/retained.x")));
     // The chip crate of an STM32 brings the names of its interrupts for cortex-m-rt's script. A board
     // without one fills its vector table by itself and needs no names.
     if env::var_os("CARGO_FEATURE_STM32").is_none() {
@@ -50,16 +50,15 @@ fn main() {
     // --nmagic: no padding of the image to the host's page size.
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
-        println!("cargo:rustc-link-arg-examples={argument}");
     }
 }
 
 /// The memory map, for the linker.
 fn map(board: &Board, flash: Region) -> String {
     let line = |name: &str, Region { start, kib }: Region| {
-        format!("  {name:5} : ORIGIN = {start:#010x}, LENGTH = {kib}K\n")
+        format!("  {name:8} : ORIGIN = {start:#010x}, LENGTH = {kib}K\n")
     };
-    let lines = [("FLASH", flash), ("RAM", board.chip.ram), ("KEPT", board.chip.kept)];
+    let lines = [("FLASH", flash), ("RAM", board.chip.ram), ("RETAINED", board.chip.retained)];
     let lines: String = lines.into_iter().map(|(name, region)| line(name, region)).collect();
     format!("/* {}, from the table in boards/. */\nMEMORY\n{{\n{lines}}}\n", board.title)
 }

@@ -2,9 +2,9 @@
 //! at a bench sees an engine controller react. It is a source of commands like any other: it speaks ten times
 //! a second, and what it asks can be refused.
 
-use crate::pilot::command_all;
+use crate::pilot::Pilot;
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use jetlink::command::{Command, Demand, Origin};
+use jetlink::command::{Command, Demand};
 use jetlink::node::Node;
 use jetlink::units::Throttle;
 
@@ -36,14 +36,15 @@ const CYCLE: [(Command, u64); 6] = [
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
     Timer::after(SILENCE).await;
+    let pilot = Pilot::new(node);
     let mut tick = Ticker::every(PERIOD);
     loop {
-        let _ = node.command_all(Command::Arm, Origin::Bench);
+        pilot.arm();
         for (command, seconds) in CYCLE {
             defmt::info!("demonstration: {}", command);
             let end = Instant::now() + Duration::from_secs(seconds);
             while Instant::now() < end {
-                command_all(node, command);
+                pilot.command(command);
                 tick.next().await;
             }
         }

@@ -15,14 +15,15 @@
 use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
-use jetlink::channels::Events;
-use jetlink::config::ENGINES;
-use jetlink::engine::keep::Reset;
+use jetlink::channel::Events;
+use jetlink::engine::retained::Reset;
+use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
 use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
-use jetlink::telemetry::{LossStage, Telemetry};
+use jetlink::telemetry::Telemetry;
+use jetlink_fw::config::ENGINES;
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// How many engines this node runs.
@@ -112,7 +113,7 @@ fn main() -> ! {
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
-    defmt::unwrap!(NODE.take().build(&ENGINES, &board::KEPT.0, reset))
+    defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::retained::ENGINES.0, reset))))
 }
 
 /// Logs what is on each port.
@@ -200,7 +201,7 @@ struct StatusLine<'a>(&'a Telemetry);
 
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
-        let Telemetry { link, state, report, ordered, ruler, waiting, loss, .. } = self.0;
+        let Telemetry { link, state, report, ordered, active_source, waiting, loss, .. } = self.0;
         let Telemetry { limited, obeyed, stop_latched, in_doubt, transmitter_failed, counters, .. } = self.0;
         defmt::write!(f, "link {}, {}", link, state);
         // What is old is left out, not shown as if it were so now.
@@ -224,7 +225,7 @@ impl defmt::Format for StatusLine<'_> {
         if *transmitter_failed {
             defmt::write!(f, ", NOTHING GOES OUT: transmitter failed");
         }
-        defmt::write!(f, "; ordered {} by {}, {} rules", ordered.order, ordered.origin, ruler);
+        defmt::write!(f, "; ordered {} by {}, {} in control", ordered.order, ordered.origin, active_source);
         if *loss != LossStage::None {
             defmt::write!(f, ", source lost: {}", loss);
         }

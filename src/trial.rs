@@ -4,11 +4,13 @@
 //! It judges by telemetry alone. What the simulated ECUs have to say about it is the runner's business (`qemu/`).
 
 use crate::board;
-use crate::pilot::command_all;
+use crate::pilot::Pilot;
 use embassy_time::{Duration, Instant, Ticker};
-use jetlink::command::{Command, Demand, Origin};
+use jetlink::command::{Command, Demand};
+use jetlink::event::LossStage;
 use jetlink::node::Node;
-use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
+use jetlink::report::{LinkState, Phase};
+use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
 /// Between two commands; well within the 0.5 s for which a source may be silent.
@@ -78,11 +80,12 @@ fn is_in(engine: &Telemetry, phase: Phase) -> bool {
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn run<const N: usize>(node: &Node<N>) -> ! {
     let mut tick = Ticker::every(PERIOD);
-    let _ = node.command_all(Command::Arm, Origin::Bench);
+    let pilot = Pilot::new(node);
+    pilot.arm();
     for step in STEPS {
         let began = Instant::now();
         loop {
-            command_all(node, step.command);
+            pilot.command(step.command);
             tick.next().await;
             let engines = node.handles().map(|handle| handle.telemetry());
             let lost = |engine: &Telemetry| engine.link == LinkState::Lost || engine.loss != LossStage::None;

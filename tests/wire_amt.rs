@@ -11,8 +11,9 @@ use jetlink::command::{Command, Order, Ordered, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
 use jetlink::ecu::{Faults, Service, amt};
+use jetlink::event::Event;
 use jetlink::line::Line;
-use jetlink::telemetry::{Event, LinkState, NotSent, Phase};
+use jetlink::report::{LinkState, NotSent, Phase};
 use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error, parse_command};
 use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise, FramingAs};
 
@@ -199,7 +200,7 @@ fn a_silent_source_brings_the_throttle_to_idle_on_the_wire() {
     bench.play(LONG, async {
         bench.start().await;
         bench.command_for(throttle(80), Duration::from_secs(10)).await;
-        let last = bench.handle().telemetry().source_heard.expect("it commands");
+        let last = bench.handle().telemetry().source_last_rx.expect("it commands");
         let silent_from = last.as_micros() * 1000;
         Timer::after(Duration::from_millis(100)).await;
         bench.plug.take_log();
@@ -227,10 +228,10 @@ fn an_emergency_stop_is_in_the_next_reply_and_stays() {
         bench.start().await;
         bench.plug.take_log();
         let stop_at = sim::clock::now_ns();
-        bench.handle().command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
+        bench.command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
         for _ in 0..20 {
-            assert_eq!(bench.handle().command(throttle(50), Origin::Bench), Err(Rejected::StopLatched));
-            assert_eq!(bench.handle().command(Command::Standby, Origin::Bench), Err(Rejected::StopLatched));
+            assert_eq!(bench.command(throttle(50), Origin::Bench), Err(Rejected::StopLatched));
+            assert_eq!(bench.command(Command::Standby, Origin::Bench), Err(Rejected::StopLatched));
             Timer::after(Duration::from_millis(100)).await;
         }
         let after: Vec<_> =
@@ -239,8 +240,8 @@ fn an_emergency_stop_is_in_the_next_reply_and_stays() {
         assert!(after.iter().all(|(_, message)| message.ops == Ops::EmergencyStop));
 
         let not_yours = Err(Rejected::NotYours(Origin::Emergency));
-        assert_eq!(bench.handle().command(Command::ReleaseStop, Origin::Bench), not_yours);
-        bench.until(|bench| bench.handle().command(Command::ReleaseStop, Origin::Emergency).is_ok()).await;
+        assert_eq!(bench.command(Command::ReleaseStop, Origin::Bench), not_yours);
+        bench.until(|bench| bench.command(Command::ReleaseStop, Origin::Emergency).is_ok()).await;
         assert!(!bench.plug.ecu(|ecu| ecu.turbine().phase().is_live()));
         bench.start().await;
     });
@@ -254,8 +255,8 @@ fn amt_13_ctf_goes_out_only_by_its_name() {
     bench.play(LONG, async {
         bench.start().await;
         assert!(messages(&bench.plug.log()).iter().all(|(_, message)| message.ops != Ops::Ctf));
-        let ctf = Command::Service(Service::Amt(amt::link::Service::Ctf));
-        bench.handle().command(ctf, Origin::Bench).expect("an AMT ECU has it");
+        let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
+        bench.command(ctf, Origin::Bench).expect("an AMT ECU has it");
         Timer::after(Duration::from_secs(4)).await;
         assert_eq!(stats(&bench).ctf_stops, 1);
     });
@@ -298,7 +299,7 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         for _ in 0..50 {
             Timer::after(Duration::from_millis(100)).await;
             let telemetry = bench.handle().telemetry();
-            let age = telemetry.heard.expect("heard").elapsed();
+            let age = telemetry.last_rx.expect("heard").elapsed();
             assert!(age <= Duration::from_millis(150), "the last frame is {} ms old", age.as_millis());
         }
         let counters = bench.handle().telemetry().counters;

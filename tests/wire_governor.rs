@@ -47,7 +47,7 @@ async fn step(bench: &Bench<AmtEcu>, target: u32, time: Duration) -> Figures {
     let mut next = begin;
     while begin.elapsed() < time {
         if Instant::now() >= next {
-            bench.handle().command(rpm(target), Origin::Bench).expect("the governor takes it");
+            bench.command(rpm(target), Origin::Bench).expect("the governor takes it");
             next += Duration::from_millis(100);
         }
         Timer::after(Duration::from_millis(10)).await;

@@ -3,21 +3,21 @@
 
 mod bench;
 
-use bench::{LONG, heard, sim_line, throttle};
+use bench::{LONG, command_as, heard, sim_line, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::channels::{Channel, Handle, LISTENERS};
+use jetlink::channel::{Channel, Handle, LISTENERS};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::{Memory, Record, Reset};
-use jetlink::engine::life::End;
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::engine::state::EngineState;
+use jetlink::event::{End, Event};
 use jetlink::line::Line;
 use jetlink::node::Node;
+use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
-use jetlink::telemetry::{Event, Phase};
 use jetlink::units::Throttle;
 use sim::amt::{AmtConfig, AmtEcu};
 use sim::clock;
@@ -51,7 +51,7 @@ fn in_phase(handle: &Handle<'_>, phase: Phase) -> bool {
 /// Repeats a command, as a source does, until `done`.
 async fn fly(handle: &Handle<'_>, command: Command, mut done: impl FnMut(&Handle<'_>) -> bool) {
     loop {
-        let _ = handle.command(command, Origin::Rc);
+        let _ = command_as(handle, command, Origin::Rc);
         if done(handle) {
             return;
         }
@@ -65,11 +65,11 @@ async fn fly_for(handle: &Handle<'_>, command: Command, time: Duration) {
 }
 
 async fn start(handle: &Handle<'_>) {
-    handle.command(Command::Arm, Origin::Rc).expect("always accepted");
+    command_as(handle, Command::Arm, Origin::Rc).expect("always accepted");
     loop {
         fly(handle, Command::Standby, |handle| in_phase(handle, Phase::Standby)).await;
         // A refusal uses up the permission, so standby comes again.
-        if handle.command(throttle(0), Origin::Rc) == Ok(Accepted::InForce) {
+        if command_as(handle, throttle(0), Origin::Rc) == Ok(Accepted::InForce) {
             break;
         }
         Timer::after(Duration::from_millis(100)).await;
@@ -111,12 +111,12 @@ fn a_reset_in_flight_goes_on() {
             let mut slowest = Duration::from_ticks(0);
             for phase in 0..10 {
                 clock::reset();
-                let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+                let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
                 let (config, ecu) = amt(baud);
                 let (rx, tx, plug) = wire(&config, ecu, phase);
                 let channel = |memory| match memory {
-                    Some(memory) => Channel::with_memory(&config, memory, Reset::Warm),
-                    None => Channel::new(&config),
+                    Some(memory) => Channel::new(&config, Some((memory, Reset::Warm))),
+                    None => Channel::new(&config, None),
                 };
                 let memory = with_memory.then_some(memory);
                 let scenario = async {
@@ -171,21 +171,21 @@ fn a_reset_in_flight_goes_on() {
 #[test]
 fn a_latched_stop_survives_a_reset_in_flight() {
     clock::reset();
-    let memory: &'static Memory = Box::leak(Box::new(Memory::new()));
+    let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let (config, ecu) = amt(2400);
     let (rx, tx, plug) = wire(&config, ecu, 1);
     let scenario = async {
-        let before = Channel::with_memory(&config, memory, Reset::Warm);
+        let before = Channel::new(&config, Some((memory, Reset::Warm)));
         life(&before, (rx, tx), async |handle| {
             start(&handle).await;
-            handle.command(Command::EmergencyStop, Origin::Rc).expect("never refused");
+            command_as(&handle, Command::EmergencyStop, Origin::Rc).expect("never refused");
         })
         .await;
         // The byte under way is cut short.
         let halves = plug.reset_node();
         Timer::after(Duration::from_millis(20)).await;
         plug.record(true);
-        let after = Channel::with_memory(&config, memory, Reset::Warm);
+        let after = Channel::new(&config, Some((memory, Reset::Warm)));
         life(&after, halves, async |handle| {
             fly_for(&handle, throttle(60), Duration::from_secs(3)).await;
             assert!(handle.telemetry().stop_latched);
@@ -217,11 +217,11 @@ fn a_group_of_two() {
         right.supervision.when_other_fails = option;
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
-        let node = Node::new(&[left, right]).expect("a good table");
+        let node = Node::new(&[left, right], None).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let scenario = async {
             let [l, r] = node.handles();
-            let all = |command| node.command_all(command, Origin::Rc);
+            let all = |command| node.handles().map(|handle| command_as(&handle, command, Origin::Rc));
             let say = |command| {
                 let _ = all(command);
             };
@@ -267,14 +267,14 @@ fn a_group_of_two() {
             let (l, r) = (l.telemetry(), r.telemetry());
             // Its ECU says nothing but its error; the exhaust says that it is out, and its source does not start it again.
             let of_left = heard(&mut of_left);
-            assert!(of_left.contains(&Event::RunWithdrawn(End::NotBurning)), "{of_left:?}");
+            assert!(of_left.contains(&Event::RunCancelled(End::NotBurning)), "{of_left:?}");
             assert_eq!((l.failed, l.ordered.order), (true, Order::Standby));
             assert!(events.contains(&Event::OtherFailed(1)), "{events:?}");
             assert_eq!(r.state, EngineState::Running);
             assert_eq!(r.report.throttle.expect("reported").value.tenths(), expected, "{option:?}");
             // 20 turns a second, none missed, each on its beat.
             let counters = r.counters;
-            assert_eq!((counters.turns_missed, counters.given_up), (turns_before.turns_missed, 0));
+            assert_eq!((counters.send_slots_missed, counters.given_up), (turns_before.send_slots_missed, 0));
             assert!(counters.sent - turns_before.sent >= 199);
             assert_eq!(l.counters.replies_missed, 0);
         };
@@ -296,7 +296,7 @@ fn an_emergency_stop_gets_through() {
         (left.port, right.port) = (0, 1);
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
-        let node = Node::new(&[left, right]).expect("a good table");
+        let node = Node::new(&[left, right], None).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let [l, r] = node.handles();
         let deaf: Vec<_> = (0..LISTENERS).map(|_| (l.events(), l.telemetry_receiver())).collect();
@@ -306,7 +306,7 @@ fn an_emergency_stop_gets_through() {
             loop {
                 // Bad commands as well as good ones.
                 for command in [throttle(60), Command::HandOverToPwm, Command::Disarm, throttle(61)] {
-                    let _ = l.command(command, Origin::Rc);
+                    let _ = command_as(&l, command, Origin::Rc);
                 }
                 Timer::after(if flooded { Duration::from_micros(200) } else { Duration::from_millis(100) })
                     .await;
@@ -316,7 +316,7 @@ fn an_emergency_stop_gets_through() {
             start(&l).await;
             // The emergency input takes over, and hangs.
             for _ in 0..30 {
-                let _ = l.command(throttle(20), Origin::Emergency);
+                let _ = command_as(&l, throttle(20), Origin::Emergency);
                 Timer::after(Duration::from_millis(100)).await;
             }
             plug_right.stall_tx(true);
@@ -324,7 +324,7 @@ fn an_emergency_stop_gets_through() {
             let ends = Instant::now() + Duration::from_secs(5);
             let pulling = async {
                 Timer::after(Duration::from_millis(2_013)).await;
-                assert_eq!(l.command(Command::EmergencyStop, Origin::Mavlink), Ok(Accepted::InForce));
+                assert_eq!(command_as(&l, Command::EmergencyStop, Origin::Mavlink), Ok(Accepted::InForce));
                 stopped.set(Some(clock::now_ns()));
                 Timer::at(ends).await;
             };
@@ -358,19 +358,19 @@ fn a_failure_is_told_again_after_a_reset() {
         let (left, left_ecu) = amt(2400);
         let (mut right, right_ecu) = zk();
         right.port = 1;
-        let memory: &'static [Memory] = Box::leak(Box::new([const { Memory::new() }; 2]));
-        let record = Record { failed, ..Record::new(Order::Standby, Origin::Node) };
+        let memory: &'static [RetainedMemory] = Box::leak(Box::new([const { RetainedMemory::new() }; 2]));
+        let record = RetainedState { failed, ..RetainedState::new(Order::Standby, Origin::Node) };
         memory[0].store(&record, left.fingerprint());
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
-        let node = Node::with_memory(&[left, right], memory, Reset::Warm).expect("a good table");
+        let node = Node::new(&[left, right], Some((memory, Reset::Warm))).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let [l, r] = node.handles();
         let scenario = async {
             Timer::after(Duration::from_secs(3)).await;
             assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (failed, u8::from(failed)));
             // Until it is commanded to standby.
-            l.command(Command::Standby, Origin::Rc).expect("nobody else rules");
+            command_as(&l, Command::Standby, Origin::Rc).expect("nobody else rules");
             Timer::after(Duration::from_secs(1)).await;
             assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (false, 0));
         };
@@ -387,7 +387,7 @@ fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
         let (config, ecu) = zk();
         let (rx, tx, plug) = wire(&config, ecu, 1);
         plug.record(true);
-        let node = Node::<1>::new(&[config]).expect("a good table");
+        let node = Node::<1>::new(&[config], None).expect("a good table");
         let [runner] = node.runners();
         let [handle] = node.handles();
         let opened = Cell::new(0);

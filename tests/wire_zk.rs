@@ -10,8 +10,9 @@ use jetlink::command::{Command, Interlock, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage, Rate};
 use jetlink::ecu::{EcuConfig, Service, zk};
+use jetlink::event::{Event, LossStage};
 use jetlink::line::Line;
-use jetlink::telemetry::{Event, LinkState, LossStage, NotSent, Phase};
+use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::units::{Hectopascals, Millivolts};
 use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise};
 use sim::zk::{Action as SimAction, Rate as SimRate, Stats, Sw, ZkCommand, ZkConfig, ZkEcu, parse_command};
@@ -86,7 +87,7 @@ fn zk_10_the_cadence_holds_on_every_line_rate_and_version() {
                         let telemetry = bench.handle().telemetry();
                         assert_eq!(telemetry.counters.crc_failures, 0, "{what}");
                         assert_eq!(
-                            telemetry.counters.worst_turn_delay,
+                            telemetry.counters.worst_slot_delay,
                             Some(Duration::from_ticks(0)),
                             "{what}"
                         );
@@ -122,8 +123,8 @@ fn zk_7_versions_gate_commands() {
     let three = bench(3);
     three.play(LONG, async {
         assert_eq!(
-            three.handle().command(
-                Command::Service(Service::Zk(zk::link::Service::Action(Action::ResetFuel))),
+            three.command(
+                Command::Service(Service::Zk(zk::config::Service::Action(Action::ResetFuel))),
                 Origin::Bench
             ),
             Err(Rejected::Listening),
@@ -131,7 +132,7 @@ fn zk_7_versions_gate_commands() {
         );
         three.start().await;
         assert_eq!(
-            three.handle().command(rpm(100_000), Origin::Bench),
+            three.command(rpm(100_000), Origin::Bench),
             Err(Rejected::NeedsVersion { needed: 4, known: Some(3) })
         );
         let report = three.handle().telemetry().report;
@@ -144,7 +145,7 @@ fn zk_7_versions_gate_commands() {
     let five = bench(5);
     five.play(LONG, async {
         five.start().await;
-        five.handle().command(rpm(100_000), Origin::Bench).expect("version 5 has speed control");
+        five.command(rpm(100_000), Origin::Bench).expect("version 5 has speed control");
         let supply = five.handle().telemetry().report.supply.expect("status ID 2").value;
         assert_eq!(supply.voltage, Some(Millivolts::new(u32::from(supply.raw) * 200)));
     });
@@ -189,7 +190,7 @@ fn zk_9_mode_1_start_run_and_shut_down() {
 #[test]
 fn zk_9_mode_2_the_switch_goes_by_id_6() {
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz50);
-    config.ecu = EcuConfig::Zk(zk::link::Config { split_switch: true, rate: Rate::Hz50 });
+    config.ecu = EcuConfig::Zk(zk::config::Config { split_switch: true, rate: Rate::Hz50 });
     let ecu = ZkConfig::new(4).on(bench::sim_line(config.line));
     let bench = Bench::new(&config, ZkEcu::new(ecu), 2);
     bench.play(LONG, async {
@@ -250,7 +251,7 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
             assert!(bench.in_phase(Phase::Running));
             assert!((bench.plug.ecu(|ecu| ecu.turbine().load()) - 0.3).abs() < 0.02);
             bench.command_for(rpm(80_000), Duration::from_secs(5)).await;
-            bench.handle().command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
+            bench.command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
             Timer::after(Duration::from_millis(300)).await;
             assert!(!bench.plug.ecu(|ecu| ecu.turbine().phase().is_live()));
         });
@@ -271,12 +272,12 @@ fn an_emergency_stop_does_not_wait_for_its_turn() {
             let place = turn + 500_000_000 + after_turn_ms * 1_000_000;
             let place = embassy_time::Instant::from_micros(place / 1000);
             while embassy_time::Instant::now() + Duration::from_millis(100) < place {
-                let _ = bench.handle().command(throttle(0), Origin::Bench);
+                let _ = bench.command(throttle(0), Origin::Bench);
                 Timer::after(Duration::from_millis(10)).await;
             }
             Timer::at(place).await;
             let asked = sim::clock::now_ns();
-            bench.handle().command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
+            bench.command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
             Timer::after(Duration::from_millis(20)).await;
             let stop = commands(&bench.plug.take_log())
                 .into_iter()
@@ -296,15 +297,13 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
     bench.plug.record(true);
     bench.play(LONG, async {
         bench.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
-        let curve = zk::link::Service::Curve(AccelerationCurve::new(55).expect("10..=70"));
+        let curve = zk::config::Service::Curve(AccelerationCurve::new(55).expect("10..=70"));
         let voltage = IgnitionPumpVoltage::from_millivolts(Millivolts::new(2400)).expect("0..=5100");
-        let pump = zk::link::Service::IgnitionPump(voltage);
+        let pump = zk::config::Service::IgnitionPump(voltage);
         for service in [curve, pump] {
             let service = Service::Zk(service);
             bench
-                .until(|bench| {
-                    bench.handle().command(Command::Service(service), Origin::Bench) != Err(Rejected::Busy)
-                })
+                .until(|bench| bench.command(Command::Service(service), Origin::Bench) != Err(Rejected::Busy))
                 .await;
             bench.until(|_| heard(&mut events).contains(&Event::ServiceConfirmed(service))).await;
         }
@@ -323,14 +322,14 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
 /// Service commands are refused while the engine runs. The control for it: standing still they go out.
 #[test]
 fn service_needs_a_stopped_engine() {
-    let test = Command::Service(Service::Zk(zk::link::Service::Action(Action::TestStarter)));
+    let test = Command::Service(Service::Zk(zk::config::Service::Action(Action::TestStarter)));
     let bench = bench(4);
     let mut events = bench.handle().events().expect("a free place");
     bench.play(LONG, async {
         bench.start().await;
-        assert_eq!(bench.handle().command(test, Origin::Bench), Err(Rejected::NotStopped));
+        assert_eq!(bench.command(test, Origin::Bench), Err(Rejected::NotStopped));
         bench.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
-        bench.handle().command(test, Origin::Bench).expect("it stands still");
+        bench.command(test, Origin::Bench).expect("it stands still");
         bench.until(|_| heard(&mut events).contains(&Event::Phase(Phase::Service))).await;
     });
 }
@@ -373,17 +372,17 @@ fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
     let bench = bench(4);
     bench.plug.record(true);
     bench.play(LONG, async {
-        let hand_over = || bench.handle().command(Command::HandOverToPwm, Origin::Bench);
+        let hand_over = || bench.command(Command::HandOverToPwm, Origin::Bench);
         bench.start().await;
         assert_eq!(hand_over(), Err(Rejected::StandbyFirst), "it runs");
         bench.command_for(Command::Standby, Duration::from_secs(60)).await;
         bench.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
-        bench.handle().command(Command::Disarm, Origin::Bench).expect("always accepted");
+        bench.command(Command::Disarm, Origin::Bench).expect("always accepted");
         bench.command_for(Command::Standby, Duration::from_millis(200)).await;
         assert_eq!(hand_over(), Err(Rejected::Start(Interlock::NotArmed)));
-        bench.handle().command(Command::Arm, Origin::Bench).expect("no stop is latched");
+        bench.command(Command::Arm, Origin::Bench).expect("no stop is latched");
         assert_eq!(hand_over(), Err(Rejected::StandbyFirst), "the refusal used up the permission");
-        bench.handle().command(Command::Standby, Origin::Bench).expect("nobody else rules");
+        bench.command(Command::Standby, Origin::Bench).expect("nobody else rules");
         hand_over().expect("a ZK ECU has it");
         Timer::after(Duration::from_secs(1)).await;
     });
@@ -533,11 +532,11 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         bench.plug.stall_tx(true);
         for _ in 0..50 {
             Timer::after(Duration::from_millis(100)).await;
-            let age = bench.handle().telemetry().heard.expect("heard").elapsed();
+            let age = bench.handle().telemetry().last_rx.expect("heard").elapsed();
             assert!(age <= Duration::from_millis(25), "the last frame is {} ms old", age.as_millis());
         }
         let counters = bench.handle().telemetry().counters;
-        assert!(counters.given_up >= 50 && counters.turns_missed > 0, "{counters:?}");
+        assert!(counters.given_up >= 50 && counters.send_slots_missed > 0, "{counters:?}");
         assert!(heard(&mut events).contains(&Event::NotSent(NotSent::GaveUp)));
         bench.plug.stall_tx(false);
         Timer::after(Duration::from_millis(500)).await;

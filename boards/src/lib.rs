@@ -59,7 +59,7 @@ pub struct Chip {
     /// RAM for statics and stack.
     pub ram: Region,
     /// RAM that is retained over a reset, left alone by start-up and by bootloaders.
-    pub kept: Region,
+    pub retained: Region,
 }
 
 /// A family of chips, each with its own file in `src/board/`.
@@ -82,7 +82,7 @@ pub struct Region {
 
 /// STM32H743: 2 MiB of flash, 512 KiB of AXI SRAM in one piece.
 ///
-/// Not used: ITCM 64K at 0x00000000, DTCM 128K at 0x20000000 (no DMA reaches them), SRAM1 to SRAM4. `kept` is where
+/// Not used: ITCM 64K at 0x00000000, DTCM 128K at 0x20000000 (no DMA reaches them), SRAM1 to SRAM4. `retained` is where
 /// bootloaders have nothing: ArduPilot's have their RAM in DTCM (0x20000000), formerly in SRAM1 (0x30000000); PX4's begins at
 /// the start of the AXI SRAM and probably ends its heap in its last 1 KiB; so the last 7 KiB are left free, too.
 ///
@@ -95,7 +95,7 @@ const STM32H743VI: Chip = Chip {
     family: Family::H7,
     flash: Region { start: 0x0800_0000, kib: 2048 },
     ram: Region { start: 0x2400_0000, kib: 504 },
-    kept: Region { start: 0x2407_E000, kib: 1 },
+    retained: Region { start: 0x2407_E000, kib: 1 },
 };
 
 /// The same in a package of 144 pins.
@@ -103,7 +103,7 @@ const STM32H743ZI: Chip = Chip { feature: "stm32h743zi", probe_rs: "STM32H743ZIT
 
 /// STM32F427: 2 MiB of flash, 192 KiB of SRAM (SRAM1 to SRAM3) in one piece.
 ///
-/// Not used: CCM 64K at 0x10000000 (no DMA reaches it). `kept` is where bootloaders have nothing: ArduPilot's begins at the
+/// Not used: CCM 64K at 0x10000000 (no DMA reaches it). `retained` is where bootloaders have nothing: ArduPilot's begins at the
 /// start of the SRAM and needs a few KiB; PX4's has its stack at the top, of 128 KiB or of all; so the last 7 KiB are left
 /// free, too.
 const STM32F427VI: Chip = Chip {
@@ -113,7 +113,7 @@ const STM32F427VI: Chip = Chip {
     family: Family::F4,
     flash: Region { start: 0x0800_0000, kib: 2048 },
     ram: Region { start: 0x2000_0000, kib: 184 },
-    kept: Region { start: 0x2002_E000, kib: 1 },
+    retained: Region { start: 0x2002_E000, kib: 1 },
 };
 
 /// What clocks a board.

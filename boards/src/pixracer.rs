@@ -1,6 +1,11 @@
 //! mRo Pixracer.
 //!
 //! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/Pixracer/hwdef.dat` and `hwdef-bl.dat`.
+//!
+//! The LEDs light at a low level, and their pins are open drain: PX4, `boards/px4/fmu-v4/src/led.c` ("Pull Down to switch
+//! on") and `board_config.h` (GPIO_OPENDRAIN); Paparazzi, `sw/airborne/boards/px4fmu_4.0.h`; ArduPilot's firmware, which
+//! leaves HAL_GPIO_LED_ON at its default, 0. Only its bootloader has HAL_LED_ON 1 (`hwdef-bl.dat`): there the LEDs are on
+//! where they should be off.
 
 use crate::Before::{Floats, Listens};
 use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, high, low};
@@ -22,7 +27,7 @@ pub static BOARD: Board = Board {
     ],
     // CTS is PD3, RTS is PD4.
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
-    led: Led { pin: "PB1", lit: Level::Low, open_drain: false, label: "green" }, // red is PB11, blue is PB3
+    led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),
         low("PE5", "8266_PD: a WiFi module is off"),

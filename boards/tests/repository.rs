@@ -63,10 +63,10 @@ fn without_a_bootloader_no_port_is_one_of_its() {
 }
 
 #[test]
-fn kept_memory_lies_behind_the_ram() {
+fn retained_memory_lies_behind_the_ram() {
     for board in BOARDS {
-        let (ram, kept) = (board.chip.ram, board.chip.kept);
-        assert_eq!(ram.start + ram.kib * 1024, kept.start, "{}", board.name);
+        let (ram, retained) = (board.chip.ram, board.chip.retained);
+        assert_eq!(ram.start + ram.kib * 1024, retained.start, "{}", board.name);
         let flash = board.chip.flash;
         if let Some(behind) = board.flash(true) {
             let end = behind.start + behind.kib * 1024;

@@ -28,6 +28,30 @@ pub struct Port {
     pub rx: Pin,
     /// Sending pin.
     pub tx: Pin,
+    /// TX while the board's bootloader runs.
+    pub before: Before,
+}
+
+/// What a bootloader does with a port's TX.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Before {
+    /// Nothing: an input.
+    Floats,
+    /// Drives it low.
+    Low,
+    /// The port is its own (SERIAL_ORDER of its hwdef): high when idle.
+    Own,
+}
+
+/// A status LED.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Led {
+    /// GPIO port and number of its pin.
+    pub pin: (char, u8),
+    /// Level at which it lights.
+    pub lit: bool,
+    /// The pin drives low only.
+    pub open_drain: bool,
 }
 
 /// A UART, and where its registers begin; the same on both parts.
@@ -86,8 +110,8 @@ pub struct Board {
     pub ports: &'static [Port],
     /// The port kept for MAVLink.
     pub telemetry: Port,
-    /// The status LED's pin (GPIO port and number), and the level at which it lights.
-    pub led: (char, u8, bool),
+    /// The status LED.
+    pub led: Led,
     /// Pins that the firmware drives from the start on, and their levels.
     pub held: &'static [(char, u8, bool)],
     /// Flash.
@@ -144,7 +168,21 @@ const fn pin(port: char, number: u8, function: u8) -> Pin {
 }
 
 const fn port(name: &'static str, uart: Uart, clock: u64, rx: Pin, tx: Pin) -> Port {
-    Port { name, uart, clock, rx, tx }
+    Port { name, uart, clock, rx, tx, before: Before::Floats }
+}
+
+/// The same, with a bootloader that drives TX low.
+const fn low(port: Port) -> Port {
+    Port { before: Before::Low, ..port }
+}
+
+/// The same, with a bootloader whose own port it is.
+const fn own(port: Port) -> Port {
+    Port { before: Before::Own, ..port }
+}
+
+const fn led(port: char, number: u8, lit: bool, open_drain: bool) -> Led {
+    Led { pin: (port, number), lit, open_drain }
 }
 
 const MHZ: u64 = 1_000_000;
@@ -165,8 +203,8 @@ const H743: Board = Board {
         port("SERIAL6", Uart::Uart4, 100 * MHZ, pin('B', 8, 8), pin('B', 9, 8)),
         port("SERIAL7", Uart::Usart6, 100 * MHZ, pin('C', 7, 7), pin('C', 6, 7)),
     ],
-    telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
-    led: ('E', 3, false),
+    telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
+    led: led('E', 3, false, false),
     held: &[],
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: Some(0x0802_0000),
@@ -200,8 +238,8 @@ pub static PIXRACER: Board = Board {
         port("SERIAL5", Uart::Usart1, 84 * MHZ, pin('B', 7, 7), pin('B', 6, 7)),
         port("SERIAL6", Uart::Uart7, 42 * MHZ, pin('E', 7, 8), pin('E', 8, 8)),
     ],
-    telemetry: port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
-    led: ('B', 1, false),
+    telemetry: own(port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
+    led: led('B', 1, false, true),
     // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST
     held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false)],
     flash: 0x0800_0000..0x0820_0000,
@@ -224,14 +262,14 @@ pub static PIXHAWK_6C: Board = Board {
     title: "Holybro Pixhawk 6C",
     crystal: 16 * MHZ,
     ports: &[
-        port("SERIAL2", Uart::Uart5, 100 * MHZ, pin('D', 2, 8), pin('C', 12, 8)),
-        port("SERIAL3", Uart::Usart1, 100 * MHZ, pin('A', 10, 7), pin('B', 6, 7)),
-        port("SERIAL4", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
-        port("SERIAL5", Uart::Usart2, 100 * MHZ, pin('A', 3, 7), pin('D', 5, 7)),
-        port("SERIAL6", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+        own(port("SERIAL2", Uart::Uart5, 100 * MHZ, pin('D', 2, 8), pin('C', 12, 8))),
+        low(port("SERIAL3", Uart::Usart1, 100 * MHZ, pin('A', 10, 7), pin('B', 6, 7))),
+        low(port("SERIAL4", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8))),
+        low(port("SERIAL5", Uart::Usart2, 100 * MHZ, pin('A', 3, 7), pin('D', 5, 7))),
+        own(port("SERIAL6", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7))),
     ],
-    telemetry: port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
-    led: ('D', 11, false),
+    telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
+    led: led('D', 11, false, true),
     // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN
     held: &[('C', 10, false), ('E', 2, false), ('B', 9, false)],
     ..H743
@@ -243,13 +281,13 @@ pub static CUBE_ORANGE: Board = Board {
     title: "CubePilot Cube Orange",
     crystal: 24 * MHZ,
     ports: &[
-        port("SERIAL2", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+        own(port("SERIAL2", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7))),
         port("SERIAL3", Uart::Uart4, 100 * MHZ, pin('A', 1, 8), pin('A', 0, 8)),
         port("SERIAL4", Uart::Uart8, 100 * MHZ, pin('E', 0, 8), pin('E', 1, 8)),
-        port("SERIAL5", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
+        own(port("SERIAL5", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
     ],
-    telemetry: port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
-    led: ('E', 12, false),
+    telemetry: own(port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
+    led: led('E', 12, false, true),
     // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN
     held: &[('A', 8, false), ('E', 3, false)],
     ..H743
@@ -269,7 +307,7 @@ pub static NUCLEO_H743ZI2: Board = Board {
         port("D42 D41", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
     ],
     telemetry: port("USB", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
-    led: ('B', 0, true),
+    led: led('B', 0, true, false),
     behind_bootloader: None,
     ..H743
 };

@@ -45,6 +45,8 @@ pub enum Leftover {
     Pll,
     /// The independent watchdog runs, with 1.25 ms left.
     Watchdog,
+    /// The independent watchdog runs, and its largest prescaler has just been written.
+    WatchdogCrossing,
     /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
     Vtor,
 }
@@ -119,6 +121,12 @@ impl Bootloader {
             code.write(watchdog + 8, 9);
             code.wait_clear(watchdog + 12, 0b11);
             code.write(watchdog, 0xAAAA);
+        }
+        if leaves(Leftover::WatchdogCrossing) {
+            let watchdog = board.watchdog as u32;
+            code.write(watchdog, 0xCCCC);
+            code.write(watchdog, 0x5555);
+            code.write(watchdog + 4, 6);
         }
         if leaves(Leftover::Mpu) {
             // Region 6, 32 KiB, no access; the rest as without an MPU.

@@ -13,7 +13,7 @@ use rigless::soc::{Bus, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::{Board, Part, Uart};
-use crate::quirks::{Iwdg, Rtc};
+use crate::quirks::{DeadRegulator, Iwdg, Rtc, Stuck};
 use crate::wire::Wire;
 
 #[derive(Debug)]
@@ -51,6 +51,11 @@ pub struct Chip {
     rtc: Rtc,
     /// The same of the real-time clock.
     rtc_slot: Option<usize>,
+    /// Where the power controller is, in whose place a dead one may stand.
+    pwr_slot: usize,
+    dead_regulator: DeadRegulator,
+    /// What never gets ready until the next reset.
+    pub stuck: Option<Stuck>,
 }
 
 impl Mcu for Chip {
@@ -65,6 +70,7 @@ impl Mcu for Chip {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         each!(&mut self.part, b => b.mcu.reset(at, cause));
         Device::reset(&mut self.iwdg);
+        self.stuck = None;
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -77,6 +83,9 @@ impl Mcu for Chip {
         }
         if Some(slot) == self.rtc_slot {
             return (each!(&mut self.part, b => b.mcu.bus_mut()), Some(&mut self.rtc));
+        }
+        if slot == self.pwr_slot && self.stuck == Some(Stuck::VoltageScale) {
+            return (each!(&mut self.part, b => b.mcu.bus_mut()), Some(&mut self.dead_regulator));
         }
         each!(&mut self.part, b => b.mcu.split(slot))
     }
@@ -108,7 +117,18 @@ impl Rig {
             b.hse = Crystal(board.crystal);
             b.mcu.rcc.attach_crystals(board.crystal, 0);
         });
-        let mut chip = Chip { part, iwdg: Iwdg::default(), iwdg_slot: None, rtc: Rtc, rtc_slot: None };
+        let pwr_slot = each!(&part, b => b.mcu.bus().slot("PWR")).expect("the part has a power controller");
+        let mut chip = Chip {
+            part,
+            iwdg: Iwdg::default(),
+            iwdg_slot: None,
+            rtc: Rtc,
+            rtc_slot: None,
+            pwr_slot,
+            dead_regulator: DeadRegulator,
+            stuck: None,
+        };
+        Device::reset(&mut chip.iwdg);
         if board.part == Part::H743 {
             chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
             chip.rtc_slot = Some(chip.bus().slot("RTC").expect("the H743's description has a clock"));
@@ -178,6 +198,15 @@ impl Rig {
     pub fn place(&mut self, uart: Uart) -> Option<&mut dyn Placed> {
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].place_mut())
+    }
+
+    /// The watchdog's registers take as long as they may to cross over: on an H743 six periods of the LSI, times the
+    /// prescaler; on an F427 rigless's five periods, of the slowest LSI.
+    pub fn slow_watchdog(&mut self) {
+        self.chip.iwdg.slow = true;
+        if let Bench::F427(bench) = &mut self.chip.part {
+            bench.mcu.rcc.calibrate_lsi(17_000);
+        }
     }
 
     /// The supply is at so many millivolts.

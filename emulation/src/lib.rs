@@ -22,6 +22,7 @@
 //! - [`image`]: which images there are, and where.
 //! - [`run`]: one run, from what it is made of to what it leaves behind.
 //! - [`audit`]: what is checked at every run.
+//! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
 //! - `wire`, `chip`, `quirks`, `log`: the far end of a UART, the emulated part, what the emulator needs help
 //!   with, and the firmware's log.
@@ -36,6 +37,7 @@ pub mod engines;
 pub mod image;
 mod log;
 mod quirks;
+pub mod recording;
 pub mod run;
 pub mod turnaround;
 mod wire;
@@ -44,5 +46,6 @@ pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};
 pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;
+pub use quirks::Stuck;
 pub use run::{Bench, Report, Run, Tap, Written};
 pub use wire::{Far, Fate, Rx, Tx, Wire};

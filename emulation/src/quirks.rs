@@ -9,21 +9,22 @@
 //!    [`TimerFlags`] clears the compare flags, before the next instruction, and before any interrupt is on.
 //! 2. **The H743 has no watchdog.** Its clock and its reset flag are there, the peripheral is not.
 //!    [`Iwdg`] is the smallest one that bites: start, reload, prescaler, reset at zero (RM0433, chapter 45).
-//!    Left out: the time that a new prescaler takes to cross over (its status reads 0, that is: done), the
-//!    write lock and the window. The F427's own watchdog model is used as it is.
+//!    Left out: the write lock and the window. A new prescaler and a new reload value cross over at once (its status reads
+//!    0, that is: done), unless a test asks for the slowest. The F427's own watchdog model is used as it is.
 //! 3. **The H743 has no real-time clock**, so no backup registers. [`Rtc`] holds what is written, over a reset
 //!    too, as the backup domain does, and does nothing else. [`BackupDomain`] empties it when `RCC_BDCR.BDRST` is set.
 //!    That writes need `PWR_CR1.DBP`, and that `RTCSEL` is written once until then, rigless knows by itself. The
 //!    F427's own model is used as it is.
-//! 4. **A crystal always starts.** [`Crystal`] lets one be dead: right after each write that turns it on, it is turned
-//!    off again, before its flag rises.
+//! 4. **A crystal always starts**, and so does everything else that a start waits for. [`DeadEnable`] lets a crystal, a PLL or
+//!    the F427's over-drive be dead: right after each write that turns it on, it is turned off again, before its flag
+//!    rises. [`DeadRegulator`] takes the place of the H743's power controller, with a flag that never rises.
 
 use std::collections::HashMap;
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Width;
-use rigless::soc::stm32h743::generated::{iwdg::Register, rtc};
+use rigless::soc::stm32h743::generated::{iwdg::Register, pwr, rtc};
 use rigless::soc::stm32h743::peripherals::rcc::IWDG_STARTED;
 use rigless::time::{EventId, VirtualNanos};
 
@@ -64,17 +65,48 @@ pub struct Iwdg {
     from: u64,
     load: u64,
     expiry: Option<EventId>,
+    /// A new prescaler or reload value takes six periods of the LSI, times the prescaler, to cross over; as long as ST's
+    /// HAL allows. What is written meanwhile is ignored.
+    pub slow: bool,
+    /// The crossings under way, of PR and RLR, and what crosses over.
+    crossing: [Option<(EventId, u64)>; 2],
+    /// What has crossed over, in PR and RLR.
+    crossed: [u64; 2],
 }
 
 impl Iwdg {
-    fn arm(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    const CROSSING: [Register; 2] = [Register::Pr, Register::Rlr];
+
+    fn arm(&mut self, context: &mut DeviceContext<'_>) {
         self.expiry = None;
         if self.started && self.hz != 0 {
-            let cycles = (self.load + 1) * (4 << registers.get(Register::Pr).min(6));
+            let cycles = (self.load + 1) * divider(self.crossed[0]);
             let at = VirtualNanos(self.from + cycles * 1_000_000_000 / self.hz);
             self.expiry = Some(context.schedule(at));
         }
     }
+
+    /// A value on its way to the watchdog's own clock.
+    fn cross(&mut self, which: usize, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        let value = registers.get(Self::CROSSING[which]);
+        if !self.slow {
+            self.crossed[which] = value;
+            return;
+        }
+        if let Some((_, under_way)) = self.crossing[which] {
+            registers.set(Self::CROSSING[which], under_way); // what comes now is ignored
+            return;
+        }
+        let slowest = divider(self.crossed[0]).max(divider(registers.get(Register::Pr)));
+        let at = context.now().0 + 6 * slowest * 1_000_000_000 / 32_000;
+        self.crossing[which] = Some((context.schedule(VirtualNanos(at)), value));
+        registers.set(Register::Sr, registers.get(Register::Sr) | 1 << which);
+    }
+}
+
+/// What a prescaler divides by.
+fn divider(prescaler: u64) -> u64 {
+    4 << prescaler.min(6)
 }
 
 impl Device for Iwdg {
@@ -87,33 +119,47 @@ impl Device for Iwdg {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        if register == Register::Kr {
-            let now = context.now().0;
-            match value {
-                0xCCCC if !self.started => {
-                    (self.started, self.from, self.load) = (true, now, 0xFFF);
-                    context.request(IWDG_STARTED, Level::High); // the RCC turns its oscillator on
+        match register {
+            Register::Kr => {
+                let now = context.now().0;
+                match value {
+                    0xCCCC if !self.started => {
+                        (self.started, self.from, self.load) = (true, now, 0xFFF);
+                        context.request(IWDG_STARTED, Level::High); // the RCC turns its oscillator on
+                    }
+                    0xAAAA => (self.from, self.load) = (now, self.crossed[1]),
+                    _ => {}
                 }
-                0xAAAA => (self.from, self.load) = (now, registers.get(Register::Rlr)),
-                _ => {}
             }
+            Register::Pr => self.cross(0, registers, context),
+            Register::Rlr => self.cross(1, registers, context),
+            _ => {}
         }
-        self.arm(registers, context);
+        self.arm(context);
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_clock(&mut self, hz: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.hz = hz;
-        self.arm(registers, context);
+        self.arm(context);
     }
 
-    fn on_event(&mut self, event: EventId, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         if self.expiry == Some(event) {
             context.request_reset();
+        }
+        for which in 0..2 {
+            if let Some((crossed, value)) = self.crossing[which]
+                && crossed == event
+            {
+                self.crossing[which] = None;
+                self.crossed[which] = value;
+                registers.set(Register::Sr, registers.get(Register::Sr) & !(1 << which));
+            }
         }
     }
 
     fn reset(&mut self) {
-        *self = Self::default();
+        *self = Self { slow: self.slow, crossed: [0, 0xFFF], ..Self::default() };
     }
 }
 
@@ -144,22 +190,67 @@ impl BackupDomain {
     }
 }
 
-/// A crystal that may be dead.
-#[derive(Debug)]
-pub struct Crystal {
-    /// RCC_CR.
-    pub control: u64,
-    /// It does not start any more.
-    pub dead: bool,
+/// What a part waits for in vain, until it is reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stuck {
+    /// PLLRDY.
+    Pll,
+    /// ODRDY of an STM32F427.
+    OverDrive,
+    /// VOSRDY of an STM32H743.
+    VoltageScale,
 }
 
-impl Crystal {
-    const HSEON: u64 = 1 << 16;
+/// An enable bit that does not hold: right after each write that sets it, it is cleared again, before its ready flag rises.
+#[derive(Clone, Copy, Debug)]
+pub struct DeadEnable {
+    /// The register.
+    pub register: u64,
+    /// The bit.
+    pub bit: u64,
+}
+
+impl DeadEnable {
+    /// HSEON of RCC_CR: a crystal that does not start.
+    pub const fn crystal(clock_control: u64) -> Self {
+        Self { register: clock_control, bit: 1 << 16 }
+    }
+
+    /// What is stuck for such a bit: PLLON, or PLL1ON, of RCC_CR; ODEN of an STM32F427's PWR_CR.
+    pub const fn of(stuck: Stuck, clock_control: u64) -> Option<Self> {
+        match stuck {
+            Stuck::Pll => Some(Self { register: clock_control, bit: 1 << 24 }),
+            Stuck::OverDrive => Some(Self { register: 0x4000_7000, bit: 1 << 16 }),
+            Stuck::VoltageScale => None,
+        }
+    }
 
     /// To be called after every write to a register.
-    pub fn after_write(&self, part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
-        if self.dead && address == self.control && value & Self::HSEON != 0 {
-            let _ = part.write(at, self.control, Width::W32, value & !Self::HSEON);
+    pub fn after_write(self, part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
+        if address == self.register && value & self.bit != 0 {
+            let _ = part.write(at, self.register, Width::W32, value & !self.bit);
+        }
+    }
+}
+
+/// The power controller of an STM32H743 whose regulator never reaches another voltage scale: in place of rigless's own.
+#[derive(Debug, Default)]
+pub struct DeadRegulator;
+
+impl Device for DeadRegulator {
+    type Register = pwr::Register;
+
+    fn read(
+        &mut self,
+        register: pwr::Register,
+        registers: &mut RegisterFile,
+        _: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        const READY: u64 = 1 << 13; // ACTVOSRDY and VOSRDY
+        match register {
+            pwr::Register::Csr1 => Some(registers.get(register) | READY),
+            pwr::Register::D3cr => Some(registers.get(register) & !READY),
+            _ => None,
         }
     }
 }

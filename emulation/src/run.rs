@@ -21,7 +21,7 @@ use crate::bootloader::Bootloader;
 use crate::chip::Rig;
 use crate::image::Image;
 use crate::log::{self, Log};
-use crate::quirks::{BackupDomain, Crystal, TimerFlags};
+use crate::quirks::{BackupDomain, DeadEnable, Stuck, TimerFlags};
 use crate::wire::{Far, Wire};
 use crate::{audit, bootloader, engines, image};
 
@@ -42,8 +42,9 @@ pub struct Run {
     registers: Vec<u64>,
     until: Nanos,
     live: bool,
-    patch: Option<(u64, &'static [u16])>,
+    patch: Option<(u64, Vec<u16>)>,
     bootloader: Option<Bootloader>,
+    slow_watchdog: bool,
     resets_expected: usize,
     errors_expected: bool,
 }
@@ -64,6 +65,7 @@ impl Run {
             live: false,
             patch: None,
             bootloader: None,
+            slow_watchdog: false,
             resets_expected: 0,
             errors_expected: false,
         }
@@ -146,8 +148,14 @@ impl Run {
     }
 
     /// Breaks the image on purpose: other instructions at this address of its flash.
-    pub fn patch(mut self, address: u64, halfwords: &'static [u16]) -> Self {
+    pub fn patch(mut self, address: u64, halfwords: Vec<u16>) -> Self {
         self.patch = Some((address, halfwords));
+        self
+    }
+
+    /// The watchdog's registers take as long as they may to cross over into its own clock.
+    pub fn slow_watchdog(mut self) -> Self {
+        self.slow_watchdog = true;
         self
     }
 
@@ -193,8 +201,8 @@ impl Run {
         let board = self.board;
         let path = self.image.path(board);
         let mut bytes = self.image.read_or_exit(board);
-        if let Some((address, halfwords)) = self.patch {
-            image::patch(&mut bytes, address, halfwords);
+        if let Some((address, halfwords)) = &self.patch {
+            image::patch(&mut bytes, *address, halfwords);
         }
         let table = Table::parse(&bytes).expect("the image's table of log lines");
         let table = Arc::new(table.expect("the image has a table of log lines"));
@@ -228,6 +236,9 @@ impl Run {
         }
         if let Some((port, peer)) = self.tcp.take() {
             rig.attach_tcp(board.port(port).uart, peer);
+        }
+        if self.slow_watchdog {
+            rig.slow_watchdog();
         }
         let timers = TimerFlags::new(&rig.chip);
         let mut taps = HashMap::new();
@@ -372,6 +383,11 @@ impl Bench<'_> {
     /// The crystal starts no more from here on; one that runs is not stopped.
     pub fn break_crystal(&mut self) {
         self.session.board_mut().dead_crystal = true;
+    }
+
+    /// The firmware waits for this in vain, until the part is reset.
+    pub fn jam(&mut self, stuck: Stuck) {
+        self.session.board_mut().chip.stuck = Some(stuck);
     }
 
     /// The supply is at so many millivolts from here on. The emulator resets at none of them.
@@ -607,8 +623,12 @@ impl Driver<Rig> for Hand {
                     if self.board.part == Part::H743 {
                         BackupDomain::after_write(&mut rig.chip, at, address, value);
                     }
-                    let crystal = Crystal { control: self.board.clock_control, dead: rig.dead_crystal };
-                    crystal.after_write(&mut rig.chip, at, address, value);
+                    let control = self.board.clock_control;
+                    let crystal = rig.dead_crystal.then(|| DeadEnable::crystal(control));
+                    let stuck = rig.chip.stuck.and_then(|stuck| DeadEnable::of(stuck, control));
+                    for dead in crystal.into_iter().chain(stuck) {
+                        dead.after_write(&mut rig.chip, at, address, value);
+                    }
                 }
             }
             Settled::Hit(hit) if hit.kind == HitKind::Write => {

@@ -50,7 +50,7 @@ impl Simulated {
     }
 
     /// Good messages so far, and what was none: broken frames and bytes outside of any.
-    fn heard(&self) -> (u64, u64) {
+    fn last_rx(&self) -> (u64, u64) {
         match self {
             Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
             Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
@@ -135,9 +135,9 @@ impl Attached {
     }
 
     fn hear(&mut self, now: Nanos, byte: u8) {
-        let (_, before) = self.ecu.heard();
+        let (_, before) = self.ecu.last_rx();
         self.ecu.ecu().heard(now, Ok::<u8, LineFault>(byte));
-        let (good, after) = self.ecu.heard();
+        let (good, after) = self.ecu.last_rx();
         if good > 0 && after > before {
             self.odd += after - before;
             println!(
@@ -296,7 +296,7 @@ impl Wire {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use jetlink::config::ENGINES;
+    use jetlink_fw::config::ENGINES;
 
     /// The wire of an AMT ECU at 2400 baud, which speaks 500 ms after power.
     fn wire() -> Wire {

@@ -1,6 +1,6 @@
 //! QEMU as a child: its arguments, its sockets, its end.
 
-use crate::Arguments;
+use crate::arguments::Arguments;
 use crate::ecu::{Attached, Served};
 use crate::image::Image;
 use std::net::{TcpListener, TcpStream};

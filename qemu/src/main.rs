@@ -3,56 +3,23 @@
 
 #![deny(unsafe_code)]
 
+mod arguments;
 mod ecu;
 mod image;
 mod log;
 mod machine;
 mod verdict;
 
-use clap::{Parser, Subcommand};
-use jetlink::config::ENGINES;
+use clap::Parser;
+use jetlink_fw::config::ENGINES;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use crate::arguments::{Arguments, Mode};
 use crate::ecu::Attached;
 use crate::image::Image;
 use crate::log::Log;
 use crate::machine::Machine;
-
-#[derive(Parser)]
-#[command(name = "cargo qemu", about = "Runs the firmware in QEMU, with simulated ECUs on its UARTs")]
-struct Arguments {
-    /// QEMU's program.
-    #[arg(long, default_value = "qemu-system-arm", global = true)]
-    qemu: String,
-    /// More features of the firmware, for example `demo`: it then commands its engines by itself.
-    #[arg(long, value_name = "FEATURES", global = true)]
-    features: Option<String>,
-    /// What QEMU connects the fifth UART with, which is kept for MAVLink, in the words of QEMU's -serial.
-    #[arg(long, value_name = "DEVICE", default_value = "null", global = true)]
-    telemetry: String,
-    #[command(subcommand)]
-    mode: Option<Mode>,
-}
-
-impl Arguments {
-    fn build(&self, feature: &str) -> Result<Image, String> {
-        let features: Vec<&str> = [feature].into_iter().chain(self.features.as_deref()).collect();
-        Image::build(&features)
-    }
-}
-
-#[derive(Subcommand)]
-enum Mode {
-    /// Starts every engine, runs it, shuts it down and ends, with exit status 0 if all went well.
-    Test {
-        /// The most it may take, in seconds.
-        #[arg(long, default_value_t = 180)]
-        limit: u64,
-    },
-    /// Counts instructions: for a received byte, a frame and a reply.
-    Count,
-}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();

@@ -2,7 +2,7 @@
 
 use crate::ecu::{Attached, Simulated, WIDE_WINDOW};
 use crate::log::Lines;
-use jetlink::config::ENGINES;
+use jetlink_fw::config::ENGINES;
 use sim::ecu::MILLIS;
 use sim::turbine::Phase;
 
@@ -34,8 +34,8 @@ pub fn of_log(log: &Lines) -> Vec<String> {
                 break;
             }
         }
-        for unwanted in ["LinkLost", "RunWithdrawn"] {
-            // It may say why, as `RunWithdrawn(AtRest)` does.
+        for unwanted in ["LinkLost", "RunCancelled"] {
+            // It may say why, as `RunCancelled(AtRest)` does.
             let line = format!("{}: {unwanted}", engine.name);
             check(log.lines.iter().all(|other| !other.message.starts_with(&line)), format!("`{line}`"));
         }
@@ -141,7 +141,7 @@ mod tests {
             ("WARN", "left: 3 events lost"),
             ("ERROR", "panic"),
             ("INFO", "left: LinkLost"),
-            ("INFO", "left: RunWithdrawn(AtRest)"),
+            ("INFO", "left: RunCancelled(AtRest)"),
             ("INFO", "jetlink "),
         ] {
             let mut log = good();

@@ -212,6 +212,7 @@ impl Turbine {
     pub fn relight(&mut self) {
         self.trip = None;
         self.enter(Phase::Ignition);
+        self.history.relights.extend(self.history.ignitions.last());
     }
 
     /// What becomes of the sensor of the exhaust gas temperature.

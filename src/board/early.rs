@@ -4,8 +4,8 @@
 //! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
 //! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
 
-use super::{Oscillator, ResetCause, chip};
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use super::{Oscillator, ResetCause, chip, retained::RetainedWord};
+use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::pac::{
     gpio::{
         Gpio,
@@ -43,8 +43,9 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     // Before the watchdog: what it ends from here on, the bootloader lets start again.
     #[cfg(feature = "ardupilot-bootloader")]
     super::ardupilot::start_at_once();
-    // 2.0 s at 32 kHz, 1.4 s to 3.9 s at 47 kHz and 17 kHz: the start takes some milliseconds, and 0.1 s more
-    // without a crystal.
+    // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
+    // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 136). The start takes some milliseconds, and
+    // 0.1 s more without a crystal.
     watch(Pr::from_bits(2), 0xFFF);
     super::stack::paint();
     let cause = chip::reset_cause();
@@ -91,13 +92,20 @@ pub fn feed() {
     chip::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
 }
 
-/// Waits until a new prescaler and reload value have crossed over into the watchdog's own clock: five periods of it
-/// (RM0433, 45.4.4), 0.3 ms at most; ten times that, if the core runs at 400 MHz.
+/// Waits until a new prescaler and reload value have crossed over into the watchdog's own clock; before that, others are
+/// ignored, and a feed may load the old ones.
+///
+/// The manuals say five periods of the LSI (RM0433, 45.4.4; RM0090, 21.4.4). ST's HAL allows six, times the prescaler
+/// (HAL_IWDG_DEFAULT_TIMEOUT in `stm32h7xx_hal_iwdg.c` and `stm32f4xx_hal_iwdg.c`), and so does this: 90 ms with the
+/// largest prescaler, 256, which a bootloader may have chosen, and the slowest LSI, 17 kHz; 5.6 ms with the largest that this
+/// firmware chooses. It ends, because a watchdog whose LSI does not run never answers.
 fn settled() {
-    for _ in 0..100_000 {
+    let step = chip::core_hz() / 100_000; // 10 µs
+    for _ in 0..10_000 {
         if chip::WATCHDOG.sr().read().0 == 0 {
             return;
         }
+        cortex_m::asm::delay(step);
     }
 }
 
@@ -121,13 +129,13 @@ pub fn end() -> ! {
     }
 }
 
-/// Holds `RESTARTED` from a restart to the next start: no flag of a reset tells of one, and what is kept is as good as
+/// `RESTARTED` from a restart to the next start: no flag of a reset reports one, and what is retained is as good as
 /// after any other.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
 // is believed, where no flag says that the RAM may have been without power.
 #[cfg(feature = "ardupilot-bootloader")]
-#[unsafe(link_section = ".kept.restart")]
-static RESTART: AtomicU32 = AtomicU32::new(0);
+#[unsafe(link_section = ".retained.restart")]
+static RESTART: RetainedWord = RetainedWord::new();
 
 #[cfg(feature = "ardupilot-bootloader")]
 const RESTARTED: u32 = 0x7E57_A27D;
@@ -135,48 +143,42 @@ const RESTARTED: u32 = 0x7E57_A27D;
 /// Whether this start is a restart, asked once.
 #[cfg(feature = "ardupilot-bootloader")]
 fn take_restart() -> bool {
-    RESTART.swap(0, Ordering::Relaxed) == RESTARTED
+    let restarted = RESTART.get() == Some(RESTARTED);
+    RESTART.set(0);
+    restarted
 }
 
 /// Goes back to the image's first instruction, from wherever this is called.
 #[cfg(feature = "ardupilot-bootloader")]
 fn restart() -> ! {
-    RESTART.store(RESTARTED, Ordering::Relaxed);
+    RESTART.set(RESTARTED);
     // SAFETY: `Reset` and `__pre_init` (start.rs) rely on nothing: they leave the handler that this may be called in,
     // set the stack and initialise the memory. Nothing runs on after this.
     unsafe { core::arch::asm!("cpsid i", "b Reset", options(noreturn)) }
 }
 
-/// Says that the crystal has stopped since the power came on: one that comes and goes would else reset the node over and over.
-/// The word, its inverse, and far behind them one that is written last (an H7 keeps half of a 64-bit word of this RAM in
-/// a buffer until another is written).
+/// `HAS_STOPPED` if the crystal has stopped since the power came on: one that comes and goes would otherwise reset the node
+/// over and over.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
 // is believed, where no flag says that the RAM may have been without power.
-#[unsafe(link_section = ".kept.crystal")]
-static STOPPED: [AtomicU32; 16] = [const { AtomicU32::new(0) }; 16];
+#[unsafe(link_section = ".retained.crystal")]
+static STOPPED: RetainedWord = RetainedWord::new();
 
 const HAS_STOPPED: u32 = 0xC2_57_A1_0F;
 
 /// Whether the crystal has stopped since the power came on.
 fn has_stopped(cause: ResetCause) -> bool {
     if matches!(cause, ResetCause::PowerOn | ResetCause::BrownOut) {
-        note_stopped(0);
+        STOPPED.set(0);
     }
-    let [word, inverse] = [0, 1].map(|place| STOPPED[place].load(Ordering::Relaxed));
-    word == HAS_STOPPED && inverse == !HAS_STOPPED
-}
-
-fn note_stopped(word: u32) {
-    STOPPED[0].store(word, Ordering::Relaxed);
-    STOPPED[1].store(!word, Ordering::Relaxed);
-    STOPPED[15].store(word, Ordering::Release);
+    STOPPED.get() == Some(HAS_STOPPED)
 }
 
 /// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() -> ! {
     chip::clear_crystal_alarm();
-    note_stopped(HAS_STOPPED);
+    STOPPED.set(HAS_STOPPED);
     // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
     #[cfg(feature = "ardupilot-bootloader")]
     restart();

@@ -14,12 +14,14 @@ mod ardupilot;
 mod crash;
 #[cfg(feature = "stm32")]
 mod early;
-
+#[cfg(all(feature = "selftest", feature = "stm32"))]
+mod facts;
 pub mod guard;
 #[cfg(feature = "stm32")]
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+pub mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;
 pub mod stack;
@@ -48,7 +50,7 @@ pub use {
 };
 
 use embassy_executor::InterruptExecutor;
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::Reset;
 
 /// Why the chip was reset last, as far as its flags tell.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -112,17 +114,6 @@ pub struct Board {
     /// The watchdog.
     pub watchdog: Watchdog,
 }
-
-/// What has to survive a reset, for the engine on each port. Aligned to the 64-bit words of an H7's RAM, the unit of its
-/// checksum.
-#[repr(C, align(8))]
-pub struct Kept(pub [Memory; PORTS.len()]);
-
-/// In a region of its own (`memory/kept.x`).
-// SAFETY: the linker puts the section `.kept` into RAM that start-up leaves as it is. Every bit pattern is a valid
-// `Memory` (it is atomics throughout), and what it holds is only believed with a right checksum.
-#[unsafe(link_section = ".kept")]
-pub static KEPT: Kept = Kept([const { Memory::new() }; PORTS.len()]);
 
 /// Polls the engines' tasks from an interrupt, above thread mode and below the UARTs and the timer.
 static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();

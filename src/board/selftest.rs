@@ -3,51 +3,45 @@
 //! The oscillators are measured with the watchdog, which has one of its own (LSI). The first round lets it run out while
 //! the core counts time by the crystal: that gives the LSI. The second does so on the chip's own oscillator (HSI): the
 //! ratio of the two is its error. How far each came is stored in the RAM that survives a reset, so both also show
-//! that the watchdog resets, that the reset is recognised, and that this RAM is kept. Then the firmware runs as usual, and
+//! that the watchdog resets, that the reset is recognised, and that this RAM is retained. Then the firmware runs as usual, and
 //! reports after 5 s and every 30 s. Each reset after the two rounds is counted, a loss of power begins anew.
 //!
 //! It resets the board twice and so is for a bench. No image writes option bytes, and neither does this one.
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 
-use super::{Oscillator, ResetCause, chip, early};
+use super::{Oscillator, ResetCause, chip, early, retained::RetainedWord};
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::{DWT, MPU, SCB};
 use embassy_stm32::pac::{gpio::Gpio, iwdg::vals::Pr};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::engine::keep::Reset;
+use jetlink::engine::retained::Reset;
 
 /// Periods of the LSI in a round: 4 for each count, from the reload value to 0.
 const PERIODS: u64 = 4 * (RELOAD as u64 + 1);
 const RELOAD: u16 = 3999;
 
-/// "Self", and a version of the layout.
-const MAGIC: u32 = 0x5E1F_0001;
+/// "Self", and a version of the layout; the round in its lowest digit.
+const MAGIC: u32 = 0x5E1F_0020;
 
-/// What is kept over the resets of the two rounds.
-#[repr(C, align(32))]
+/// What is retained over the resets of the two rounds.
 struct Record {
-    magic: AtomicU32,
-    /// 1 or 2: this round has begun. 3: both are done.
-    round: AtomicU32,
+    /// [`MAGIC`], and 1 or 2: this round has begun. 3: both are done.
+    round: RetainedWord,
     /// Resets since then.
-    resets: AtomicU32,
-    /// Whether the first start came out of a loss of power.
-    cold: AtomicU32,
+    resets: RetainedWord,
+    /// 1 if the first start came out of a loss of power.
+    cold: RetainedWord,
     /// How far each round came, in µs by the oscillator it ran on.
-    reached: [AtomicU32; 2],
-    /// Written after each of the others: an H7 holds a word back until one of another 64 bits is written (AN5342).
-    last: [AtomicU32; 2],
+    reached: [RetainedWord; 2],
 }
 
-// SAFETY: RAM that start-up leaves as it is. Every bit pattern is valid, and none is believed without the first word.
-#[unsafe(link_section = ".kept.selftest")]
+// SAFETY: RAM that start-up leaves as it is. Every bit pattern is valid, and none is believed without a round.
+#[unsafe(link_section = ".retained.selftest")]
 static RECORD: Record = Record {
-    magic: AtomicU32::new(0),
-    round: AtomicU32::new(0),
-    resets: AtomicU32::new(0),
-    cold: AtomicU32::new(0),
-    reached: [const { AtomicU32::new(0) }; 2],
-    last: [const { AtomicU32::new(0) }; 2],
+    round: RetainedWord::new(),
+    resets: RetainedWord::new(),
+    cold: RetainedWord::new(),
+    reached: [const { RetainedWord::new() }; 2],
 };
 
 /// Each TX pin that rested high at the start is a one.
@@ -55,15 +49,9 @@ static TX_HIGH: AtomicU32 = AtomicU32::new(0);
 /// How many there are.
 static TX: AtomicU32 = AtomicU32::new(0);
 
-fn store(word: &AtomicU32, value: u32) {
-    word.store(value, Ordering::SeqCst);
-    RECORD.last[0].store(value, Ordering::SeqCst);
-}
-
 /// The round that has begun, if the record is one.
 fn round() -> Option<u32> {
-    let known = RECORD.magic.load(Ordering::Relaxed) == MAGIC;
-    known.then(|| RECORD.round.load(Ordering::Relaxed)).filter(|round| (1..=3).contains(round))
+    RECORD.round.get()?.checked_sub(MAGIC).filter(|round| (1..=3).contains(round))
 }
 
 /// Whether this start is to run on the chip's own oscillator: the second round is due. To be asked before the clocks run.
@@ -85,12 +73,11 @@ pub fn measure(cause: ResetCause) {
     let warm = cause.retained() == Reset::Warm || cause == ResetCause::Unknown;
     match round() {
         Some(1) if warm => run_out(2),
-        Some(2) if warm => store(&RECORD.round, 3),
-        Some(_) if warm => store(&RECORD.resets, RECORD.resets.load(Ordering::Relaxed) + 1),
+        Some(2) if warm => RECORD.round.set(MAGIC + 3),
+        Some(_) if warm => RECORD.resets.set(RECORD.resets.get().unwrap_or(0) + 1),
         _ => {
-            store(&RECORD.cold, u32::from(!warm));
-            store(&RECORD.resets, 0);
-            store(&RECORD.magic, MAGIC);
+            RECORD.cold.set(u32::from(!warm));
+            RECORD.resets.set(0);
             run_out(1)
         }
     }
@@ -99,12 +86,12 @@ pub fn measure(cause: ResetCause) {
 /// Lets the watchdog run out, and stores how far that is.
 fn run_out(round: u32) -> ! {
     defmt::info!("selftest: round {=u32}, the watchdog is left to run out", round);
-    store(&RECORD.round, round);
+    RECORD.round.set(MAGIC + round);
     early::watch(Pr::from_bits(0), RELOAD);
     let begun = Instant::now();
     let reached = &RECORD.reached[usize::from(round == 2)];
     loop {
-        store(reached, begun.elapsed().as_micros() as u32);
+        reached.set(begun.elapsed().as_micros() as u32);
     }
 }
 
@@ -128,9 +115,9 @@ async fn block(starting: u32, oscillator: Oscillator) {
     let khz = u64::from(cycles) * 1000 / time.max(1);
     defmt::info!("selftest: core {=u64} kHz by its cycle counter and the time driver", khz);
     defmt::info!(
-        "selftest: kept RAM survived the 2 resets of this test and {=u32} more; it began {=str}",
-        RECORD.resets.load(Ordering::Relaxed),
-        if RECORD.cold.load(Ordering::Relaxed) == 1 { "after a loss of power" } else { "warm" }
+        "selftest: retained RAM survived the 2 resets of this test and {=u32} more; it began {=str}",
+        RECORD.resets.get().unwrap_or(0),
+        if RECORD.cold.get() == Some(1) { "after a loss of power" } else { "warm" }
     );
     let (tx, high) = (TX.load(Ordering::Relaxed), TX_HIGH.load(Ordering::Relaxed));
     defmt::info!(
@@ -151,7 +138,7 @@ async fn block(starting: u32, oscillator: Oscillator) {
 
 /// What the two rounds have shown.
 fn oscillators(running_on: Oscillator) {
-    let [first, second] = [0, 1].map(|nth| u64::from(RECORD.reached[nth].load(Ordering::Relaxed)));
+    let [first, second] = [0, 1].map(|nth| u64::from(RECORD.reached[nth].get().unwrap_or(0)));
     defmt::info!(
         "selftest: the watchdog bit after {=u64} us in round 1, {=u64} us in round 2",
         first,

@@ -49,9 +49,28 @@ core::arch::global_asm!(
      adds r1, #4
      adds r2, #32
      cmp r2, #256
-     blo 5b
+     blo 5b",
+    // None. Is another exception active (ICSR, RETTOBASE)? SVCall to SysTick have bits (SHCSR). HardFault has none, and is what
+    // is left: the crystal stopped while a fault was handled, and the NMI came on top.
+    "ldr r1, =0xE000ED04
+     ldr r3, [r1]
      movs r2, #0
      mvn r6, #6
+     tst r3, #0x800
+     bne 8f
+     mvn r6, #14
+     ldr r3, [r1, #0x20]
+     and r3, r3, #0xD80
+     subs r4, r0, #4
+     cmp r4, #31
+     bhi 6f
+     movs r5, #1
+     lsls r5, r4
+     bics r3, r5
+     6:
+     movs r2, #4
+     cbnz r3, 7f
+     movs r2, #3
      b 8f
      7:
      rbit r3, r3

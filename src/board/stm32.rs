@@ -49,8 +49,8 @@ pub fn hold(pin: Peri<'static, impl Pin>, level: Level) {
     core::mem::forget(Output::new(pin, level, Speed::Low)); // dropped, it would let go of the pin
 }
 
-/// The independent watchdog: its own oscillator (32 kHz, 17 to 47 kHz on a bad day), and nothing
-/// but a reset stops it. It runs since the first instructions of the firmware (early.rs).
+/// The independent watchdog: its own oscillator (LSI: 32 kHz; 17 to 47 kHz on an F427, 29.4 to 33.6 kHz on an
+/// H743), and nothing but a reset stops it. It runs since the first instructions of the firmware (early.rs).
 pub struct Watchdog(Peri<'static, chip::Iwdg>);
 
 impl Watchdog {

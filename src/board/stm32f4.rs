@@ -11,7 +11,10 @@ use embassy_stm32::{
     interrupt::Interrupt,
     pac::{self, DBGMCU, EXTI, FLASH, PWR, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
-    rcc::{AHBPrescaler, APBPrescaler, Hse, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
+    rcc::{
+        AHBPrescaler, APBPrescaler, Hse, LsConfig, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource,
+        Sysclk,
+    },
 };
 use jetlink::line::LineError;
 
@@ -21,8 +24,16 @@ pub type Iwdg = peripherals::IWDG;
 /// Its registers.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 
-/// The chip's own oscillator, in Hz (RM0090, 6.2.2).
+/// Clock of the core on the chip's own oscillator, in Hz (RM0090, 6.2.2).
 const HSI_HZ: u32 = 16_000_000;
+
+/// Clock of the core on the PLL, in Hz.
+const CORE_HZ: u32 = 168_000_000;
+
+/// Clock of the core now, in Hz, at most.
+pub fn core_hz() -> u32 {
+    if RCC.cfgr().read().sws() == Sw::HSI { HSI_HZ } else { CORE_HZ }
+}
 
 /// An interrupt of a peripheral that no board uses (CAN2): it carries the engines' executor.
 pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CAN2_SCE;
@@ -74,8 +85,8 @@ pub fn write_backup_register(word: u32) {
     RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
 
-/// What has to be so before `embassy_stm32::init`: nothing here. Embassy and ArduPilot's bootloader both give the RTC
-/// the LSI, so neither resets the backup domain.
+/// What has to be so before `embassy_stm32::init`: nothing here. Behind ArduPilot's bootloader both give the RTC the LSI, so
+/// neither resets the backup domain.
 pub fn before_init() {}
 
 /// 336 MHz PLL from the board's clock, a multiple of 1 MHz, or from the chip's own 16 MHz; 168 MHz core, 42 MHz (APB1) and
@@ -97,6 +108,12 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
         divq: Some(PllQDiv::DIV7),
         divr: None,
     });
+    // No LSI for an RTC: Embassy waits for it without an end, and the watchdog, which runs on it, too, would not bite.
+    // ArduPilot's bootloader waits for it itself, and both have to choose it (`before_init`).
+    #[cfg(not(feature = "ardupilot-bootloader"))]
+    {
+        config.rcc.ls = LsConfig::off();
+    }
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
@@ -191,8 +208,6 @@ pub fn watch_supply() {
 
 /// The detector has 0.1 ms to settle.
 const DETECTOR_SETTLES: u32 = 10_000;
-/// The core's clock, in Hz.
-const CORE_HZ: u32 = 168_000_000;
 
 /// The detector's line of the EXTI (RM0090, 12.2.5).
 const DETECTOR_LINE: usize = 16;

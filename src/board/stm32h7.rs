@@ -28,8 +28,16 @@ pub type Iwdg = peripherals::IWDG1;
 /// Its registers.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 
-/// The chip's own oscillator, in Hz (RM0433, 8.5.2).
+/// Clock of the core on the chip's own oscillator, in Hz (RM0433, 8.5.2).
 const HSI_HZ: u32 = 64_000_000;
+
+/// Clock of the core on the PLL, in Hz.
+const CORE_HZ: u32 = 400_000_000;
+
+/// Clock of the core now, in Hz, at most.
+pub fn core_hz() -> u32 {
+    if RCC.cfgr().read().sws() == Sw::HSI { HSI_HZ } else { CORE_HZ }
+}
 
 /// An interrupt of a peripheral that no board uses (HDMI-CEC): it carries the engines' executor.
 pub const EXECUTOR_INTERRUPT: Interrupt = Interrupt::CEC;

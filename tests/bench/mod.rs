@@ -4,12 +4,13 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
-use jetlink::channels::{Channel, Events, Handle};
-use jetlink::command::{Accepted, Command, Demand, Origin};
+use jetlink::channel::{Channel, Events, Handle};
+use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
+use jetlink::event::Event;
 use jetlink::line::{Line, StopBits};
+use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
-use jetlink::telemetry::{Event, Phase};
 use jetlink::units::{Rpm, Throttle};
 use sim::clock;
 use sim::ecu::Ecu;
@@ -35,11 +36,16 @@ impl<E: Ecu> Bench<E> {
         let line = sim_line(config.line);
         let (rx, tx, plug) =
             connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
-        Self { channel: Channel::new(config), plug, halves: RefCell::new(Some((rx, tx))) }
+        Self { channel: Channel::new(config, None), plug, halves: RefCell::new(Some((rx, tx))) }
     }
 
     pub fn handle(&self) -> Handle<'_> {
         self.channel.handle()
+    }
+
+    /// One command, by whatever source.
+    pub fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+        command_as(&self.handle(), command, origin)
     }
 
     /// The engine's side of the world, for ever.
@@ -65,7 +71,7 @@ impl<E: Ecu> Bench<E> {
     /// Repeats a command, as a source does, until `done`. Refusals do not stop it.
     pub async fn command_until(&self, command: Command, mut done: impl FnMut(&Self) -> bool) {
         loop {
-            let _ = self.handle().command(command, Origin::Bench);
+            let _ = self.command(command, Origin::Bench);
             if done(self) {
                 return;
             }
@@ -83,12 +89,12 @@ impl<E: Ecu> Bench<E> {
     pub async fn start(&self) {
         // After an emergency stop arming has to be a change.
         for command in [Command::Disarm, Command::Arm] {
-            self.handle().command(command, Origin::Bench).expect("accepted where no stop is latched");
+            self.command(command, Origin::Bench).expect("accepted where no stop is latched");
         }
         loop {
             self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
             // A refusal uses up the permission, so standby comes again.
-            if self.handle().command(throttle(0), Origin::Bench) == Ok(Accepted::InForce) {
+            if self.command(throttle(0), Origin::Bench) == Ok(Accepted::InForce) {
                 break;
             }
             Timer::after(PERIOD).await;
@@ -125,4 +131,13 @@ pub fn sim_line(line: Line) -> sim::line::Line {
         StopBits::One => sim::line::Line::n1(line.baud),
         StopBits::Two => sim::line::Line::n2(line.baud),
     }
+}
+
+/// One command, by whatever source: a test speaks for all of them.
+pub fn command_as(handle: &Handle<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+    let source = match origin {
+        Origin::Emergency => handle.emergency_source(),
+        origin => handle.source(origin),
+    };
+    source.expect("nobody else holds it").command(command)
 }

@@ -3,10 +3,11 @@
 
 use crate::wire::Sent;
 use crate::world::*;
-use jetlink::engine::config::{Action, Limit};
+use jetlink::limit::{Action, Limit};
 use jetlink::units::Celsius;
+use sim::amt::error;
 use sim::ecu::{MILLIS, Nanos};
-use sim::turbine::Phase;
+use sim::turbine::{EgtSensor, Phase};
 use sim::zk::ZkCommand;
 
 /// The rate at which a demand rises where another rule than the pilot's stick moves it, in parts of the whole a second.
@@ -162,6 +163,25 @@ fn demand_rises_at_a_rate_after_a_gap() {
         assert_rises_at_the_rate(&demands);
         assert_reaches(&demands, 1.0);
     }
+}
+
+/// An AMT engine with error sets only: while its exhaust is not known its demand is not raised.
+#[test]
+fn demand_held_while_the_exhaust_is_not_known_rises_at_a_rate() {
+    let mut world = World::one(amt(|_, _| {}));
+    world.fly(Rc, 20);
+    world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
+    world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Open));
+    world.pass(5.0);
+    let from = world.now();
+    world.says(Rc, run(60));
+    world.pass(5.0);
+    assert_eq!(world.throttle_sent(0), Some(200));
+    world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Good));
+    world.pass(15.0);
+    let demands = demands(&world, 0, from);
+    assert_rises_at_the_rate(&demands);
+    assert_reaches(&demands, 0.6);
 }
 
 /// A limit that held the demand at the fail-safe: after standby and a new start nothing jumps either.

@@ -25,6 +25,23 @@ fn burning_engine_with_error_sets_goes_on_at_its_demand() {
     assert_eq!(world.throttle_sent(0), Some(750));
 }
 
+/// Its source has been silent for long, which is to bring no standby while the engine runs. The exhaust says that it does, and
+/// then the ECU again: the one report in between is no reason.
+#[test]
+fn burning_engine_without_a_source_goes_on_when_its_fault_clears() {
+    let mut world = World::one(amt(|_, _| {}));
+    world.fly(Rc, 50);
+    world.silent(Rc);
+    world.pass(20.0);
+    let from = world.now();
+    world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
+    world.pass(20.0);
+    world.amt(|ecu| ecu.set_errors(0));
+    world.pass(20.0);
+    world.assert_not_shut_down(from);
+    assert_eq!(world.phase(), Phase::Running);
+}
+
 #[test]
 fn burning_engine_with_error_sets_goes_on_after_a_reset() {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);

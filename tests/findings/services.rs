@@ -20,7 +20,7 @@ const HOT: [(Action, Told); 6] = [
 ];
 
 fn service(action: Action) -> Command {
-    Command::Service(Service::Zk(zk::link::Service::Action(action)))
+    Command::Service(Service::Zk(zk::config::Service::Action(action)))
 }
 
 /// An ECU that obeys services while it cools, and whose valves let fuel through.

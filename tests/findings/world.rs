@@ -3,12 +3,12 @@
 
 use crate::wire::{Frame, Reader};
 use embassy_time::{Duration, Timer};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::keep::{Memory, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -71,7 +71,7 @@ struct Pilot {
 pub struct World<const N: usize = 1> {
     pub configs: [EngineConfig; N],
     pub plugs: [Plug<AnyEcu>; N],
-    memory: &'static [Memory; N],
+    memory: &'static [RetainedMemory; N],
     node: Option<&'static Node<N>>,
     halves: Vec<(WireRx, WireTx)>,
     tasks: Vec<Pin<Box<dyn Future<Output = ()>>>>,
@@ -92,14 +92,14 @@ impl<const N: usize> World<N> {
     pub fn new(engines: [(EngineConfig, AnyEcu); N]) -> Self {
         clock::reset();
         // It outlives every node, as memory does; a few bytes for each test.
-        let memory = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+        let memory = Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
         let mut world = Self::with_memory(engines, memory);
         world.boot();
         world
     }
 
     /// A node that is held in reset.
-    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [Memory; N]) -> Self {
+    fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [RetainedMemory; N]) -> Self {
         let configs = std::array::from_fn(|n| engines[n].0);
         let readers = std::array::from_fn(|n| Reader::new(matches!(engines[n].1, AnyEcu::Amt(_))));
         let mut halves = Vec::new();
@@ -142,7 +142,7 @@ impl<const N: usize> World<N> {
         // What came while it was held in reset is lost with its UART.
         self.halves = self.plugs.iter().map(Plug::reset_node).collect();
         let node: &'static Node<N> = Box::leak(Box::new(
-            Node::with_memory(&self.configs, self.memory, self.cause).expect("a good table"),
+            Node::new(&self.configs, Some((self.memory, self.cause))).expect("a good table"),
         ));
         for (runner, (rx, tx)) in node.runners().into_iter().zip(self.halves.drain(..)) {
             self.tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
@@ -177,7 +177,7 @@ impl<const N: usize> World<N> {
 
     /// Nothing survives from before.
     pub fn forget(&mut self) {
-        self.memory.iter().for_each(Memory::clear);
+        self.memory.iter().for_each(RetainedMemory::clear);
     }
 
     pub fn handle(&self, engine: usize) -> Handle<'static> {
@@ -189,7 +189,7 @@ impl<const N: usize> World<N> {
     where
         Self: Sized,
     {
-        let memory: &'static [Memory; 1] = std::array::from_ref(&self.memory[0]);
+        let memory: &'static [RetainedMemory; 1] = std::array::from_ref(&self.memory[0]);
         drop(self);
         World::with_memory([(config, ecu)], memory)
     }
@@ -228,7 +228,12 @@ impl<const N: usize> World<N> {
         origin: Origin,
         command: Command,
     ) -> Result<Accepted, Rejected> {
-        self.handle(engine).command(command, origin)
+        let handle = self.handle(engine);
+        let source = match origin {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        source.expect("nobody else holds it").command(command)
     }
 
     /// One word to the first engine.

@@ -159,7 +159,7 @@ fn pump_command_goes_out(times: usize) -> bool {
 }
 
 fn service(action: zk_ecu::codec::Action) -> Command {
-    Command::Service(Service::Zk(zk_ecu::link::Service::Action(action)))
+    Command::Service(Service::Zk(zk_ecu::config::Service::Action(action)))
 }
 
 #[test]

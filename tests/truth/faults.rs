@@ -68,8 +68,10 @@ pub struct Disturber {
     /// Long losses of power.
     long: bool,
     pub signals: bool,
-    /// The flame goes out often: other engines are told.
+    /// The flame goes out in many flights: other engines are told.
     pub flames: bool,
+    /// When it does in this flight.
+    flame_out: Option<u64>,
 }
 
 impl Disturber {
@@ -83,6 +85,7 @@ impl Disturber {
             long: rng.percent(30),
             signals: false,
             flames: false,
+            flame_out: None,
         }
     }
 
@@ -97,6 +100,7 @@ impl Disturber {
             long: false,
             signals: false,
             flames: false,
+            flame_out: None,
         }
     }
 
@@ -108,17 +112,14 @@ impl Disturber {
         };
         // Longer ones cost an AMT engine: half of them are such as it puts up with.
         let short = amt && rng.percent(50);
-        if self.flames && rng.percent(25) {
-            return (Fault::FlameOut, MS);
-        }
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),
             14..24 => (Fault::PowerOff, rng.between(50 * MS, 2 * SECOND)),
             24..32 => (Fault::CutToNode, cut),
-            32..36 | 37..40 => (Fault::CutToEcu, cut),
+            32..36 | 38..40 => (Fault::CutToEcu, cut),
             40..45 => (Fault::CutBoth, cut),
-            36..37 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
+            36..38 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
             // Just what the ECU puts up with.
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
@@ -127,7 +128,9 @@ impl Disturber {
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
-                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { 10 * SECOND };
+                // Damaged frames stand for frames for 10 s, and no longer.
+                let longest = if rng.percent(15) { 40 * SECOND } else { 10 * SECOND };
+                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { longest };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
             }
             66..76 => (Fault::Noise(rng.percent(30)), rng.spread(500 * MS, 10 * SECOND)),
@@ -170,8 +173,20 @@ impl Disturber {
             self.current = Some((fault, now, now + length.max(MS)));
             notes.push(format!("{fault:?} for {} ms", length / MS));
         }
-        // A dip of the supply while the starter turns.
         let phase = plug.ecu(|ecu| ecu.turbine().phase());
+        // A flame that goes out in flight.
+        if phase != Phase::Running {
+            self.flame_out = None;
+        } else if self.flames && self.flame_out.is_none() {
+            let flies = rng.spread(5 * SECOND, 100 * SECOND);
+            self.flame_out = Some(if rng.percent(40) { now + flies } else { u64::MAX });
+        }
+        if self.current.is_none() && self.flame_out.is_some_and(|at| now >= at) {
+            begin(Fault::FlameOut, rng, plug);
+            self.flame_out = Some(u64::MAX);
+            notes.push("the flame goes out".into());
+        }
+        // A dip of the supply while the starter turns.
         if !phase.is_starting() {
             self.dipped = false;
         } else if self.current.is_none() && !self.dipped && phase != Phase::LearningIdle {
@@ -312,6 +327,7 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             }
             if to_node {
                 add(&mut history.garbled);
+                add(&mut history.ruined);
             }
         }
         Fault::Noise(to_ecu) => {
@@ -327,6 +343,9 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
+        Fault::Error(error) if history.is_amt() && 1 << (error % 7) == sim::amt::error::EGT => {
+            add(&mut history.egt_faulty);
+        }
         _ => {}
     }
 }

@@ -202,6 +202,8 @@ pub struct Rules {
     /// Age limit of each source, the highest first.
     pub ages: [u64; 4],
     pub recover_after: u64,
+    /// Within this after its age limit a source comes back without a take-over.
+    pub return_within: u64,
     pub takeover: u64,
     pub hold: u64,
     /// Fall and rise of a demand, 0.1 % a second.
@@ -349,6 +351,8 @@ pub struct History {
     pub noise_to_ecu: Spans,
     /// Nothing that comes from the ECU can be told from garbage.
     pub garbled: Spans,
+    /// Every single byte that comes from the ECU is damaged.
+    pub ruined: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
     /// When a transmitter that stood still went on: what was on its way then is old.
@@ -363,6 +367,8 @@ pub struct History {
     pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
+    /// The ECU calls it faulty (AMT's EGT error).
+    pub egt_faulty: Spans,
 }
 
 impl History {
@@ -381,6 +387,7 @@ impl History {
             noise: Spans::default(),
             noise_to_ecu: Spans::default(),
             garbled: Spans::default(),
+            ruined: Spans::default(),
             forged: Vec::new(),
             stalls: Vec::new(),
             versions: Vec::new(),
@@ -388,6 +395,7 @@ impl History {
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),
+            egt_faulty: Spans::default(),
         }
     }
 
@@ -414,6 +422,13 @@ impl History {
         let first = self.samples.partition_point(|sample| sample.at < from);
         let last = self.samples.partition_point(|sample| sample.at <= to).max(first);
         &self.samples[first..last]
+    }
+
+    /// The frames of a time.
+    pub fn frames_within(&self, from: u64, to: u64) -> &[Frame] {
+        let first = self.frames.partition_point(|frame| frame.at < from);
+        let last = self.frames.partition_point(|frame| frame.at < to).max(first);
+        &self.frames[first..last]
     }
 
     /// The times in which something was so, by the samples.

@@ -1,17 +1,19 @@
 //! The judge that knows only the truth: what the pilots said, what was on the wire, the power of the ECU and the turbine.
-//! It is written from the rules, shares nothing with the engine or with the judge of `tests/supervision`, and believes
+//! It is written from the rules, shares nothing with the engine or with the judge of `jetlink/tests/it/supervision`, and believes
 //! nothing that the node says of itself.
 
 mod control;
 mod demand;
+mod doubt;
 mod fuel;
 mod healthy;
 mod limits;
+mod obeyed;
 mod silence;
 mod starts;
 mod stops;
 
-use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
+use crate::history::{History, Kind, MS, Mark, Rules, SECOND, Spans};
 use std::collections::BTreeMap;
 
 pub use control::Voices;
@@ -24,12 +26,18 @@ pub enum Rule {
     Ignition,
     /// An engine at rest is told run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
     RunAtRest,
+    /// Nothing that could start an engine is sent while nobody can know whether it lives.
+    Doubt,
+    /// A start that is asked for as documented begins.
+    Granted,
     /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
     SilentWire,
     /// With all sources silent the turbine is at the fail-safe, or stopped, by a stated instant.
     SilentTurbine,
     /// A stop is on the wire at once, and in every frame until its release.
     Stop,
+    /// An engine that is told standby or stop goes out.
+    Obeyed,
     /// No fuel flows into an engine at rest that is hot.
     HotFuel,
     /// A pump that was opened is closed in time.
@@ -59,12 +67,15 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 21] = [
         Self::Ignition,
         Self::RunAtRest,
+        Self::Doubt,
+        Self::Granted,
         Self::SilentWire,
         Self::SilentTurbine,
         Self::Stop,
+        Self::Obeyed,
         Self::HotFuel,
         Self::Pump,
         Self::Service,
@@ -150,7 +161,9 @@ impl<'a> Case<'a> {
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
         // With error sets an AMT ECU gives no state.
         let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
-        let silent = blind.union(&h.noise).union(&down).union(&dumb);
+        // A node that begins anew needs two reports; in a loop of resets it may never get them.
+        let learns = down.longer(two_states(&h.rules));
+        let silent = blind.union(&h.noise).union(&learns).union(&dumb);
         Self {
             voices: Voices::new(h),
             live: live(h),
@@ -174,14 +187,19 @@ impl<'a> Case<'a> {
         4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
     }
 
-    /// The longest time in which a report of the engine's state comes round twice.
     const fn two_states(&self) -> u64 {
+        two_states(&self.h.rules)
+    }
+
+    /// The longest time until the next report of the engine's state.
+    const fn one_state(&self) -> u64 {
         let rules = &self.h.rules;
-        let reports = 2 + rules.stale;
+        // AMT has a set without a state now and then. What is said then was decided a slot before it began.
+        let reports = 1 + rules.stale;
         if self.is_amt() {
-            (reports + 2) * rules.period + 300 * MS
+            (reports + 1) * rules.period + 150 * MS
         } else {
-            reports * rules.round * rules.period + 400 * MS
+            reports * rules.round * rules.period + 2 * rules.period + 150 * MS
         }
     }
 
@@ -194,6 +212,15 @@ impl<'a> Case<'a> {
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
         all.sort_unstable();
         all
+    }
+}
+
+/// The longest time in which a report of the engine's state comes round twice.
+const fn two_states(rules: &Rules) -> u64 {
+    let reports = 2 + rules.stale;
+    match rules.kind {
+        Kind::Amt => (reports + 2) * rules.period + 300 * MS,
+        Kind::Zk(_) => reports * rules.round * rules.period + 400 * MS,
     }
 }
 
@@ -211,6 +238,9 @@ pub fn judge(history: &History) -> Verdict {
     case.stops();
     case.starts();
     case.run_at_rest();
+    case.doubt();
+    case.granted();
+    case.goes_out();
     case.silence();
     case.fuel();
     case.rate();

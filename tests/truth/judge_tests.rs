@@ -23,6 +23,7 @@ fn rules(kind: Kind) -> Rules {
         round: if kind == AMT { 1 } else { 9 },
         ages: [500 * MS, 500 * MS, SECOND, 500 * MS],
         recover_after: SECOND,
+        return_within: SECOND,
         takeover: 2 * SECOND,
         hold: SECOND,
         ramp: 500,
@@ -219,6 +220,15 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     // Refused once is refused: it is armed later.
     says(ready(ZK5).with(|h| h.said.retain(|said| said.word != Word::Arm)).once(PILOT, 4.5, Word::Arm))
         .breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // Its ECU has lost its power just now, or for long enough to see it.
+    let off = |from| {
+        move |h: &mut History| {
+            h.unpowered = Spans::from(&[(from, 4050 * MS)]);
+            h.rules.boot = 50 * MS;
+        }
+    };
+    says(ready(ZK5)).with(off(3995 * MS)).passes();
+    says(ready(ZK5)).with(off(3500 * MS)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     // A hot exhaust.
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 180.0);
     says(ready(ZK5)).with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
@@ -237,6 +247,31 @@ fn a_pair_of_words_gives_one_ignition() {
     story().mark(42.0, Mark::Ignition).breaks(&[Rule::Ignition]);
     // One that the ECU begins by itself is not an ignition by the node.
     story().mark(42.0, Mark::Relight).passes();
+}
+
+/// An AMT engine goes out, and its ECU clears its fault while the exhaust is hot, and starts on the run that it was told. A node
+/// has to see the exhaust fall within 4 s, unless it is reset before.
+#[test]
+fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
+    let story = |clears: f64, resets: bool| {
+        let up =
+            |half: u64| Reset { down: half * SECOND / 2, up: half * SECOND / 2 + MS, cause: Cause::Watchdog };
+        flight(AMT, 40.0)
+            .says(PILOT, 40.0, clears + 1.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 43.5, HALF)
+            .turbine(40.0, clears, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(clears, clears + 1.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(clears, Mark::Ignition)
+            .with(|h| {
+                for sample in h.samples.iter_mut().filter(|sample| sample.phase == Phase::Cooling) {
+                    sample.fault = true;
+                }
+                h.resets = (80..92).filter(|_| resets).map(up).collect();
+            })
+    };
+    story(43.5, false).passes();
+    story(46.0, true).passes();
+    story(46.0, false).breaks(&[Rule::Ignition]);
 }
 
 #[test]
@@ -316,6 +351,48 @@ fn a_line_that_is_lost_ends_what_an_engine_at_rest_is_told() {
     story(45.0).breaks(&[Rule::RunAtRest]);
 }
 
+/// A node that was reset did not hear the power-up, and the first set still says that the engine runs: with its shaft above half of
+/// idle, as it is set, it is answered.
+#[test]
+fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
+    let story = |rpm| {
+        flight(AMT, 40.0)
+            .with(|h| {
+                h.unpowered = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
+                h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
+                h.rules.stale = 1;
+            })
+            .turbine(40.0, 50.0, Phase::Cooling, rpm, 400.0)
+            .says(PILOT, 40.0, 50.0, Word::Run(Ask::Throttle(500)))
+            .wire(45.4, 45.5, HALF)
+            .wire(45.6, 50.0, STANDBY)
+    };
+    story(15_000.0).passes();
+    story(10_000.0).breaks(&[Rule::RunAtRest]);
+}
+
+/// A start that its ECU has not reported yet, and an outage that is shorter than a gap: at rest still fits, until a gap can be
+/// seen.
+#[test]
+fn an_unreported_start_goes_on_until_a_gap_can_be_seen() {
+    let story = |until: f64| {
+        ready(ZK5)
+            .says(PILOT, 4.0, 20.0, Word::Run(Ask::Throttle(0)))
+            .wire(4.0, until, IDLE)
+            .wire(until, 20.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 5.15, Phase::Ignition, 1000.0, 20.0)
+            .turbine(5.15, 20.0, Phase::Standby, 0.0, 20.0)
+            .with(|h| {
+                h.rules.boot = 50 * MS;
+                h.unpowered = Spans::from(&[(5100 * MS, 5150 * MS)]);
+                h.mute = Spans::from(&[(8 * SECOND, 12 * SECOND)]);
+            })
+    };
+    story(8.2).passes();
+    story(9.0).breaks(&[Rule::RunAtRest]);
+}
+
 #[test]
 fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
     let silent = |falls: bool| {
@@ -355,6 +432,26 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     };
     story(46).passes();
     story(60).breaks(&[Rule::SilentWire]);
+}
+
+/// A node without memory begins with what its ECU obeys, which is what came to it last.
+#[test]
+fn a_node_that_loses_its_memory_late_begins_the_stages_with_what_it_finds() {
+    let story = |arrived: bool, cause| {
+        flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39 * SECOND, 50 * SECOND)]))
+            .wire(40.0, 41.5, if arrived { IDLE } else { Told::Nothing })
+            .wire(41.5, 51.0, Told::Nothing)
+            .with(|h| h.resets.push(Reset { down: 51 * SECOND, up: 51_500 * MS, cause }))
+            .wire(52.5, 54.0, HALF)
+            .ramp(54.0, 500, 0)
+            .wire(55.1, 70.0, IDLE)
+            .turbine(40.0, 55.0, Phase::Running, 100_000.0, 500.0)
+            .turbine(55.0, 70.0, Phase::Running, 50_000.0, 500.0)
+    };
+    story(false, Cause::PowerOn).passes();
+    story(false, Cause::Watchdog).breaks(&[Rule::SilentWire]);
+    story(true, Cause::PowerOn).breaks(&[Rule::SilentWire]);
 }
 
 #[test]
@@ -423,6 +520,12 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     };
     story(ZK5, 0.05, 0.6).with(reset).passes();
     story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
+    // Nothing leaves a transmitter that stands still. A wire that is cut is another matter: what is sent is on it.
+    let deaf = |h: &mut History| h.deaf = Spans::from(&[(42 * SECOND, 43 * SECOND)]);
+    let stall = |h: &mut History| h.stalls = vec![43 * SECOND];
+    story(ZK5, 0.05, 1.0).with(deaf).with(stall).passes();
+    story(ZK5, 0.05, 1.0).with(deaf).breaks(&[Rule::Stop]);
+    story(ZK5, 0.05, 1.5).with(deaf).with(stall).breaks(&[Rule::Stop]);
 }
 
 #[test]
@@ -496,6 +599,48 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     moved().with(|h| h.rules.slew_up = Some(500)).breaks(&[Rule::Rate]);
 }
 
+/// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory goes on with the throttle that it finds.
+#[test]
+fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
+    let story = |cause, tenths, arrived| {
+        flight(ZK5, 40.0)
+            .once(PILOT, 40.0, Word::ShutDown)
+            .wire(40.05, 42.0, STANDBY)
+            .wire(42.6, 46.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 46.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| {
+                h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause });
+                h.deaf = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
+                for frame in h.frames.iter_mut().filter(|frame| frame.at > 40_050 * MS) {
+                    frame.arrived = arrived;
+                }
+            })
+    };
+    story(Cause::PowerOn, 500, false).passes();
+    story(Cause::PowerOn, 800, false).breaks(&[Rule::Rate]);
+    story(Cause::Watchdog, 500, false).breaks(&[Rule::Rate]);
+    story(Cause::PowerOn, 500, true).breaks(&[Rule::Rate]);
+    // A throttle that has come to an ECU which holds a speed is not obeyed before the ID 6 that ends that. The throttle that it
+    // reports is that of the speed.
+    let speed = |mode: bool| {
+        flight(ZK5, 40.0)
+            .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND))
+            .says(PILOT, 39.0, 40.0, Word::Run(Ask::Rpm(140_000)))
+            .wire(39.0, 39.01, Told::Mode(Some(Switch::Run), 4))
+            .wire(39.05, 40.0, Told::Rpm(140_000))
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(200)))
+            .wire(40.0, 40.04, Told::Full(Switch::Run, 200))
+            .wire(40.05, 40.06, if mode { Told::Mode(Some(Switch::Run), 0) } else { Told::Nothing })
+            .wire(40.1, 40.14, if mode { Told::Full(Switch::Run, 200) } else { Told::Nothing })
+            .wire(40.7, 41.0, Told::Full(Switch::Run, 700))
+            .wire(41.0, 45.0, Told::Full(Switch::Run, 200))
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.resets.push(Reset { down: 40_150 * MS, up: 40_250 * MS, cause: Cause::PowerOn }))
+    };
+    speed(false).passes();
+    speed(true).breaks(&[Rule::Rate]);
+}
+
 #[test]
 fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     let story = |words: &[(f64, Word)]| {
@@ -515,6 +660,28 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     story(&[]).breaks(&[Rule::ShutDown]);
 }
 
+/// A node that is reset again and again, each time before two reports agree, knows of a start only what it knew before: a
+/// disarm ends it.
+#[test]
+fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
+    let story = |resets_from: u64| {
+        let resets = (resets_from * 2..80).map(|half| Reset {
+            down: half * SECOND / 2,
+            up: half * SECOND / 2 + 20 * MS,
+            cause: Cause::Watchdog,
+        });
+        flight(ZK5, 40.0)
+            .once(PILOT, 40.0, Word::Disarm)
+            .wire(40.0, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 60_000.0, 480.0)
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+            .with(|h| h.resets = resets.collect())
+    };
+    story(29).passes();
+    // It ran before the loop for long enough.
+    story(33).breaks(&[Rule::ShutDown]);
+}
+
 #[test]
 fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     let story = |standby: f64| {
@@ -529,6 +696,10 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     };
     story(48.0).passes();
     story(43.0).breaks(&[Rule::ShutDown]);
+    // One that has spoken again for as long as it takes until just now was not in control when it was decided.
+    let back = |from| story(47.9).says(PILOT, from, 59.9, Word::Run(Ask::Throttle(0)));
+    back(44.88).passes();
+    back(43.0).breaks(&[Rule::ShutDown]);
 }
 
 #[test]
@@ -544,6 +715,13 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     };
     story().breaks(&[Rule::ShutDown]);
     story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
+    // Who is present and wants nothing is silent from then on, and not from an age limit later.
+    let late = |h: &mut History| {
+        h.rules.standby_after = Some(5 * SECOND);
+        h.rules.ages = [SECOND; 4];
+    };
+    story().with(late).breaks(&[Rule::ShutDown]);
+    story().with(late).says(PILOT, 40.0, 60.0, Word::Nothing).passes();
 }
 
 #[test]
@@ -582,7 +760,28 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
+    story(AMT).with(reset(1000)).passes();
     story(AMT).with(reset(2100)).passes();
+    // After a reset, with error sets only and an exhaust that is not known, nobody knows whether it runs.
+    let faults = |h: &mut History| {
+        for sample in h.samples.iter_mut().filter(|sample| sample.at >= 37 * SECOND) {
+            sample.fault = true;
+        }
+    };
+    let egt = |h: &mut History| h.egt_faulty = Spans::from(&[(37 * SECOND, 41 * SECOND)]);
+    let early = |h: &mut History| {
+        let down = 37_200 * MS;
+        h.frames.retain(|frame| frame.at < down);
+        h.resets.push(Reset { down, up: down + 50 * MS, cause: Cause::Watchdog });
+    };
+    story(AMT).with(faults).with(early).with(egt).passes();
+    story(AMT).with(faults).with(early).breaks(&[Rule::GivenUp]);
+    story(AMT).with(faults).with(egt).breaks(&[Rule::GivenUp]);
+    story(AMT).with(early).with(egt).breaks(&[Rule::GivenUp]);
+    // Silence that began before the reset is not explained by it.
+    let before = |h: &mut History| h.frames.retain(|frame| frame.at < 35 * SECOND);
+    story(AMT).with(faults).with(early).with(egt).with(before).breaks(&[Rule::GivenUp]);
 }
 
 #[test]
@@ -601,6 +800,27 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
         .wire(40.0, 60.0, Told::Nothing)
         .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
         .breaks(&[Rule::HeldDown]);
+}
+
+/// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
+#[test]
+fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .says(PILOT, 40.0, 90.0, Word::Run(Ask::Throttle(500)))
+            .wire(40.0, 41.0, HALF)
+            .ramp(41.0, 500, 0)
+            .wire(42.1, 90.0, IDLE)
+            .turbine(40.0, 42.0, Phase::Running, 60_000.0, 450.0)
+            .with(|h| {
+                h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND).for_each(|s| s.lit = false)
+            })
+            .mark(42.0, Mark::Relight)
+            .turbine(42.0, 60.0, Phase::FuelRamp, 30_000.0, 450.0)
+            .turbine(60.0, 90.0, Phase::Running, 50_000.0, 450.0)
+    };
+    story().with(|h| h.rules.limit_change = Some(false)).passes();
+    story().breaks(&[Rule::HeldDown]);
 }
 
 #[test]
@@ -698,4 +918,14 @@ fn a_source_that_takes_over_is_held_off() {
     };
     story(2.0).passes();
     story(0.1).breaks(&[Rule::TakeOver]);
+    // The demand of one that is lost meanwhile falls.
+    let lost = flight(ZK5, 60.0)
+        .says(PILOT, 60.0, 60.3, Word::Run(Ask::Throttle(500)))
+        .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+        .wire(60.0, 60.8, HALF)
+        .ramp(60.8, 500, 400)
+        .wire(61.0, 62.0, Told::Full(Switch::Run, 400))
+        .wire(62.0, 70.0, Told::Full(Switch::Run, 200))
+        .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0);
+    lost.with(|h| h.rules.hold = 0).passes();
 }

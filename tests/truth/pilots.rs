@@ -120,7 +120,11 @@ pub struct Pilot {
     calm: bool,
     /// Does not wait for a cool engine.
     hasty: bool,
-    /// Can this source say that it wants nothing.
+    /// Flies by shaft speed, where the ECU takes one.
+    by_rpm: bool,
+    /// Standby of an engine that is ready, before its start.
+    patience: u64,
+    /// When it says again that the engine is armed.
     next_arm: u64,
 }
 
@@ -142,13 +146,26 @@ impl Pilot {
             stubborn: rng.percent(if in_a_group { 70 } else { 30 }),
             calm: rng.percent(40),
             hasty: rng.percent(15),
+            by_rpm: rng.percent(25),
+            patience: rng.pick(&[2, 2, 12]) * SECOND,
             next_arm: 0,
         }
     }
 
+    /// Flies from here on, whatever it does.
+    pub fn fly(&mut self, rng: &mut Rng, now: u64) {
+        self.program = Program::Fly(Stage::Standby(None));
+        self.until = now + rng.between(100, 500) * SECOND;
+        self.next = self.next.min(now + self.period);
+    }
+
+    fn demand(&self, rng: &mut Rng, view: &View) -> Ask {
+        demand(rng, view, self.by_rpm)
+    }
+
     fn choose(&mut self, rng: &mut Rng, view: &View) {
         let now = view.now;
-        let ask = demand(rng, view);
+        let ask = self.demand(rng, view);
         self.until = now + rng.wait(60 * SECOND);
         self.program = match (self.habit, rng.below(100)) {
             (Habit::Flies, 0..70) | (Habit::Restless, 0..15) => {
@@ -217,6 +234,7 @@ impl Pilot {
             self.next_arm = now + rng.wait(4 * SECOND);
             words.push(Word::Arm);
         }
+        let by_rpm = self.by_rpm;
         match &mut self.program {
             Program::Silent => self.next = self.until.max(now + MS),
             Program::Stream(word) => words.push(*word),
@@ -231,7 +249,7 @@ impl Pilot {
                     0 => Word::Arm,
                     1 => Word::Standby,
                     2 => Word::Run(Ask::Throttle(0)),
-                    3 => Word::Run(demand(rng, view)),
+                    3 => Word::Run(demand(rng, view, by_rpm)),
                     _ if rng.percent(50) => Word::ShutDown,
                     _ => Word::Standby,
                 };
@@ -281,12 +299,12 @@ impl Pilot {
                 }
                 words.push(word);
             }
-            Program::Fly(_) => self.fly(rng, view, &mut words),
+            Program::Fly(_) => self.flight(rng, view, &mut words),
         }
         words
     }
 
-    fn fly(&mut self, rng: &mut Rng, view: &View, words: &mut Vec<Word>) {
+    fn flight(&mut self, rng: &mut Rng, view: &View, words: &mut Vec<Word>) {
         let now = view.now;
         let Program::Fly(stage) = &mut self.program else { return };
         if !core::mem::replace(&mut self.armed, true) {
@@ -310,7 +328,7 @@ impl Pilot {
                 let since =
                     since.filter(|_| ready).or((ready || rng.percent(1) && rng.percent(10)).then_some(now));
                 *stage = match since {
-                    Some(since) if now > since + 2 * SECOND => {
+                    Some(since) if now > since + self.patience => {
                         if self.period < 200 * MS && rng.percent(50) {
                             words.pop();
                         }
@@ -322,6 +340,13 @@ impl Pilot {
             Stage::Start(since) => {
                 let up = rng.percent(1) && rng.percent(10);
                 words.push(Word::Run(if up { self.stick } else { Ask::Throttle(0) }));
+                // A person ends it, beside what is streamed.
+                if rng.below(200 * SECOND) < self.period {
+                    words.push(Word::ShutDown);
+                }
+                if rng.below(300 * SECOND) < self.period {
+                    self.next = now + rng.spread(300 * MS, 40 * SECOND);
+                }
                 if view.phase == Phase::Running && now > since + 5 * SECOND {
                     *stage = Stage::Flight(now + rng.wait(90 * SECOND));
                 } else if now > since + 90 * SECOND || !view.phase.is_live() && now > since + 8 * SECOND {
@@ -338,7 +363,7 @@ impl Pilot {
                 if now >= self.next_stick {
                     let least = if self.calm { 10 * SECOND } else { 300 * MS };
                     self.next_stick = now + rng.spread(least, 60 * SECOND);
-                    self.stick = demand(rng, view);
+                    self.stick = demand(rng, view, self.by_rpm);
                 }
                 words.push(Word::Run(self.stick));
                 // A link that is lost for a while; at most of the times for as long as a person takes to notice.
@@ -366,9 +391,9 @@ impl Pilot {
 }
 
 /// A demand, at times one that makes no sense.
-fn demand(rng: &mut Rng, view: &View) -> Ask {
+fn demand(rng: &mut Rng, view: &View, by_rpm: bool) -> Ask {
     if let Some(max) = view.max_rpm
-        && rng.percent(40)
+        && rng.percent(if by_rpm { 100 } else { 40 })
     {
         let most = if rng.percent(10) { u64::from(max) * 101 / 100 } else { max.into() };
         let rpm = rng.between(u64::from(max) / 4, most) as u32;

@@ -7,12 +7,12 @@ use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::settings::{self, Setup};
 use crate::wire::Reader;
 use crate::worlds::{Judged, LOOK, now};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::command::Origin;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::{Ruler, state};
+use sim::zk::Ruler;
 use std::collections::VecDeque;
 
 /// One engine, its ECU, its pilots.
@@ -27,8 +27,6 @@ pub struct Seat {
     /// Ignitions and losses of control that are in the history already.
     ignitions: usize,
     given_up: u64,
-    /// It ran or was started since its ECU was powered up.
-    lived: bool,
     pwm_since: Option<u64>,
     next_swap: u64,
     script: Script,
@@ -69,9 +67,15 @@ impl Seat {
         for last in (1..4).rev() {
             sources.swap(last, rng.below(last as u64 + 1) as usize);
         }
-        let count = rng.pick(&[1, 1, 2, 2, 3]);
+        // Two, of whom the higher one relieves the lower one now and then.
+        let pair = rng.percent(15);
+        let count = if pair { 2 } else { rng.pick(&[1, 1, 2, 2, 3]) };
+        if pair && sources[1] > sources[0] {
+            sources.swap(0, 1);
+        }
         let habit = |index: usize, rng: &mut Rng| match index {
             0 => Habit::Flies,
+            _ if pair => Habit::Relieves,
             _ => rng.pick(&[Habit::Below, Habit::Restless, Habit::Flies, Habit::Relieves]),
         };
         let pilots = (0..count).map(|index| {
@@ -107,13 +111,19 @@ impl Seat {
             notes: Vec::new(),
             ignitions: 0,
             given_up: 0,
-            lived: false,
             pwm_since: None,
             next_swap: u64::MAX,
             script: Script::default(),
             setup,
         };
         (seat, (rx, tx))
+    }
+
+    /// Whoever flies it begins now, in standby.
+    pub fn fly(&mut self, rng: &mut Rng) {
+        if let Some(pilot) = self.pilots.first_mut() {
+            pilot.fly(rng, now());
+        }
     }
 
     pub fn is_live(&self) -> bool {
@@ -196,19 +206,18 @@ impl Seat {
         let at = now();
         let frames = self.reader.read(&self.plug.take_log());
         self.history.frames.extend(frames);
-        let powered = !self.history.unpowered.contains(at);
-        let (seen, lived, before) = (self.ignitions, self.lived, self.given_up);
-        let (sample, ignitions, restart, given_up, pwm) = self.plug.ecu(|ecu| {
+        let (seen, before) = (self.ignitions, self.given_up);
+        let (sample, ignitions, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
             let turbine = ecu.turbine();
-            let (fault, restart, given_up, pwm, hidden) = match ecu {
+            let (fault, given_up, pwm, hidden) = match ecu {
                 AnyEcu::Amt(ecu) => {
                     let hidden = ecu.hides_that_it_runs();
-                    (ecu.errors() != 0, false, ecu.stats.serial_delay_stops, false, hidden)
+                    (ecu.errors() != 0, ecu.stats.serial_delay_stops, false, hidden)
                 }
                 AnyEcu::Zk(ecu) => {
                     let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
-                    (ecu.error() != 0, ecu.state() == state::RESTART, ecu.stats.control_losses, pwm, false)
+                    (ecu.error() != 0, ecu.stats.control_losses, pwm, false)
                 }
             };
             let phase = turbine.phase();
@@ -223,21 +232,24 @@ impl Seat {
                 fault,
                 hidden,
             };
-            let ignitions: Vec<u64> =
-                turbine.history().ignitions.iter().skip(seen).map(|at| at / 1000).collect();
-            (sample, ignitions, restart, given_up, pwm)
+            // By the turbine's own record: a relight may have ended again before this look.
+            let history = turbine.history();
+            let mark = |when| match history.relights.contains(when) {
+                true => Mark::Relight,
+                false => Mark::Ignition,
+            };
+            let ignitions: Vec<(u64, Mark)> =
+                history.ignitions.iter().skip(seen).map(|when| (when / 1000, mark(when))).collect();
+            (sample, ignitions, given_up, pwm)
         });
         self.ignitions += ignitions.len();
-        for when in ignitions {
-            let mark = if restart && lived { Mark::Relight } else { Mark::Ignition };
+        for (when, mark) in ignitions {
             self.history.marks.push((when.min(at), mark));
-            self.lived = true;
         }
         if given_up > before {
             self.given_up = given_up;
             self.history.marks.push((at, Mark::GivenUp));
         }
-        self.lived &= powered;
         match (pwm, self.pwm_since) {
             (true, None) => self.pwm_since = Some(at.saturating_sub(LOOK)),
             (false, Some(since)) => {
@@ -283,7 +295,11 @@ impl Seat {
             return;
         };
         // What is answered is not looked at.
-        let _ = handle.command(command, Origin::SOURCES[source]);
+        let claimed = match Origin::SOURCES[source] {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        let _ = claimed.expect("nobody else holds it").command(command);
         self.history.said.push(Said { at: now(), source, word });
     }
 
@@ -294,13 +310,14 @@ impl Seat {
         self.look();
         let ecu = self.setup.another(version);
         drop(self.plug.replace_ecu(ecu));
-        (self.ignitions, self.given_up, self.lived) = (0, 0, false);
+        (self.ignitions, self.given_up) = (0, 0);
         self.power_off(rng, at + off);
         self.history.versions.push((at, version));
         self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
     }
 
-    pub fn finish(&mut self, failed: Spans, down: Spans) -> Judged {
+    /// The history ends, and is whole.
+    pub fn end(&mut self) {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
@@ -315,6 +332,10 @@ impl Seat {
                 self.history.frames.remove(first);
             }
         }
+    }
+
+    /// What came of it, with the times in which other engines of the group may have failed, and have for sure.
+    pub fn judged(&mut self, failed: Spans, down: Spans) -> Judged {
         (self.history.other_failed, self.history.other_down) = (failed, down);
         let verdict = judge(&self.history);
         Judged {

@@ -6,11 +6,12 @@ use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::Engine;
-use jetlink::ecu::amt::link::Service as AmtService;
+use jetlink::ecu::amt::config::Service as AmtService;
 use jetlink::ecu::zk::codec::{Action as ZkAction, Rate};
-use jetlink::ecu::zk::link::Service as ZkService;
+use jetlink::ecu::zk::config::Service as ZkService;
 use jetlink::ecu::{EcuConfig, Service};
-use jetlink::engine::config::{Action, Governor, Limit, Slew, Supervision};
+use jetlink::engine::config::{Governor, Slew, Supervision};
+use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, StopBits};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
@@ -97,7 +98,7 @@ impl Setup {
         let supervision = &mut config.supervision;
         supervision.takeover.throttle_band = throttle(100);
         supervision.start.link_stable = supervision.start.link_stable.min(ms(800));
-        supervision.limits.flame_out = Limit::tell(40);
+        supervision.limits.flame_out = Limit::report(40);
         supervision.recover_after = supervision.recover_after.min(ms(300));
         config
     }
@@ -125,7 +126,9 @@ impl Setup {
 /// The settings of so many engines of one node.
 pub fn setups(rng: &mut Rng, count: usize) -> Vec<Setup> {
     let gap = Duration::from_millis(rng.pick(&[0, 3000, 10_000]));
-    (0..count).map(|port| setup(rng, port as u8, gap, count)).collect()
+    // They spare each other: then all of them do.
+    let spare = (count > 1 && rng.percent(60)).then(|| rng.pick(&[300, 500, 800]));
+    (0..count).map(|port| setup(rng, port as u8, gap, spare, count)).collect()
 }
 
 fn ms(millis: u64) -> Duration {
@@ -177,15 +180,13 @@ fn supervision(rng: &mut Rng) -> Supervision {
             _ => all.limits.implausible.action = action,
         }
     }
-    if rng.percent(30) {
-        all.when_other_fails = Some(500);
-    }
     all
 }
 
-fn setup(rng: &mut Rng, port: u8, gap: Duration, count: usize) -> Setup {
+fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usize) -> Setup {
     let mut supervision = supervision(rng);
     supervision.start.gap = gap;
+    supervision.when_other_fails = spare;
     let amt = rng.percent(45);
     let (mut config, ecu) = if amt { amt_setup(rng, port) } else { zk_setup(rng, port) };
     if rng.percent(8) && (amt || matches!(&ecu, Ecu::Zk(ecu) if ecu.version < 4)) {
@@ -293,7 +294,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         (Ecu::Amt(_), EcuConfig::Zk(_)) => unreachable!("the ECU is of the kind that is configured"),
     };
     let limit = |action: Action| match action {
-        Action::None => None,
+        Action::Report => None,
         Action::FailSafe => Some(false),
         Action::Standby => Some(true),
     };
@@ -305,6 +306,7 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         round,
         ages: [all.ages.emergency, all.ages.rc, all.ages.mavlink, all.ages.bench].map(micros),
         recover_after: micros(all.recover_after),
+        return_within: micros(all.return_within),
         takeover: micros(all.takeover.within),
         hold: micros(all.loss.hold),
         ramp: all.loss.ramp.into(),

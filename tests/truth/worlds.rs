@@ -10,9 +10,9 @@ use crate::pilots::Rng;
 use crate::seat::{Act, Seat};
 use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
-use jetlink::channels::Handle;
+use jetlink::channel::Handle;
 use jetlink::config::EngineConfig;
-use jetlink::engine::keep::{self, Memory};
+use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::line::LineError;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
@@ -55,10 +55,14 @@ pub fn now() -> u64 {
 }
 
 /// The words behind a record, to write them as a loss of power would leave them.
-fn words(memory: &Memory) -> &[AtomicU32] {
-    const { assert!(size_of::<Memory>().is_multiple_of(4) && align_of::<Memory>().is_multiple_of(4)) };
-    // SAFETY: a `Memory` is atomic words and nothing else, and those may be shared and take any value.
-    unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<Memory>() / 4) }
+fn words(memory: &RetainedMemory) -> &[AtomicU32] {
+    const {
+        assert!(
+            size_of::<RetainedMemory>().is_multiple_of(4) && align_of::<RetainedMemory>().is_multiple_of(4)
+        )
+    };
+    // SAFETY: a `RetainedMemory` is atomic words and nothing else, and those may be shared and take any value.
+    unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<RetainedMemory>() / 4) }
 }
 
 /// Plays one world of so many seconds.
@@ -77,31 +81,42 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     let mut setups = settings::setups(rng, N);
     let seats = setups.drain(..).map(|setup| Seat::random(rng, setup, weather)).collect();
     let fate = Fate::random(rng, weather);
-    play::<N>(seed, rng, seats, fate, seconds * SECOND)
+    let together = if N > 1 && rng.percent(60) { rng.wait(150 * SECOND) } else { u64::MAX };
+    play::<N>(seed, rng, seats, fate, together, seconds * SECOND)
 }
 
 /// Plays a case: what happens to each engine, and to the node.
 pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
     clock::reset();
     let seats = engines.into_iter().map(|(setup, acts)| Seat::scripted(setup, acts)).collect();
-    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), seconds * SECOND)
+    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
 }
 
 type Wired = (Seat, (WireRx, WireTx));
 
-fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: Fate, end: u64) -> World {
+/// `together`: when all engines are flown from standby on, the first time; `u64::MAX`: each when its pilot likes.
+fn play<const N: usize>(
+    seed: u64,
+    rng: &mut Rng,
+    wired: Vec<Wired>,
+    mut fate: Fate,
+    mut together: u64,
+    end: u64,
+) -> World {
     let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
     let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
     let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
     let (mut other_settings, mut other_engine, mut before) = (false, false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
-    let memory: &'static [Memory; N] = Box::leak(Box::new(std::array::from_fn(|_| Memory::new())));
+    let memory: &'static [RetainedMemory; N] =
+        Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
     loop {
         let mut configs = if other_settings { others } else { configs };
         if other_engine {
             configs.iter_mut().for_each(|config| config.name = "other");
         }
-        let ended = boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, end);
+        let ended =
+            boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, &mut together, end);
         let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
         other_engine ^= other;
@@ -128,6 +143,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
             seat.history.resets.push(Reset { down: down_at, up: now(), cause });
         }
     }
+    seats.iter_mut().for_each(Seat::end);
     let ends: Vec<Spans> = seats.iter().map(|seat| may_have_failed(&seat.history)).collect();
     let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
     let engines = (0..N).map(|port| {
@@ -135,7 +151,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, wired: Vec<Wired>, mut fate: F
             let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
             others.fold(Spans::default(), |all, spans| all.union(spans))
         };
-        seats[port].finish(others(&ends), others(&sure))
+        seats[port].judged(others(&ends), others(&sure))
     });
     World { seed, engines: engines.collect() }
 }
@@ -225,16 +241,17 @@ fn boot<const N: usize>(
     seats: &mut [Seat],
     halves: &mut Vec<(WireRx, WireTx)>,
     configs: &[EngineConfig; N],
-    memory: &'static [Memory; N],
+    memory: &'static [RetainedMemory; N],
     cause: Cause,
     fate: &mut Fate,
+    together: &mut u64,
     end: u64,
 ) -> Option<Blow> {
     let reset = match cause {
-        Cause::Watchdog => keep::Reset::Warm,
-        Cause::BrownOut | Cause::PowerOn => keep::Reset::PowerLost,
+        Cause::Watchdog => retained::Reset::Warm,
+        Cause::BrownOut | Cause::PowerOn => retained::Reset::PowerLost,
     };
-    let node = Node::with_memory(configs, memory, reset).expect("valid");
+    let node = Node::new(configs, Some((memory, reset))).expect("valid");
     let handles = node.handles();
     let mut tasks: Tasks<'_> = nature(seats);
     for ((runner, (rx, tx)), seat) in node.runners().into_iter().zip(halves.drain(..)).zip(seats.iter()) {
@@ -255,6 +272,10 @@ fn boot<const N: usize>(
         let reset_at = blow.map_or(u64::MAX, |blow| blow.at);
         if at >= reset_at {
             return blow;
+        }
+        if at >= *together {
+            *together = at + rng.wait(300 * SECOND);
+            seats.iter_mut().for_each(|seat| seat.fly(rng));
         }
         let look = at >= look_at;
         everybody(rng, seats, &handles, look);

@@ -1,5 +1,5 @@
 //! The aliases of `.cargo/config.toml` that build a firmware image: `cargo fw`, `image`, `flash-*`, `emu`,
-//! `emu-run`, `qemu` and `qemu-test`. And, for scripts, the list of boards: `cargo run --package xtask -- boards`.
+//! `emu-run`, `emu-record`, `emu-compare`, `qemu` and `qemu-test`. And, for scripts, the list of boards: `cargo run --package xtask -- boards`.
 //!
 //! Every image is built with one pinned Rust, while everything else builds with the Rust that is there. So this
 //! asks for what is needed, reports what is missing and how to install it, and starts `cargo` with the pinned

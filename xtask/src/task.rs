@@ -28,6 +28,8 @@ pub enum Task<'a> {
     Emu(&'a [String]),
     /// `cargo emu-run`: one image on an emulated board.
     EmuRun(&'a [String]),
+    /// `cargo emu-record`, or with true `cargo emu-compare`: what four runs send.
+    EmuRecord(bool, &'a [String]),
     /// `cargo qemu`, or with true `cargo qemu-test`.
     Qemu(bool, &'a [String]),
 }
@@ -47,6 +49,8 @@ impl<'a> Task<'a> {
             "image" => Self::Image(rest),
             "emu" => Self::Emu(rest),
             "emu-run" => Self::EmuRun(rest),
+            "emu-record" => Self::EmuRecord(false, rest),
+            "emu-compare" => Self::EmuRecord(true, rest),
             "qemu" => Self::Qemu(false, rest),
             "qemu-test" => Self::Qemu(true, rest),
             other => {
@@ -68,7 +72,7 @@ impl<'a> Task<'a> {
     /// The arguments of `cargo`.
     pub fn cargo_arguments(&self) -> Vec<String> {
         let firmware =
-            ["--release", "--target", pin::target(), "--package", "jetlink", "--bin", "jetlink-fw"];
+            ["--release", "--target", pin::target(), "--package", "jetlink-fw", "--bin", "jetlink-fw"];
         let emu = ["run", "--quiet", "--manifest-path", EMULATION, "--bin", "emu", "--"];
         match self {
             Self::Fw(features, more) => {
@@ -86,6 +90,10 @@ impl<'a> Task<'a> {
             }
             Self::Emu(more) => strings(&[&emu[..], &["test"]].concat(), more),
             Self::EmuRun(more) => strings(&[&emu[..], &["run"]].concat(), more),
+            Self::EmuRecord(compare, more) => {
+                let what = if *compare { "compare" } else { "record" };
+                strings(&[&emu[..], &[what]].concat(), more)
+            }
             Self::Qemu(test, more) => {
                 let qemu = ["run", "--quiet", "--package", "qemu", "--", "test"];
                 strings(&qemu[..qemu.len() - usize::from(!test)], more)
@@ -112,7 +120,7 @@ pub fn list(arguments: &[String]) -> Result<String, String> {
 fn usage() -> String {
     let flash = BOARDS.map(|board| format!("flash-{}", board.name)).join(", ");
     format!(
-        "this program stands behind cargo fw, image, {flash}, emu, emu-run, qemu and qemu-test; call those; or let \
-         `boards` print the names of the boards"
+        "this program stands behind cargo fw, image, {flash}, emu, emu-run, emu-record, emu-compare, qemu and \
+         qemu-test; call those; or let `boards` print the names of the boards"
     )
 }

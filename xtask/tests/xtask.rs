@@ -130,7 +130,7 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
     let computer = Computer::new("complete", &toolchains(), &TARGETS);
     computer.program("probe-rs", "exit 0\n");
     computer.program("qemu-system-arm", "exit 0\n");
-    let firmware = format!("--release --target {TARGET} --package jetlink --bin jetlink-fw --features");
+    let firmware = format!("--release --target {TARGET} --package jetlink-fw --bin jetlink-fw --features");
     let emu = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml --bin emu --");
     for (arguments, expected) in [
         (&["fw", "board-pixracer", "--quiet"][..], format!("build {firmware} board-pixracer --quiet")),
@@ -152,6 +152,8 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
         ),
         (&["emu", "babble"], format!("run --quiet --manifest-path {emu} test babble")),
         (&["emu-run", "pixracer"], format!("run --quiet --manifest-path {emu} run pixracer")),
+        (&["emu-record", "before"], format!("run --quiet --manifest-path {emu} record before")),
+        (&["emu-compare", "before"], format!("run --quiet --manifest-path {emu} compare before")),
         (&["qemu", "count"], "run --quiet --package qemu -- count".into()),
         (&["qemu-test"], "run --quiet --package qemu -- test".into()),
     ] {
@@ -273,7 +275,7 @@ fn each_alias_of_cargo_reaches_its_task() {
     let aliases: Vec<(&str, &str)> =
         config.lines().filter_map(|line| line.split_once(" = \"run --quiet --package xtask -- ")).collect();
     let flash = BOARDS.map(|board| format!("flash-{}", board.name));
-    let others = ["fw", "image", "emu", "emu-run", "qemu", "qemu-test"];
+    let others = ["fw", "image", "emu", "emu-run", "emu-record", "emu-compare", "qemu", "qemu-test"];
     let mut names: Vec<&str> = flash.iter().map(String::as_str).chain(others).collect();
     names.sort_unstable();
     let mut found: Vec<&str> = aliases.iter().map(|(alias, _)| *alias).collect();

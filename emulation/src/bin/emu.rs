@@ -1,7 +1,8 @@
-//! `cargo emu` and `cargo emu-run`: builds the firmware's images, then runs the tests on them or one of them
-//! interactively.
+//! `cargo emu`, `cargo emu-run`, `cargo emu-record` and `cargo emu-compare`: builds the firmware's images, then runs the
+//! tests on them, one of them interactively, or the four runs of a recording.
 
 use emulation::image::folder;
+use emulation::recording::{Comparison, MOST_SHIFT, NamedRun, RUNS, Recording};
 use emulation::{BOARDS, Board, Image, Run};
 use rigless::chip::uart::TcpPeer;
 use std::path::{Path, PathBuf};
@@ -15,7 +16,9 @@ cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-
     --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
                            ardupilot-bootloader (behind a bootloader, as far as it can tell),
                            selftest (reports on the board after 7 s)
-    --tcp PORT             TCP port of the telemetry UART on this machine; 5790 unless given (5760 is ArduPilot SITL's)";
+    --tcp PORT             TCP port of the telemetry UART on this machine; 5790 unless given (5760 is ArduPilot SITL's)
+cargo emu-record DIR       writes what four named runs send on each port into DIR, a text file each
+cargo emu-compare DIR      runs them again and compares; fails at another byte or order, or a shift above 100 us";
 
 /// Not 5760: ArduPilot's simulator listens there.
 const USUAL_PORT: u16 = 5790;
@@ -30,6 +33,8 @@ fn main() -> ExitCode {
     let result = match arguments.as_slice() {
         ["test", filters @ ..] => test(filters),
         ["run", options @ ..] => run(options),
+        ["record", folder] => record(Path::new(folder)),
+        ["compare", folder] => compare(Path::new(folder)),
         ["build"] => build_all(),
         _ => Err(USAGE.to_string()),
     };
@@ -132,4 +137,60 @@ fn run(options: &[&str]) -> Result<(), String> {
     println!("{}, the telemetry UART: 127.0.0.1:{tcp}. Ctrl-C ends.\n", board.telemetry.name);
     Run::new(board, image).engines().tcp(board.telemetry.name, peer).live();
     Ok(())
+}
+
+/// Plays the four runs, two at a time.
+fn play() -> Result<Vec<(&'static NamedRun, Recording)>, String> {
+    let mut images: Vec<_> = RUNS.iter().map(|run| (run.board, run.image)).collect();
+    images.sort_by_key(|(board, _)| board.name);
+    images.dedup_by_key(|(board, image)| (board.name, *image));
+    images.into_iter().try_for_each(|(board, image)| build(board, image))?;
+    let mut recordings = Vec::new();
+    for pair in RUNS.chunks(2) {
+        let played = std::thread::scope(|scope| {
+            let threads: Vec<_> = pair.iter().map(|run| scope.spawn(|| run.record())).collect();
+            threads.into_iter().map(|thread| thread.join().expect("a run that ends")).collect::<Vec<_>>()
+        });
+        for (run, recording) in pair.iter().zip(played) {
+            let recording = recording?;
+            println!("{}: {} bytes", run.name, recording.bytes());
+            recordings.push((run, recording));
+        }
+    }
+    Ok(recordings)
+}
+
+fn record(folder: &Path) -> Result<(), String> {
+    let error = |error: std::io::Error| format!("{} cannot be written: {error}.", folder.display());
+    std::fs::create_dir_all(folder).map_err(error)?;
+    for (run, recording) in play()? {
+        std::fs::write(folder.join(run.file()), run.text_of(&recording)).map_err(error)?;
+    }
+    Ok(())
+}
+
+fn compare(folder: &Path) -> Result<(), String> {
+    // Before anything takes a minute.
+    let mut before = Vec::new();
+    for run in &RUNS {
+        let path = folder.join(run.file());
+        let text = std::fs::read_to_string(&path)
+            .map_err(|error| format!("{} cannot be read: {error}.", path.display()))?;
+        before.push(Recording::parse(&text).map_err(|error| format!("{}: {error}.", path.display()))?);
+    }
+    let mut same = true;
+    for ((run, now), before) in play()?.iter().zip(&before) {
+        let comparison = Comparison::of(before, now);
+        same &= comparison.is_same();
+        match &comparison.difference {
+            Some(difference) => println!("{}: DIFFERENT at {difference}", run.name),
+            None => println!("{}: the same {} bytes", run.name, now.bytes()),
+        }
+        match comparison.shift {
+            0 => println!("    at the same times"),
+            us @ ..=MOST_SHIFT => println!("    largest shift {us} us, {}", comparison.shifted),
+            us => println!("    largest shift {us} us, MORE THAN {MOST_SHIFT} us, {}", comparison.shifted),
+        }
+    }
+    if same { Ok(()) } else { Err("What is sent has changed.".into()) }
 }

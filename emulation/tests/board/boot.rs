@@ -76,23 +76,24 @@ fn led_and_held_pins_are_driven() {
     on_all_boards(|board| {
         let (sender, receiver) = mpsc::channel();
         let look = move |bench: &mut Bench<'_>| {
-            // The mode and the level of a pin.
-            let mut pin = |(port, number, _): (char, u8, bool)| {
+            // The mode and the level of a pin, and whether it is open drain.
+            let mut pin = |port: char, number: u8| {
                 let gpio = board.gpio + 0x400 * u64::from(port as u8 - b'A');
-                let [mode, output] = [0x00, 0x14].map(|at| bench.register(gpio + at).expect("a register"));
-                (mode >> (2 * number) & 3, output >> number & 1 == 1)
+                let [mode, kind, output] =
+                    [0x00, 0x04, 0x14].map(|at| bench.register(gpio + at).expect("a register"));
+                (mode >> (2 * number) & 3, output >> number & 1 == 1, kind >> number & 1 == 1)
             };
-            let held: Vec<_> = board.held.iter().map(|&held| pin(held)).collect();
-            sender.send((pin(board.led), held)).expect("the test waits");
+            let held: Vec<_> = board.held.iter().map(|&(port, number, _)| pin(port, number)).collect();
+            sender.send((pin(board.led.pin.0, board.led.pin.1), held)).expect("the test waits");
         };
         let again = look.clone();
         // One flash of 50 ms each second.
         let run = Run::new(board, Image::Release).engines().at(900 * MILLIS, look);
         run.at(1030 * MILLIS, again).until(1100 * MILLIS).go();
-        let lit = board.led.2;
-        let held: Vec<_> = board.held.iter().map(|&(_, _, level)| (1, level)).collect();
-        for led in [!lit, lit] {
-            assert_eq!(receiver.recv(), Ok(((1, led), held.clone())), "{}", board.name);
+        let (lit, open_drain) = (board.led.lit, board.led.open_drain);
+        let held: Vec<_> = board.held.iter().map(|&(_, _, level)| (1, level, false)).collect();
+        for level in [!lit, lit] {
+            assert_eq!(receiver.recv(), Ok(((1, level, open_drain), held.clone())), "{}", board.name);
         }
     });
 }

@@ -2,7 +2,7 @@
 //! the clock security system: the first is turned off after each write that turns it on (`emulation/src/quirks.rs`), the
 //! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
 
-use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well};
+use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well, symbol};
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -51,11 +51,13 @@ fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) 
     raise_alarm(bench, board, image, task);
 }
 
+/// movw r0, #0xED04; movt r0, #0xE000; mov.w r1, #0x80000000; str r1, [r0]; bx lr: NMIPENDSET in ICSR.
+const RAISE_NMI: [u32; 4] = [0x5004_F64E, 0x0000_F2CE, 0x4100_F04F, 0x4770_6001];
+
 /// When this task runs next, the NMI comes that says that the crystal has stopped.
 fn raise_alarm(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
-    // movw r0, #0xED04; movt r0, #0xE000; mov.w r1, #0x80000000; str r1, [r0]; bx lr: NMIPENDSET in ICSR.
     let code = board.ram.start + 0x18000;
-    for (i, word) in [0x5004_F64E, 0x0000_F2CE, 0x4100_F04F, 0x4770_6001].into_iter().enumerate() {
+    for (i, word) in RAISE_NMI.into_iter().enumerate() {
         bench.set_word(code + 4 * i as u64, word);
     }
     hijack(bench, board, image, task, code);
@@ -142,6 +144,38 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
         let again = report.lines("left: LinkUp").next_back().expect("up again").at;
         assert!(again > crashed, "{}", report.log_text());
         assert!(report.faults.is_empty());
+    });
+}
+
+/// The worst moment: a fault is being handled when the crystal stops, so the NMI comes on top of the HardFault. Nothing but a
+/// return from an exception ends one, and the start goes through all of them.
+#[test]
+fn crystal_that_stops_while_a_fault_is_handled_resets_no_image_behind_a_bootloader() {
+    on_each_board(|board| {
+        for task in [Task::Supervisor, Task::Engine] {
+            // The handler of faults begins in RAM: it raises the NMI, as the crystal would, and waits.
+            let code = board.ram.start + 0x18000;
+            let table = symbol(board, Image::Ardupilot, "__vector_table");
+            let vector = [code as u16 | 1, (code >> 16) as u16];
+            let fault = move |bench: &mut Bench<'_>| {
+                bench.break_crystal();
+                for (i, word) in RAISE_NMI.into_iter().enumerate() {
+                    bench.set_word(code + 4 * i as u64, word);
+                }
+                bench.set_word(code + 0x40, 0xDE00_DE00); // udf: an undefined instruction
+                hijack(bench, board, Image::Ardupilot, task, code + 0x40);
+            };
+            let run = Run::new(board, Image::Ardupilot).engines().patch(table + 0x0C, vector.to_vec());
+            let report = run.at(1500 * MILLIS, fault).with_errors().until(3 * SECOND).go_unchecked().0;
+            assert!(report.resets.is_empty(), "{task:?} {:?}\n{}", report.resets, report.log_text());
+            let causes: Vec<_> = report
+                .lines("last reset: ")
+                .map(|log| log.text.rsplit(' ').next().expect("a cause"))
+                .collect();
+            assert_eq!(causes, ["PowerOn", "Restart"], "{task:?}\n{}", report.log_text());
+            let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+            assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
+        }
     });
 }
 

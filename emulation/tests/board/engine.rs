@@ -81,8 +81,8 @@ fn four_engines_start_one_after_the_other_and_run() {
 /// The memory that start-up leaves alone is full of something, as after a power-up.
 fn scramble(bench: &mut Bench<'_>, board: &Board) {
     let mut word = 0x9E37_79B9_u32;
-    let kept = symbol(board, Image::Demo, "__skept")..symbol(board, Image::Demo, "__ekept");
-    for at in kept.step_by(4) {
+    let retained = symbol(board, Image::Demo, "__sretained")..symbol(board, Image::Demo, "__eretained");
+    for at in retained.step_by(4) {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         bench.set_word(at, word);
     }
@@ -164,7 +164,7 @@ fn engines_that_run_go_on_after_any_reset() {
             assert_eq!(*last, Told::Run(0), "{}", engine.name);
             assert!(told.iter().all(|(at, told)| *at < report.resets[0].0 || *told != Told::Standby));
             assert_eq!(
-                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("WentOn")).count(),
+                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("Resumed")).count(),
                 3
             );
             if let Protocol::Amt(_) = engine.protocol {
@@ -186,7 +186,7 @@ fn after_a_reset_where_no_engine_runs_there_is_standby() {
             .resets(1)
             .until(6 * SECOND)
             .go();
-        assert!(report.logged("last reset: Watchdog") && !report.logged("WentOn"), "{}", report.log_text());
+        assert!(report.logged("last reset: Watchdog") && !report.logged("Resumed"), "{}", report.log_text());
         for engine in engines(&report) {
             let told = told(&report, &engine);
             assert!(

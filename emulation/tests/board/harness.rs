@@ -11,10 +11,10 @@ fn complaints(run: Run) -> String {
 }
 
 /// A run in which the handler of the first port's interrupt is replaced by other instructions.
-fn with_broken_handler(board: &'static Board, halfwords: &'static [u16]) -> Run {
+fn with_broken_handler(board: &'static Board, halfwords: &[u16]) -> Run {
     let handler = symbol(board, Image::Release, &format!("{:?}", board.ports[0].uart).to_uppercase());
     // The first byte on that port comes at 500 ms.
-    Run::new(board, Image::Release).engines().patch(handler, halfwords).until(520 * MILLIS)
+    Run::new(board, Image::Release).engines().patch(handler, halfwords.to_vec()).until(520 * MILLIS)
 }
 
 #[test]

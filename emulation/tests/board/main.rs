@@ -10,6 +10,7 @@ mod boot;
 mod crystal;
 mod cut;
 mod driver;
+mod endless_waits;
 mod engine;
 mod first_flash;
 mod harness;

@@ -65,11 +65,14 @@ fn what_is_kept_over_a_reset_has_a_place_of_its_own() {
     on_all_boards(|board| {
         for image in Image::of(board) {
             let symbol = |name| symbol(board, image, name);
-            let kept = symbol("__skept")..symbol("__ekept");
+            let retained = symbol("__sretained")..symbol("__eretained");
             // 1 KiB from here on, and the last 7 KiB of the RAM are nobody's.
-            assert_eq!(kept.start, board.above.start, "{image:?}");
-            assert!(kept.end > kept.start && kept.end <= kept.start + 1024, "{image:?} {kept:x?}");
-            assert_eq!((kept.start % 8, kept.end % 8), (0, 0), "{image:?} {kept:x?}");
+            assert_eq!(retained.start, board.above.start, "{image:?}");
+            assert!(
+                retained.end > retained.start && retained.end <= retained.start + 1024,
+                "{image:?} {retained:x?}"
+            );
+            assert_eq!((retained.start % 8, retained.end % 8), (0, 0), "{image:?} {retained:x?}");
         }
     });
 }

@@ -39,7 +39,7 @@ fn the_report_says_what_the_part_has() {
         let core = board.core_hz as i64 / 1000;
         assert!((number("core", 0) - core).abs() <= core / 10_000, "{block:#?}");
         assert!((number("LSI", 0) - 32_000).abs() <= 1 && number("LSI", 1).abs() <= 10, "{block:#?}");
-        has("kept RAM survived the 2 resets of this test and 0 more; it began after a loss of power");
+        has("retained RAM survived the 2 resets of this test and 0 more; it began after a loss of power");
         has(&format!("TX at the start, pulled up: {0} of {0} high", board.ports.len()));
         match board.part {
             Part::H743 => {
@@ -76,7 +76,7 @@ fn a_later_reset_is_counted_and_begins_no_new_round() {
     on_each_board(|board| {
         let report = run(board).at(2 * SECOND, |bench| bench.press_reset()).resets(3).until(8 * SECOND).go();
         let block = block(&report);
-        let counted = "kept RAM survived the 2 resets of this test and 1 more";
+        let counted = "retained RAM survived the 2 resets of this test and 1 more";
         assert!(block.iter().any(|line| line.contains(counted)), "{block:#?}");
         assert_eq!(report.lines("selftest: round").count(), 2);
     });

@@ -163,7 +163,7 @@ pub struct Led {
 impl Led {
     /// Of this board.
     pub fn of(board: &Board) -> Self {
-        let (port, pin, lit) = board.led;
+        let emulation::board::Led { pin: (port, pin), lit, .. } = board.led;
         Self { register: board.gpio + 0x400 * u64::from(port as u8 - b'A') + 0x18, pin, lit }
     }
 

@@ -2,16 +2,22 @@
 
 use boards::Level;
 use emulation::BOARDS;
-use emulation::board::{Part, Pin};
+use emulation::board::{Before, Part, Pin};
 
 #[test]
 fn the_emulators_boards_are_those_of_the_table() {
     let names = |port: &emulation::board::Port| {
         let pin = |pin: Pin| format!("P{}{}", pin.port, pin.number);
-        (port.name.to_string(), format!("{:?}", port.uart).to_uppercase(), pin(port.rx), pin(port.tx))
+        let name = port.name.to_string();
+        (name, format!("{:?}", port.uart).to_uppercase(), pin(port.rx), pin(port.tx), port.before)
     };
     let same = |port: &boards::Port| {
-        (port.name.to_string(), port.uart.to_string(), port.rx.to_string(), port.tx.to_string())
+        let before = match port.before {
+            boards::Before::Floats => Before::Floats,
+            boards::Before::DrivenLow => Before::Low,
+            boards::Before::Listens => Before::Own,
+        };
+        (port.name.to_string(), port.uart.to_string(), port.rx.to_string(), port.tx.to_string(), before)
     };
     assert_eq!(BOARDS.map(|board| board.name), boards::BOARDS.map(|board| board.name));
     for (here, table) in BOARDS.iter().zip(boards::BOARDS) {
@@ -31,7 +37,9 @@ fn the_emulators_boards_are_those_of_the_table() {
 
         let pin = |(port, number, level): (char, u8, bool)| (format!("P{port}{number}"), level);
         let high = |level| level == Level::High;
-        assert_eq!(pin(here.led), (table.led.pin.to_string(), high(table.led.lit)), "{name}");
+        let led = (pin((here.led.pin.0, here.led.pin.1, here.led.lit)), here.led.open_drain);
+        let in_table = ((table.led.pin.to_string(), high(table.led.lit)), table.led.open_drain);
+        assert_eq!(led, in_table, "{name}");
         let mut held: Vec<_> = here.held.iter().map(|&held| pin(held)).collect();
         let mut in_table: Vec<_> =
             table.held().map(|hold| (hold.pin.to_string(), high(hold.level))).collect();
@@ -43,8 +51,8 @@ fn the_emulators_boards_are_those_of_the_table() {
         let range = |region: boards::Region| u64::from(region.start)..end(region);
         assert_eq!(here.flash, range(table.chip.flash), "{name}");
         assert_eq!(here.ram, range(table.chip.ram), "{name}");
-        assert_eq!(here.above.start, u64::from(table.chip.kept.start), "{name}");
-        assert!(here.above.end >= end(table.chip.kept), "{name}");
+        assert_eq!(here.above.start, u64::from(table.chip.retained.start), "{name}");
+        assert!(here.above.end >= end(table.chip.retained), "{name}");
         let behind_bootloader = table.flash(true).map(|flash| u64::from(flash.start));
         assert_eq!(here.behind_bootloader, behind_bootloader, "{name}");
     }

@@ -5,7 +5,9 @@ use embassy_time::Instant;
 use jetlink::command::{Demand, Interlock, Order};
 use jetlink::config::EngineConfig;
 use jetlink::engine::state::EngineState;
-use jetlink::telemetry::{LinkState, LossStage, Telemetry};
+use jetlink::event::LossStage;
+use jetlink::report::LinkState;
+use jetlink::telemetry::Telemetry;
 use jetlink::units::Celsius;
 
 /// A condition of a start.
@@ -35,7 +37,7 @@ pub fn of_start(telemetry: &Telemetry, config: &EngineConfig, others_start: bool
         add(false, "emergency stop", String::new(), Interlock::NotStandby);
     }
     add(telemetry.armed || !rules.arming, "armed", "armed".to_owned(), Interlock::NotArmed);
-    let since = telemetry.heard.map(|heard| seconds_between(heard, now));
+    let since = telemetry.last_rx.map(|heard| seconds_between(heard, now));
     let link = since.map_or_else(String::new, |since| {
         format!(
             "last frame {since:.2} s ago; stable for {} s needed",
@@ -144,7 +146,7 @@ mod tests {
     use super::super::engines::engines;
     use super::super::node::Node;
     use super::*;
-    use jetlink::telemetry::Timed;
+    use jetlink::report::Timed;
 
     #[test]
     fn what_is_not_met_is_said_as_the_refusal_says_it_with_the_limit() {

@@ -7,7 +7,8 @@ use super::sample::Message;
 use super::tap::Tap;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
-use jetlink::telemetry::{LinkState, Telemetry};
+use jetlink::report::LinkState;
+use jetlink::telemetry::Telemetry;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::{Nanos, SECOND};
@@ -207,7 +208,7 @@ impl<'a> Desk<'a> {
 
     /// Sees whether the link is up again after the last fault.
     pub fn watch_recovery(&self, telemetry: &Telemetry) {
-        let heard = telemetry.heard.filter(|&heard| heard >= self.clean_from);
+        let heard = telemetry.last_rx.filter(|&heard| heard >= self.clean_from);
         if let (Some(heard), LinkState::Up, None) = (heard, telemetry.link, self.recovered_after.get())
             && self.clean_from > Instant::MIN
         {

@@ -78,8 +78,8 @@ impl Frames {
     pub fn add(&mut self, entries: &[Entry]) {
         for entry in entries {
             match entry.direction {
-                Direction::ToNode => self.from_ecu(entry),
-                Direction::ToEcu => self.from_node(entry),
+                Direction::ToNode => self.ecu_byte(entry),
+                Direction::ToEcu => self.node_byte(entry),
             }
         }
     }
@@ -101,7 +101,7 @@ impl Frames {
         }
     }
 
-    fn from_ecu(&mut self, entry: &Entry) {
+    fn ecu_byte(&mut self, entry: &Entry) {
         let Some(byte) = received(entry) else { return };
         self.pending.push_back(*entry);
         let (length, text) = match &mut self.decoder {
@@ -126,7 +126,7 @@ impl Frames {
         }
     }
 
-    fn from_node(&mut self, entry: &Entry) {
+    fn node_byte(&mut self, entry: &Entry) {
         if self.command.last().is_some_and(|last| entry.start > last.end + LONGEST_GAP) {
             let bytes = core::mem::take(&mut self.command);
             self.keep(Direction::ToEcu, &bytes, None);

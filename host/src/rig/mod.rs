@@ -70,18 +70,18 @@ const LINES_EVERY_FAST: Duration = Duration::from_secs(30);
 
 /// Runs the rig. Status 0: all is well; 1: something was not reached, missed or could not be written; 2: a
 /// wrong option.
-pub fn run(args: Args) -> ExitCode {
+pub fn run(args: &Args) -> ExitCode {
     if args.list_scenarios {
         return list_scenarios();
     }
-    let mut order = match options::order(&args) {
+    let mut order = match options::order(args) {
         Ok(order) => order,
         Err(error) => {
             complain(&error);
             return ExitCode::from(2);
         }
     };
-    if let Err(problem) = output::check(&wanted(&args)) {
+    if let Err(problem) = output::check(&wanted(args)) {
         let (error, status) = match problem {
             Problem::Option(error) => (error, 2),
             Problem::File(error) => (error, 1),
@@ -89,7 +89,7 @@ pub fn run(args: Args) -> ExitCode {
         complain(&error);
         return ExitCode::from(status);
     }
-    match perform(&args, &mut order) {
+    match perform(args, &mut order) {
         Ok(status) => status,
         Err(error) => {
             complain(&error);

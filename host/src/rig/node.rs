@@ -5,10 +5,11 @@
 
 use super::engines::Engine;
 use embassy_time::Duration;
-use jetlink::channels::Channel;
+use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
-use jetlink::engine::keep::{self, Memory};
-use jetlink::telemetry::{Counters, Telemetry};
+use jetlink::engine::retained::{self, RetainedMemory};
+use jetlink::report::Counters;
+use jetlink::telemetry::Telemetry;
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
@@ -39,7 +40,7 @@ pub enum Cause {
 pub struct Node<'a> {
     engines: &'a [Engine],
     /// What a reset leaves alone.
-    memory: &'static [Memory],
+    memory: &'static [RetainedMemory],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
     /// What was counted until the last reset.
@@ -57,7 +58,7 @@ impl<'a> Node<'a> {
         let node = Self {
             engines,
             // It lives as long as the program, as in the firmware; there is one node in a run.
-            memory: Box::leak(engines.iter().map(|_| Memory::new()).collect()),
+            memory: Box::leak(engines.iter().map(|_| RetainedMemory::new()).collect()),
             channels: RefCell::new(None),
             last: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
@@ -72,14 +73,14 @@ impl<'a> Node<'a> {
     /// It starts, with what was kept. Gives its channels, for the tasks that live and die with them.
     pub fn boot(&self) -> Rc<[Channel]> {
         let reset = match self.cause.get() {
-            Cause::Watchdog => keep::Reset::Warm,
-            Cause::BrownOut | Cause::PowerLost => keep::Reset::PowerLost,
+            Cause::Watchdog => retained::Reset::Warm,
+            Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         let channels: Rc<[Channel]> = self
             .engines
             .iter()
             .zip(self.memory)
-            .map(|(engine, memory)| Channel::with_memory(&engine.config, memory, reset))
+            .map(|(engine, memory)| Channel::new(&engine.config, Some((memory, reset))))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
         for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {
@@ -136,7 +137,13 @@ impl<'a> Node<'a> {
         origin: Origin,
     ) -> Option<Result<Accepted, Rejected>> {
         let channels = self.channels.borrow().clone()?;
-        let answer = channels.get(engine)?.handle_in(&channels).command(command, origin);
+        let handle = channels.get(engine)?.handle_in(&channels);
+        let source = match origin {
+            Origin::Emergency => handle.emergency_source(),
+            origin => handle.source(origin),
+        };
+        // Held for this command only, so that everybody in the rig may speak for any source.
+        let answer = source.ok()?.command(command);
         if answer == Err(Rejected::Listening) {
             self.rejected_at_start.borrow_mut()[engine] += 1;
         }
@@ -169,13 +176,13 @@ fn sum(before: &Counters, since: &Counters) -> Counters {
         sent: before.sent.saturating_add(since.sent),
         replies_missed: before.replies_missed.saturating_add(since.replies_missed),
         replies_late: before.replies_late.saturating_add(since.replies_late),
-        turns_missed: before.turns_missed.saturating_add(since.turns_missed),
+        send_slots_missed: before.send_slots_missed.saturating_add(since.send_slots_missed),
         given_up: before.given_up.saturating_add(since.given_up),
         write_errors: before.write_errors.saturating_add(since.write_errors),
         commands_rejected: before.commands_rejected.saturating_add(since.commands_rejected),
         events_lost: before.events_lost.saturating_add(since.events_lost),
         worst_reply_margin: before.worst_reply_margin.into_iter().chain(since.worst_reply_margin).min(),
-        worst_turn_delay: before.worst_turn_delay.max(since.worst_turn_delay),
+        worst_slot_delay: before.worst_slot_delay.max(since.worst_slot_delay),
     }
 }
 
@@ -187,9 +194,9 @@ mod tests {
     fn counts_of_two_boots_are_added_and_the_worst_of_both_is_kept() {
         let ms = |ms| Some(Duration::from_millis(ms));
         let first = Counters { frames: 500, worst_reply_margin: ms(9), ..Counters::default() };
-        let second = Counters { frames: 30, worst_turn_delay: ms(2), ..Counters::default() };
+        let second = Counters { frames: 30, worst_slot_delay: ms(2), ..Counters::default() };
         let both = sum(&first, &second);
-        assert_eq!((both.frames, both.worst_reply_margin, both.worst_turn_delay), (530, ms(9), ms(2)));
+        assert_eq!((both.frames, both.worst_reply_margin, both.worst_slot_delay), (530, ms(9), ms(2)));
         assert_eq!(sum(&both, &Counters { worst_reply_margin: ms(7), ..first }).worst_reply_margin, ms(7));
     }
 }

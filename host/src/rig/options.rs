@@ -153,6 +153,9 @@ pub struct Args {
     pub list_scenarios: bool,
 }
 
+/// The actions of a script file, and its end.
+pub type Actions = (Vec<(Instant, Action)>, Option<Duration>);
+
 /// What is decided before a run.
 #[derive(Debug)]
 pub struct Order {
@@ -161,7 +164,7 @@ pub struct Order {
     /// The same in words, for a script file.
     pub header: Header,
     /// The actions of a script file, and its end.
-    pub script: Option<(Vec<(Instant, Action)>, Option<Duration>)>,
+    pub script: Option<Actions>,
     /// Nothing is asked for in particular: somebody looks on.
     pub tour: bool,
 }

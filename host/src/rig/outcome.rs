@@ -5,7 +5,7 @@ use super::play::action::Action;
 use super::play::judge::Verdict;
 use super::simulated::EcuCounts;
 use embassy_time::{Duration, Instant};
-use jetlink::telemetry::{Counters, LinkState};
+use jetlink::report::{Counters, LinkState};
 
 /// What had to happen, and whether it did.
 #[derive(Clone, PartialEq, Eq, Debug)]

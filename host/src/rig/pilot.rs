@@ -14,7 +14,9 @@ use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
-use jetlink::telemetry::{LinkState, LossStage, Phase, Telemetry};
+use jetlink::event::LossStage;
+use jetlink::report::{LinkState, Phase};
+use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
 
@@ -459,7 +461,7 @@ impl<'a> Pilot<'a> {
     fn describe(&self) -> String {
         let telemetry = self.telemetry();
         let report = &telemetry.report;
-        if telemetry.heard.is_none() {
+        if telemetry.last_rx.is_none() {
             return "nothing was ever received from the ECU".to_owned();
         }
         if telemetry.link != LinkState::Up {

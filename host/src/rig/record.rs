@@ -69,7 +69,7 @@ impl Point {
             rpm: sample.rpm.map(|rpm| Band::of(rpm.into())),
             egt: sample.egt.map(Band::of),
             silent: sample.silent,
-            link: sample.link == jetlink::telemetry::LinkState::Up,
+            link: sample.link == jetlink::report::LinkState::Up,
             fault: sample.faults.is_some_and(|faults| !faults.is_empty()),
             throttle: sample.asked_percent().map(Band::of),
             demand_rpm: sample.asked_rpm().map(|rpm| Band::of(rpm.into())),
@@ -148,11 +148,6 @@ impl Record {
     pub fn since(&self, engine: usize, t: f64) -> &[Point] {
         let points = self.points(engine);
         points.get(points.partition_point(|point| point.t < t)..).unwrap_or_default()
-    }
-
-    /// How many samples make one point: more than one where a long run was thinned.
-    pub const fn samples_a_point(&self) -> u32 {
-        self.each
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::sample::Sample;
 use embassy_time::Duration;
-use jetlink::telemetry::LinkState;
+use jetlink::report::LinkState;
 
 /// Heads of the columns with their widths, what matters most first: up to the link they fit 80 columns with names
 /// like `booster`. A text that is wider is cut.
@@ -29,7 +29,7 @@ pub fn heads(names: &[&str]) -> String {
 pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) -> String {
     let dash = || "-".to_owned();
     let counters = &sample.counters;
-    let timing = match (counters.worst_reply_margin, counters.worst_turn_delay) {
+    let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
         (Some(margin), _) => format!("margin {}", millis(margin)),
         (None, Some(delay)) => format!("delay {}", millis(delay)),
         (None, None) => dash(),
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
     use jetlink::command::{Demand, Order, Origin};
     use jetlink::engine::state::EngineState;
-    use jetlink::telemetry::LossStage;
+    use jetlink::event::LossStage;
     use jetlink::units::{Rpm, Throttle};
 
     /// Whatever is shown, these are the columns that matter.
@@ -111,7 +111,7 @@ mod tests {
         let desk = Desk::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
         let names = ["left", "right", "centre", "booster"];
         let quiet = Sample::take(&desk, &node.telemetry(3));
-        let starting = jetlink::telemetry::EcuState { code: 2, name: "ignition-min-throttle" };
+        let starting = jetlink::report::EcuState { code: 2, name: "ignition-min-throttle" };
         let mut loud = Sample {
             stage: Stage::Cooling,
             lever: Lever::Run(Demand::Rpm(Rpm::new(160_000))),
@@ -128,8 +128,8 @@ mod tests {
             ..quiet
         };
         loud.counters.crc_failures = 123_456;
-        loud.counters.turns_missed = 1234;
-        loud.counters.worst_turn_delay = Some(Duration::from_micros(12_345));
+        loud.counters.send_slots_missed = 1234;
+        loud.counters.worst_slot_delay = Some(Duration::from_micros(12_345));
         let heads = heads(&names);
         for line in [&heads, &row("booster", &names, &quiet, 0.0), &row("booster", &names, &loud, 100.0)] {
             let ends = where_they_end(line);

@@ -9,7 +9,9 @@ use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
 use jetlink::ecu::Faults;
 use jetlink::engine::state::EngineState;
-use jetlink::telemetry::{Counters, LinkState, LossStage, Telemetry, Timed};
+use jetlink::event::LossStage;
+use jetlink::report::{Counters, LinkState, Timed};
+use jetlink::telemetry::Telemetry;
 use sim::wire::Entry;
 
 /// Between two samples.
@@ -75,7 +77,7 @@ impl Sample {
             silent: desk.silent.get(),
             link: telemetry.link,
             does: telemetry.state,
-            ruler: telemetry.ruler,
+            ruler: telemetry.active_source,
             waiting: telemetry.waiting,
             loss: telemetry.loss,
             limited: telemetry.limited,
@@ -148,7 +150,7 @@ impl Sample {
     /// Replies and turns that the node missed by its own count.
     pub const fn missed(&self) -> u32 {
         let counters = &self.counters;
-        counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.turns_missed)
+        counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.send_slots_missed)
     }
 
     /// What came from the ECU and was no frame.

@@ -15,12 +15,13 @@ use super::scenario::{Cockpit, Scenario};
 use super::simulated::{counts, ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use jetlink::channels::Events;
+use jetlink::channel::Events;
 use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
-use jetlink::engine::life::End as LifeEnd;
-use jetlink::engine::watch::{Passed, Watched};
+use jetlink::event::End as LifeEnd;
+use jetlink::event::{Event, LossStage};
+use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::runner::LineErrors;
-use jetlink::telemetry::{Event, LossStage, Telemetry};
+use jetlink::telemetry::Telemetry;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Faults as LineFaults, Plug};
@@ -330,7 +331,7 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, co
         if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {
             desk.standby_of(clock::now_ns(), origin);
         }
-        let given_up = event == Event::RunWithdrawn(LifeEnd::Unconfirmed);
+        let given_up = event == Event::RunCancelled(LifeEnd::Unconfirmed);
         if by_itself || given_up {
             let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
             desk.take_log(plug);
@@ -392,20 +393,20 @@ fn text(event: Event) -> Option<String> {
         Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
         Event::NotObeyed => "THE ECU DOES NOT FOLLOW ITS ORDERS: check the wire to it".to_owned(),
         Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
-        Event::Ruler(origin) => format!("{} is in control", origin.name()),
+        Event::ActiveSource(origin) => format!("{} is in control", origin.name()),
         // The fault itself is told by its name.
-        Event::Limit(Passed { what: Watched::EcuFault, .. }) => return None,
+        Event::Limit(LimitViolation { what: LimitKind::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
         Event::OtherFailed(0) => {
             "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
         }
         Event::OtherFailed(1) => "ANOTHER ENGINE HAS FAILED".to_owned(),
         Event::OtherFailed(count) => format!("{count} OTHER ENGINES HAVE FAILED"),
-        Event::WentOn(Demand::Throttle(throttle)) => {
+        Event::Resumed(Demand::Throttle(throttle)) => {
             format!("the node has started and goes on at {:.1} %", f64::from(throttle.tenths()) / 10.0)
         }
-        Event::WentOn(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
-        Event::RunWithdrawn(end) => format!("{}: the node goes to standby", end.name()),
+        Event::Resumed(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
+        Event::RunCancelled(end) => format!("{}: the node goes to standby", end.name()),
         Event::LifeInDoubt => "in doubt whether the engine runs: the demand does not reach it".to_owned(),
         Event::LifeConfirmed => "the engine runs: the demand goes out".to_owned(),
         Event::Clamped(max) => format!("the demand is beyond the maximum: {} rpm go out", max.get()),
@@ -420,18 +421,18 @@ fn text(event: Event) -> Option<String> {
 }
 
 /// A limit that was passed, for people.
-fn limit(passed: Passed) -> String {
-    let Passed { what, value, limit, .. } = passed;
+fn limit(passed: LimitViolation) -> String {
+    let LimitViolation { what, value, limit, .. } = passed;
     match what {
-        Watched::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
-        Watched::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
-        Watched::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),
-        Watched::HotStart => format!("hot start, EGT rises by {value} °C/s, more than {limit} °C/s"),
-        Watched::FlameOut => format!("flame-out, {value} % of the shaft speed lost, {limit} % or more"),
-        Watched::SupplyLow => format!("supply {value} mV, below {limit} mV"),
-        Watched::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
-        Watched::EcuFault => format!("the ECU reports fault {value}"),
-        Watched::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
+        LimitKind::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
+        LimitKind::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
+        LimitKind::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),
+        LimitKind::HotStart => format!("hot start, EGT rises by {value} °C/s, more than {limit} °C/s"),
+        LimitKind::FlameOut => format!("flame-out, {value} % of the shaft speed lost, {limit} % or more"),
+        LimitKind::SupplyLow => format!("supply {value} mV, below {limit} mV"),
+        LimitKind::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
+        LimitKind::EcuFault => format!("the ECU reports fault {value}"),
+        LimitKind::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
     }
 }
 

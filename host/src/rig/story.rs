@@ -3,7 +3,8 @@
 use super::desk::Stage;
 use super::sample::Sample;
 use jetlink::command::Order;
-use jetlink::telemetry::{LinkState, LossStage};
+use jetlink::event::LossStage;
+use jetlink::report::LinkState;
 
 /// The line for this moment. The most urgent comes first.
 pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> String {

@@ -6,7 +6,7 @@ use super::quantity::seconds;
 use super::row::millis;
 use super::sample::decode_errors;
 use embassy_time::Duration;
-use jetlink::telemetry::LinkState;
+use jetlink::report::LinkState;
 
 /// Engines beside one another: with names of 12 letters they fill 80 columns.
 const ENGINES_BESIDE: usize = 4;
@@ -121,7 +121,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     row("worst cadence error", &|o| {
         o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
     });
-    row("missed send slots", &|o| if is_amt(o) { dash() } else { o.node.turns_missed.to_string() });
+    row("missed send slots", &|o| if is_amt(o) { dash() } else { o.node.send_slots_missed.to_string() });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
     row("bad commands at the ECU", &|o| o.ecu.bad.to_string());
     row("commands rejected", &|o| o.commands_rejected.to_string());

@@ -16,6 +16,8 @@ pub struct HotFuel {
 pub struct History {
     /// Each instant at which a start began: starter and igniter on.
     pub ignitions: Vec<Nanos>,
+    /// Those of them that the ECU began by itself.
+    pub relights: Vec<Nanos>,
     /// Each instant at which fuel caught fire.
     pub light_offs: Vec<Nanos>,
     /// Each time that fuel flowed into an engine that neither starts nor runs, with its exhaust at

@@ -9,8 +9,8 @@
 use super::{PORTS, Port, Register, semihosting::exit};
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_time::{Duration, Ticker};
-use jetlink::config::ENGINES;
 use jetlink::ecu::EcuConfig;
+use jetlink_fw::config::ENGINES;
 
 /// In place of each UART's registers.
 static REGISTERS: [[AtomicU32; 5]; PORTS.len()] = [const { [const { AtomicU32::new(0) }; 5] }; PORTS.len()];

@@ -1,5 +1,6 @@
 //! For the self-test: what an STM32F427 says of its own chip, power, clocks, flash and option bytes (RM0090).
 
+use crate::board::facts;
 use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
 
 /// Size of the flash in KiB (RM0090, 39.2).
@@ -10,12 +11,7 @@ pub fn chip() {
     let id = DBGMCU.idcode().read().0;
     // SAFETY: read-only memory that every STM32F427 has, aligned.
     let size = unsafe { FLASH_SIZE.read_volatile() };
-    defmt::info!(
-        "selftest: device {=u32:#05x}, revision {=u32:#06x}, {=u16} KiB of flash",
-        id & 0xFFF,
-        id >> 16,
-        size
-    );
+    facts::device(id, size);
     defmt::info!("selftest: PWR CR {=u32:#010x}, CSR {=u32:#010x}", PWR.cr1().read().0, PWR.csr1().read().0);
     defmt::info!(
         "selftest: RCC CR {=u32:#010x}, CFGR {=u32:#010x}, PLLCFGR {=u32:#010x}, BDCR {=u32:#010x}",
@@ -38,11 +34,6 @@ pub fn memory() {
         flash.dcen()
     );
     let options = FLASH.optcr().read();
-    defmt::info!(
-        "selftest: option bytes OPTCR {=u32:#010x}: brown-out {=str}, read protection {=u8:#x}, watchdog by {=str}",
-        options.0,
-        ["level 3", "level 2", "level 1", "off"][usize::from(options.bor_lev() & 3)],
-        options.rdp(),
-        if options.wdg_sw() { "software" } else { "hardware" }
-    );
+    let brown_out = ["level 3", "level 2", "level 1", "off"][usize::from(options.bor_lev() & 3)];
+    facts::options("OPTCR", options.0, brown_out, options.rdp(), options.wdg_sw());
 }

@@ -1,5 +1,6 @@
 //! For the self-test: what an STM32H743 says of its own chip, power, clocks, flash and option bytes (RM0433).
 
+use crate::board::facts;
 use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
 
 /// Size of the flash in KiB (RM0433, 61.2).
@@ -10,12 +11,7 @@ pub fn chip() {
     let id = DBGMCU.idc().read().0;
     // SAFETY: read-only memory that every STM32H743 has, aligned.
     let size = unsafe { FLASH_SIZE.read_volatile() };
-    defmt::info!(
-        "selftest: device {=u32:#05x}, revision {=u32:#06x}, {=u16} KiB of flash",
-        id & 0xFFF,
-        id >> 16,
-        size
-    );
+    facts::device(id, size);
     defmt::info!(
         "selftest: PWR CR3 {=u32:#010x}, CSR1 {=u32:#010x}, D3CR {=u32:#010x}",
         PWR.cr3().read().0,
@@ -42,11 +38,7 @@ pub fn memory() {
         flash >> 4 & 3
     );
     let options = FLASH.optsr_cur().read();
-    defmt::info!(
-        "selftest: option bytes OPTSR {=u32:#010x}: brown-out {=str}, read protection {=u8:#x}, watchdog by {=str}",
-        options.0,
-        ["off", "level 1", "level 2", "level 3"][usize::from(options.bor_lev() & 3)],
-        options.rdp(),
-        if options.0 >> 4 & 1 == 1 { "software" } else { "hardware" } // IWDG1_SW (RM0433, 4.9.8)
-    );
+    let brown_out = ["off", "level 1", "level 2", "level 3"][usize::from(options.bor_lev() & 3)];
+    let by_software = options.0 >> 4 & 1 == 1; // IWDG1_SW (RM0433, 4.9.8)
+    facts::options("OPTSR", options.0, brown_out, options.rdp(), by_software);
 }

@@ -1,7 +1,7 @@
 //! How fast a demand may rise.
 
 use super::{Case, Rule};
-use crate::history::{Ask, MS, SECOND, Said, Told, Word};
+use crate::history::{Ask, Cause, MS, SECOND, Said, Told, Word};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
 const STEP: f64 = 7.0;
@@ -63,16 +63,36 @@ impl Case<'_> {
         let h = self.h;
         let rules = &h.rules;
         let mut before: Option<(u64, Ask, f64)> = None;
+        // What came to the ECU last: the demand that a node without memory finds and goes on with.
+        let mut obeyed: Option<(Ask, f64)> = None;
+        // Until an ID 6 without RPM_X has come, that is the speed.
+        let mut by_rpm = false;
+        let mut forgets =
+            h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).map(|reset| reset.up).peekable();
         let mut reported = 0;
         for frame in &h.frames {
+            if forgets.next_if(|up| *up <= frame.at).is_some() {
+                let higher = |(_, low): &(Ask, f64)| before.is_none_or(|(.., before)| *low > before);
+                let found = obeyed.filter(higher);
+                before = found.map(|(ask, low)| (frame.at - rules.period, ask, low)).or(before);
+            }
             if matches!(frame.told, Told::Full(switch, _) | Told::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
             {
                 // The next run begins from the throttle of a start.
-                before =
-                    Some((frame.at, Ask::Throttle(rules.start_throttle), f64::from(rules.start_throttle)));
+                let idle = Ask::Throttle(rules.start_throttle);
+                before = Some((frame.at, idle, f64::from(rules.start_throttle)));
+                obeyed = if frame.arrived { Some((idle, f64::from(rules.start_throttle))) } else { obeyed };
+            }
+            if let Told::Mode(_, factor) = frame.told
+                && frame.arrived
+            {
+                by_rpm = factor > 0;
             }
             let Some(ask) = frame.told.demand() else { continue };
             let (at, share) = (frame.at, self.share(ask));
+            if frame.arrived && (!by_rpm || matches!(ask, Ask::Rpm(_))) {
+                obeyed = Some((ask, share));
+            }
             if let Some((when, last, low)) = before.replace((at, ask, share))
                 && core::mem::discriminant(&last) == core::mem::discriminant(&ask)
                 && share > low

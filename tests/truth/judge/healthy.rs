@@ -1,7 +1,8 @@
 //! The other way round: an engine that runs, and is told to run, is not shut down, not given up, and not held low.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, Reset, SECOND, Spans, Switch, Word};
+use crate::history::{Ask, Cause, MS, Mark, Reset, SECOND, Sample, Spans, Switch, Word};
+use sim::turbine::Phase;
 
 /// So long an engine has to run, and be heard, until the node has to know.
 const KNOWN: u64 = 3 * SECOND;
@@ -13,18 +14,21 @@ impl Case<'_> {
     fn exemptions(&self) -> Vec<(&'static str, Spans)> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
-        let cut = h.mute.union(&h.deaf).longer(SETTLES);
+        let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // Up for less than it takes to find out, again and again, is as good as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
         let silent = if self.is_amt() { down.union(&h.noise) } else { down.clone() };
-        let silent = silent.at_least(patience.saturating_sub(300 * MS));
+        // What it costs beside itself: up to a set before it, the one in which it ends, and an AMT set without a state behind it,
+        // which is not answered after a gap.
+        let costs = if self.is_amt() { 3 * h.rules.period + 50 * MS } else { 300 * MS };
+        let silent = silent.at_least(patience.saturating_sub(costs));
         let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
         let gap = Spans::from(&silent).longer(SETTLES);
         // What is damaged on the way to the ECU for longer than it waits is as good as cut. On the way to the node damage costs
         // a ZK ECU nothing, and an AMT ECU its replies where no set can be told from garbage.
         let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
-        let damage = damage.at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
+        let damage = damage.at_least(patience.saturating_sub(costs)).longer(SETTLES);
         let zk = !self.is_amt();
         // Which ECU it is at that time.
         let of = |spans: Spans, version: core::ops::Range<u8>| {
@@ -94,7 +98,20 @@ impl Case<'_> {
     /// When the engine began to run, if it runs at this instant and nothing has kept the node from knowing it.
     pub(super) fn known_to_run(&self, at: u64) -> bool {
         let Some((from, to)) = self.runs.last_before(at) else { return false };
-        at < to && at > from + KNOWN && at - from > KNOWN + self.hidden.within(from, at)
+        at < to
+            && at > from + KNOWN
+            && at - from > KNOWN + self.hidden.within(from, at)
+            && self.longest_up(from, at) >= self.two_states()
+    }
+
+    /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is told.
+    pub(super) fn longest_up(&self, from: u64, at: u64) -> u64 {
+        let (mut since, mut longest) = (from, 0);
+        for (down, up) in self.down.iter().filter(|(down, up)| *up > from && *down < at) {
+            longest = longest.max(down.saturating_sub(since));
+            since = up;
+        }
+        longest.max(at.saturating_sub(since))
     }
 
     pub(super) fn shut_down(&mut self) {
@@ -146,16 +163,21 @@ impl Case<'_> {
         })
     }
 
+    /// When a source said that it wants nothing, right after this word: it is silent from then on.
+    fn nothing_after(&self, source: usize, word: u64, at: u64) -> Option<u64> {
+        let later = self.voices.until(source, at).iter().find(|(when, _)| *when > word);
+        later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when)
+    }
+
     /// Whether a higher source, which says run, keeps this one's standby from taking effect.
     fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
         // It was in control for sure at this word.
-        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover) else {
+        // What goes out now was found a slot ago.
+        let Some(sure) = self.ruled_for_sure(higher, at, rules.recover_after + rules.takeover + slack) else {
             return false;
         };
-        // Who is present and wants nothing is silent from that word on.
-        let later = self.voices.until(higher, at).iter().find(|(when, _)| *when > sure);
-        let nothing = later.filter(|(_, word)| *word == Word::Nothing).map(|(when, _)| *when);
+        let nothing = self.nothing_after(higher, sure, at);
         let lost = nothing.unwrap_or(u64::MAX).min(sure + self.voices.age(higher));
         // Or another one has taken over since, with a run of its own.
         let took_over = (0..4).filter(|other| *other != higher).any(|other| {
@@ -217,7 +239,12 @@ impl Case<'_> {
         let youngest = rules.ages.into_iter().min().unwrap_or_default();
         let silent_since = match up {
             Some(up) if heard < up => up,
-            _ => heard + youngest,
+            _ => {
+                let said = (0..4)
+                    .filter(|source| self.voices.last(*source, heard).is_some_and(|(when, _)| when == heard));
+                let nothing = said.filter_map(|source| self.nothing_after(source, heard, at)).min();
+                nothing.unwrap_or(u64::MAX).min(heard + youngest)
+            }
         };
         // From the third reset without a source on it resumes at the fail-safe.
         let resets: Vec<u64> =
@@ -248,11 +275,22 @@ impl Case<'_> {
             let run = |at| self.voices.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
             // With nothing retained, and error sets only, nobody knows that it ran.
+            // After them two sets have to agree before there is a reply.
+            let sets = at.saturating_sub(3 * h.rules.period);
+            let faults = |up| h.samples(up, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
-            let unknown = power.is_some_and(|reset| {
-                self.is_amt()
-                    && h.samples(reset.up, at.saturating_sub(200 * MS)).iter().all(|sample| sample.fault)
+            // Nor does anybody after another reset, whose doubt only a burning exhaust would answer, where the exhaust is not known:
+            // in doubt nothing goes out that could start an engine.
+            let blind = h.sensor.union(&h.egt_faulty);
+            // It is with that reset that the replies end.
+            let last = h.frames[..h.frames.partition_point(|frame| frame.at < at)].last();
+            let last = last.map_or(0, |frame| frame.at);
+            let doubted = h.resets.iter().find(|reset| {
+                (last..=last + self.gap()).contains(&reset.down)
+                    && blind.within(reset.up, at) == at.saturating_sub(reset.up)
+                    && faults(reset.up)
             });
+            let unknown = self.is_amt() && (power.is_some_and(|reset| faults(reset.up)) || doubted.is_some());
             if mark == Mark::GivenUp
                 && !unknown
                 && ran
@@ -287,9 +325,33 @@ impl Case<'_> {
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.said(since, at).iter().any(|said| said.word == Word::Ctf);
+        // A turbine passes it that goes out, or whose values are damaged. It may be lit again in the same life.
+        let out = |sample: &Sample| sample.phase == Phase::Running && !sample.lit;
         let limit_change = h.rules.limit_change == Some(false)
-            && (h.noise.touches(start, at) || h.sensor.touches(start, at) || !self.live.contains(at));
+            && (h.noise.touches(start, at)
+                || h.sensor.touches(start, at)
+                || ran.iter().any(out)
+                || !self.live.contains(at));
         limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
+    }
+
+    /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it goes on
+    /// without a take-over.
+    fn came_back(&self, source: usize, at: u64, most: u64) -> bool {
+        let h = self.h;
+        let Some(speaks) = self.voices.speaks_since(source, at) else { return false };
+        let Some((before, Word::Run(_))) = self.voices.last(source, speaks.saturating_sub(1)) else {
+            return false;
+        };
+        let short =
+            speaks <= before + self.voices.age(source) + h.rules.return_within.saturating_sub(100 * MS);
+        let since = before.saturating_sub(most);
+        let steady = self.voices.speaks_since(source, before).is_some_and(|from| from <= since);
+        let alone = h.said(since, at).iter().all(|said| said.source == source);
+        let hidden =
+            self.blind.union(&h.noise).union(&h.deaf).touches(since, at) || self.down.touches(since, at);
+        let runs = self.runs.last_before(at).is_some_and(|(from, _)| from <= since);
+        short && steady && alone && runs && !hidden
     }
 
     pub(super) fn held_down(&mut self) {
@@ -298,7 +360,8 @@ impl Case<'_> {
         let exempt =
             self.exemptions().into_iter().fold(Spans::default(), |all, (_, spans)| all.union(&spans));
         let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
-        let most = rules.takeover + rules.recover_after + 1000 * SECOND / u64::from(rise) + 2 * SECOND;
+        let quick = 1000 * SECOND / u64::from(rise) + 700 * MS;
+        let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
         // A node that was reset, or did not hear the ECU, has to find out what its engine does.
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
         // With error sets only an AMT engine whose exhaust falls may be any: its demand is not raised.
@@ -340,13 +403,15 @@ impl Case<'_> {
             while frame < h.frames.len() && h.frames[frame].at <= at {
                 frame += 1;
             }
-            let Some((from, source, ask)) =
-                since.filter(|&(from, source, _)| at > from.max(spoken(source)) + most && at >= reported)
+            let bound = |source| if self.came_back(source, at, most) { quick } else { most };
+            let Some((from, source, ask)) = since
+                .filter(|&(from, source, _)| at > from.max(spoken(source)) + quick && at >= reported)
+                .filter(|&(from, source, _)| at > from.max(spoken(source)) + bound(source))
             else {
                 low_since = None;
                 continue;
             };
-            let knows_rpm = matches!(rules.kind, Kind::Zk(4..)) && !rules.governor;
+            let knows_rpm = h.version(at) >= 4 && !rules.governor;
             if matches!(ask, Ask::Rpm(_)) && !knows_rpm || self.reduced(at) {
                 low_since = None;
                 continue;

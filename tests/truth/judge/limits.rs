@@ -1,7 +1,7 @@
 //! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
 
-use super::{Case, Rule, seconds};
-use crate::history::{Ask, MS, SECOND, Sample, Spans, Switch, Word};
+use super::{Case, Rule, Voices, seconds};
+use crate::history::{Ask, MS, SECOND, Said, Sample, Spans, Switch, Word};
 
 /// Beyond a limit by so much, for so long, an ECU has reported it twice: °C, rpm.
 const BEYOND: f64 = 12.0;
@@ -71,7 +71,7 @@ impl Case<'_> {
         let Some(part) = h.rules.when_other_fails else { return };
         let rules = &h.rules;
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
-        let mut reported = 0;
+        let (mut reported, mut judged) = (0, 0);
         for frame in &h.frames {
             let at = frame.at;
             let Some(ask) = frame.told.demand() else { continue };
@@ -96,7 +96,15 @@ impl Case<'_> {
                 Ask::Throttle(_) => 0.0,
                 Ask::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
             };
-            if most > 0.0 && self.share(ask) > most.max(idle) + STEP && self.known_to_run(at) {
+            if most == 0.0 || !self.known_to_run(at) {
+                continue;
+            }
+            if let Some((from, _)) = failed
+                && core::mem::replace(&mut judged, from) != from
+            {
+                self.verdict.count("reductions", 1);
+            }
+            if self.share(ask) > most.max(idle) + STEP {
                 let text = format!(
                     "{ask} on the wire while another engine has failed, {:.1} % at most",
                     most / 10.0
@@ -134,7 +142,9 @@ impl Case<'_> {
                 let words = &words[words.partition_point(|(when, _)| *when < from)..];
                 !words.is_empty() && words.iter().all(|(_, word)| *word == Word::Run(Ask::Throttle(tenths)))
             };
+            // The one that is taken over from is not lost meanwhile: its demand would fall.
             let steady = since.is_some_and(|since| since + settled < at)
+                && self.voices.speaks_since(lower, until) == since
                 && same(lower, held, at.saturating_sub(settled))
                 && same(said.source, wanted, at)
                 && lower > said.source
@@ -167,19 +177,26 @@ impl Case<'_> {
 /// When another engine has failed for sure: it ran, nobody told it to stop, and it went out.
 pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     let mut spans = Spans::default();
+    let voices = Voices::new(other);
     let runs = other.times(|sample| sample.runs());
     for (_, out) in runs.iter() {
-        let stops = |word: Word| {
-            matches!(word, Word::Standby | Word::ShutDown | Word::Stop | Word::Ctf | Word::Disarm)
+        // Standby below somebody who says otherwise changes nothing.
+        let stops = |said: &&Said| match said.word {
+            Word::Standby => voices.in_control(said.at).is_none_or(|(source, _)| source >= said.source),
+            word => matches!(word, Word::ShutDown | Word::Stop | Word::Ctf | Word::Disarm),
         };
         let said = other.said(out.saturating_sub(10 * SECOND), other.end);
-        let ends = said.iter().find(|said| stops(said.word)).map_or(other.end, |said| said.at);
+        let ends = said.iter().find(stops).map_or(other.end, |said| said.at);
         let reset = other.resets.iter().find(|reset| reset.up > out.saturating_sub(5 * SECOND));
         let ends = ends.min(reset.map_or(u64::MAX, |reset| reset.down));
         let again = other.marks.iter().find(|(at, _)| *at > out).map_or(u64::MAX, |(at, _)| *at);
         let silent = other.said(0, out).iter().rev().find(|said| said.word.is_heard());
         let commanded =
             silent.is_some_and(|said| matches!(said.word, Word::Run(_)) && out < said.at + SECOND);
+        // Nor did the stages of loss, or a limit.
+        let frames = &other.frames[..other.frames.partition_point(|frame| frame.at < out)];
+        let told = frames.iter().rev().find_map(|frame| frame.told.switch().map(|switch| (frame.at, switch)));
+        let commanded = commanded && told.is_some_and(|(at, told)| told == Switch::Run && out < at + SECOND);
         let from = out + 8 * SECOND;
         let hidden = other.mute.union(&other.noise).union(&other.unpowered);
         if commanded && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {

@@ -2,7 +2,7 @@
 
 use super::control::{silences, to_fail_safe};
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, SECOND};
+use crate::history::{Ask, Cause, Kind, MS, SECOND, Switch, Told};
 
 /// From a new demand to the turbine's speed.
 const SPIN_DOWN: u64 = 7 * SECOND;
@@ -70,6 +70,20 @@ impl Case<'_> {
         hidden || self.down.touches(at.saturating_sub(SPIN_DOWN), at)
     }
 
+    /// The last demand that came to the ECU is above the fail-safe.
+    fn obeys_more(&self, at: u64) -> bool {
+        let h = self.h;
+        let before = h.frames[..h.frames.partition_point(|frame| frame.at < at)].iter().rev();
+        let ends = |told: Told| matches!(told.switch(), Some(Switch::Standby | Switch::Stop));
+        let last = before.filter(|frame| frame.arrived).map(|frame| frame.told);
+        let last = last.filter(|told| told.demand().is_some() || ends(*told)).take(1).find_map(Told::demand);
+        match last {
+            Some(Ask::Throttle(tenths)) => tenths > h.rules.fail_safe + 6,
+            Some(Ask::Rpm(rpm)) => f64::from(rpm) > h.rules.idle_rpm + 0.006 * h.rules.max_rpm,
+            None => false,
+        }
+    }
+
     /// The instant by which the demand is at the fail-safe: a reset costs the time without a node and the time to find
     /// out, at most three of them; from the third on it resumes there.
     fn fail_safe_by(&self, from: u64, to: u64, stages: u64) -> u64 {
@@ -78,7 +92,9 @@ impl Case<'_> {
         let mut by = from + stages;
         let mut resets = 0;
         for reset in self.h.resets.iter().filter(|reset| reset.up > from && reset.down < to) {
-            if reset.down >= by {
+            // What is at the fail-safe stays there. A demand that did not get to the ECU, because its life is in doubt, has not
+            // been lowered: a node without memory finds it, and begins with it.
+            if reset.down >= by && !(reset.cause == Cause::PowerOn && self.obeys_more(reset.down)) {
                 break;
             }
             resets += 1;

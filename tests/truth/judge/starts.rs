@@ -1,8 +1,15 @@
 //! Who may start an engine, and for how long an engine at rest may be told to run.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, Mark, SECOND, Switch, Word};
+use crate::history::{Ask, Cause, Frame, Kind, MS, Mark, SECOND, Switch, Word};
 use sim::turbine::Phase;
+
+/// After a lower demand a falling exhaust says nothing for so long.
+const LOWERED: u64 = 5 * SECOND;
+/// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by so many °C a second for
+/// so many seconds.
+const FALL: f64 = 19.0;
+const FALLS_FOR: u64 = 5;
 
 /// One source's own standby and then its own run at idle.
 #[derive(Clone, Copy, Debug)]
@@ -19,12 +26,16 @@ pub(super) struct Start {
 impl Case<'_> {
     /// Every pair of words that asks for a start.
     fn pairs(&self) -> Vec<Start> {
-        let idle_rpm = self.h.rules.idle_rpm as u32;
         let mut starts: Vec<Start> = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
         let recovered = self.h.rules.recover_after + self.h.rules.takeover;
+        let mut lost = self.h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).peekable();
         for said in &self.h.said {
             let (at, source) = (said.at, said.source);
+            while lost.next_if(|reset| reset.down <= at).is_some() {
+                // No permission outlives a loss of the node's power.
+                ready = [false; 4];
+            }
             // Of whom.
             let withdraw = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
                 for start in starts.iter_mut().filter(|start| of(start.source)) {
@@ -33,8 +44,11 @@ impl Case<'_> {
             };
             match said.word {
                 Word::Standby => {
-                    ready[source] = true;
                     let changed = matches!(last[source], Some((when, Word::Run(_))) if at <= when + self.voices.age(source));
+                    if changed {
+                        ready = [false; 4];
+                    }
+                    ready[source] = true;
                     // A stray word of a source that was away changes nothing; of a higher one it has to take effect.
                     let spoken =
                         self.voices.speaks_since(source, at).is_some_and(|since| at >= since + recovered);
@@ -44,11 +58,7 @@ impl Case<'_> {
                     }
                 }
                 Word::Run(ask) => {
-                    let idle = match ask {
-                        Ask::Throttle(tenths) => tenths <= self.h.rules.idle_band,
-                        Ask::Rpm(rpm) => rpm <= idle_rpm,
-                    };
-                    if core::mem::take(&mut ready[source]) && idle {
+                    if core::mem::take(&mut ready[source]) && self.is_idle(ask) {
                         starts.push(Start {
                             source,
                             at,
@@ -58,11 +68,10 @@ impl Case<'_> {
                         });
                     }
                 }
-                Word::Stop => {
+                Word::Stop | Word::Disarm | Word::ShutDown => {
                     ready = [false; 4];
                     withdraw(&mut starts, &|_| true);
                 }
-                Word::Disarm | Word::ShutDown => withdraw(&mut starts, &|_| true),
                 _ => {}
             }
             if said.word.is_heard() {
@@ -70,6 +79,13 @@ impl Case<'_> {
             }
         }
         starts
+    }
+
+    pub(super) fn is_idle(&self, ask: Ask) -> bool {
+        match ask {
+            Ask::Throttle(tenths) => tenths <= self.h.rules.idle_band,
+            Ask::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
+        }
     }
 
     /// How long after its run a start may still bring the engine to life.
@@ -90,7 +106,10 @@ impl Case<'_> {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
-        if h.unpowered.touches(at.saturating_sub(stable), at) {
+        // One that has only just begun cannot be seen yet.
+        let outage =
+            |(from, to): (u64, u64)| to > at.saturating_sub(stable) && at >= (from + self.gap()).min(to);
+        if h.unpowered.iter().any(outage) {
             return Some("its ECU was powered up just now".into());
         }
         let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
@@ -123,10 +142,9 @@ impl Case<'_> {
         }
         if at > start.at + self.start_time() {
             return who("is too long ago");
-        } // Where no run goes out at once, it waits for another engine, for as long as its source is there.
-        let first = self.h.frames.partition_point(|frame| frame.at < start.at);
-        let first = self.h.frames[first..].iter().find(|frame| frame.told.switch() == Some(Switch::Run));
-        let began = first.map_or(at, |frame| frame.at.min(at));
+        }
+        // Where no run goes out at once, it waits for another engine, for as long as its source is there.
+        let began = self.began(start.at, at);
         let longest = |until| self.longest_gap(start.source, start.at, until);
         // Whether it waited shows at the next slot at the earliest.
         let waited = began > start.at + self.h.rules.period + 100 * MS;
@@ -142,9 +160,26 @@ impl Case<'_> {
         if longest(at) > stages {
             return who("is of a source that was silent for too long");
         }
+        if waited {
+            // Everything is checked again when it goes.
+            let ask = self.voices.last(start.source, began).map(|(_, word)| word);
+            if !matches!(ask, Some(Word::Run(ask)) if self.is_idle(ask)) {
+                return who("waited, and its source did not say run at idle any more");
+            }
+            if let Some(why) = self.interlock(began) {
+                return who(&format!("waited, and was not to be granted when it went: {why}"));
+            }
+        }
         // Every interlock at that instant; only another engine that starts is waited for.
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
     }
+
+    /// When run goes out after a start that was asked for, within this time.
+    fn began(&self, asked: u64, at: u64) -> u64 {
+        let mut frames = self.h.frames_within(asked, at).iter();
+        frames.find(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
+    }
+
     /// The longest time without a word of a source, from one of its words on.
     fn longest_gap(&self, source: usize, from: u64, to: u64) -> u64 {
         let words = self.voices.until(source, to);
@@ -184,6 +219,8 @@ impl Case<'_> {
             }
             if let Some(index) = by {
                 starts[index].used = true;
+                let waited = self.began(starts[index].at, at) > starts[index].at + SECOND;
+                self.verdict.count("starts that waited", u64::from(waited));
                 continue;
             }
             // An outage with boot that is shorter than a gap cannot be seen.
@@ -194,7 +231,7 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
-            // With error sets only, the order goes on until the exhaust says that the engine is out: an ECU that clears its
+            // With error sets only, the order goes on until the exhaust says that the engine is out, within 4 s: an ECU that clears its
             // fault before that, and starts again on the run that it was told, cannot be seen.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let tripped = out.is_some_and(|out| {
@@ -203,7 +240,9 @@ impl Case<'_> {
                     && self.runs.touches(out.saturating_sub(5 * SECOND), out)
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
-                    && since.iter().all(|sample| sample.egt > 290.0 && sample.at < out + 4 * SECOND)
+                    && since.iter().all(|sample| sample.egt > 290.0)
+                    // Nor does a node see the exhaust fall that is reset again before it has.
+                    && self.longest_up(out, at.saturating_sub(100 * MS)) < 4 * SECOND
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
@@ -236,7 +275,7 @@ impl Case<'_> {
             let anew = lives[..lives.partition_point(|life| *life <= at)].last().copied();
             if in_gap.is_none() {
                 // A start that has not brought the engine to life yet.
-                let next = starts.iter().rev().filter(|start| start.at <= at).take(4).find(|start| {
+                let next = latest(&starts, at).find(|start| {
                     went_out.is_none_or(|out| out < start.at)
                         && anew.is_none_or(|anew| anew < start.at)
                         && (start.at + 100 * MS > at || self.not_by(start, at).is_none())
@@ -244,12 +283,13 @@ impl Case<'_> {
                 if next.is_some() {
                     continue;
                 }
-                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits.                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
+                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits. A gap that has
+                // just begun cannot be seen yet.
                 let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
-                let unreported = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
+                let unreported = latest(&starts, at).any(|start| {
                     went_out.is_some_and(|out| out >= start.at && out < lit.max(start.at) + self.two_states())
                         && anew.is_none_or(|anew| anew < lit.max(start.at) + self.two_states() + self.gap())
-                        && !gaps.touches(start.at, at)
+                        && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
                         && !self.is_amt()
                         && self.not_by(start, at).is_none()
                 });
@@ -257,7 +297,7 @@ impl Case<'_> {
                     continue;
                 }
                 // With error sets in a start nothing says that it failed, if the exhaust is not believed: the start's time.
-                let failed_start = starts.iter().rev().filter(|start| start.at <= at).take(4).any(|start| {
+                let failed_start = latest(&starts, at).any(|start| {
                     self.is_amt()
                         && went_out.is_some_and(|out| {
                             out >= start.at
@@ -270,7 +310,16 @@ impl Case<'_> {
                 if failed_start {
                     continue;
                 }
-                // The engine went out: two reports have to say so.
+                // An AMT ECU says that it was powered up.
+                let unheard = h.noise.union(&h.mute).union(&self.down);
+                let announced = h.unpowered.last_before(at).is_some_and(|(_, powered)| {
+                    let set_up = powered + h.rules.boot;
+                    self.is_amt()
+                        && went_out.is_some_and(|out| out <= powered)
+                        && at > set_up
+                        && !unheard.touches(powered, set_up + 200 * MS)
+                });
+                // The engine went out: the first report that says so is enough.
                 let unseen = |from: u64| {
                     anew.is_none_or(|anew| anew < from || anew < from + self.gap() + h.rules.boot)
                 };
@@ -278,27 +327,26 @@ impl Case<'_> {
                     let noise = h.noise.within(out, at);
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
-                    // With faults in place of a state the exhaust has to be cold.
-                    let hot = h.samples(out, at).iter().find(|sample| sample.egt < 290.0);
-                    // It is not asked within 5 s after a lower demand.
-                    let hot = hot.map_or(at, |cold| cold.at + 5 * SECOND) - out;
-                    let hot = if self.is_amt() && fault { hot } else { 0 };
-                    (out, out + hot + self.two_states() + noise.min(10 * SECOND) + down)
+                    // With faults in place of a state the exhaust has to be cold, or to fall.
+                    let hot = if self.is_amt() && fault { self.put_out_by_exhaust(out, at) - out } else { 0 };
+                    (out, out + hot + self.one_state() + noise.min(10 * SECOND) + down)
                 });
                 // With error sets only the exhaust tells.
                 let by_exhaust = |out| {
                     self.is_amt()
                         && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
                 };
-                if seen.is_some_and(|(out, until)| at <= until && (unseen(out) || by_exhaust(out + 100 * MS)))
-                {
+                let seen =
+                    seen.filter(|(out, until)| at <= *until && (unseen(*out) || by_exhaust(out + 100 * MS)));
+                if seen.is_some() && !announced {
                     continue;
                 }
                 // A node that was reset did not hear the power-up, and the first reports still say that the engine runs, with its
                 // shaft turning: a running engine.
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
-                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 2.0);
+                    // By the setting: 20 in the raw unit in which idle is 60 to 74.
+                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
                     h.rules.stale > 0
                         && self.is_amt()
                         && at < anew + reports
@@ -336,6 +384,26 @@ impl Case<'_> {
             reported = at + 10 * SECOND;
         }
     }
+
+    /// When the exhaust of an engine that went out has shown it: it is cold, or falls fast enough for long enough, and not
+    /// because a lower demand was asked for.
+    fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
+        let h = self.h;
+        let samples = h.samples(out, at);
+        let cold = samples.iter().find(|sample| sample.egt < 290.0).map_or(at, |cold| cold.at + LOWERED);
+        let demand = |frame: &Frame| frame.told.demand().map_or(0.0, |ask| self.share(ask));
+        let frames = h.frames_within(out.saturating_sub(LOWERED), at);
+        if frames.windows(2).any(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])) {
+            return cold;
+        }
+        let egt = |at| h.sample(at).map_or(0.0, |sample| sample.egt);
+        let falls =
+            |at: u64| (0..FALLS_FOR).all(|n| egt(at - (n + 1) * SECOND) - egt(at - n * SECOND) > FALL);
+        let fallen =
+            samples.iter().map(|sample| sample.at).find(|at| *at >= out + FALLS_FOR * SECOND && falls(*at));
+        fallen.map_or(cold, |fallen| fallen.min(cold))
+    }
+
     pub(super) fn hand_over(&mut self) {
         let h = self.h;
         let lives = self.starts_of_life();
@@ -367,10 +435,8 @@ impl Case<'_> {
                             .any(|later| later.word == Word::Standby && later.source <= said.source)
                     {
                         Some("it was taken back")
-                    } else if h.resets.iter().any(|reset| {
-                        (said.at..at).contains(&reset.up) && !matches!(reset.cause, Cause::Watchdog)
-                    }) {
-                        Some("the node has lost its power since")
+                    } else if h.resets.iter().any(|reset| (said.at..at).contains(&reset.up)) {
+                        Some("the node was reset since")
                     } else if lives.iter().any(|anew| *anew > said.at && at > anew + slack) {
                         Some("the ECU was powered up, or the line lost, since")
                     } else {
@@ -384,4 +450,9 @@ impl Case<'_> {
             }
         }
     }
+}
+
+/// The last starts up to an instant, the last first.
+fn latest(starts: &[Start], at: u64) -> impl Iterator<Item = &Start> {
+    starts.iter().rev().filter(move |start| start.at <= at).take(4)
 }

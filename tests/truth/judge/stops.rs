@@ -5,12 +5,22 @@ use crate::history::{Cause, Frame, Kind, MS, SECOND, Spans, Switch, Told, Word};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
+/// Frames within two slots, of which one may go out at once, and one right behind another that needs it.
+const AT_ONCE: usize = 5;
 
 impl Case<'_> {
     pub(super) fn bad_frames(&mut self) {
         for frame in &self.h.frames {
             if let Told::Bad(bytes) = frame.told {
                 self.verdict.finding(Rule::Frame, frame.at, format!("no frame: {bytes:02X?}"));
+            }
+        }
+        // What was meant for the time in which the transmitter stood still does not go out after it.
+        for &stall in &self.h.stalls {
+            let frames = self.h.frames_within(stall, stall + 2 * self.h.rules.period).len();
+            if frames > AT_ONCE {
+                let text = format!("{frames} frames within two slots after the transmitter stood still");
+                self.verdict.finding(Rule::Frame, stall, text);
             }
         }
     }
@@ -55,6 +65,15 @@ impl Case<'_> {
         for (from, to) in latches {
             let first = h.frames.partition_point(|frame| frame.at < from);
             let frames = || h.frames[first..].iter().take_while(move |frame| frame.at < to);
+            // A pump is closed after the first stop.
+            let first_stop = frames().find(|frame| says_stop(frame)).map_or(to, |frame| frame.at);
+            let closes = |frame: &&Frame| frame.told == Told::Action(CLOSE_PUMP);
+            if let Some(frame) =
+                frames().find(closes).filter(|frame| frame.at > from + 2 * MS && frame.at < first_stop)
+            {
+                let text = format!("stopped at {}, and the pump is closed first", seconds(from));
+                self.verdict.finding(Rule::Stop, frame.at, text);
+            }
             let mut closes = 0;
             let mut closed_last = false;
             let mut up = 0;
@@ -77,7 +96,7 @@ impl Case<'_> {
                 self.verdict.finding(Rule::Stop, frame.at, text);
             }
             // There is one at every slot: ZK by itself, AMT in reply to each set that can be heard.
-            let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS));
+            let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS)).union(&self.stalled());
             let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
             let most = 3 * period + 30 * MS;
             let mut before = from;
@@ -94,6 +113,12 @@ impl Case<'_> {
                 before = at;
             }
         }
+    }
+
+    /// The times in which nothing leaves the node, because its transmitter stands still.
+    fn stalled(&self) -> Spans {
+        let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
+        Spans::from(&stalled.collect::<Vec<_>>())
     }
 
     /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.

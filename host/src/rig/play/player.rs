@@ -9,7 +9,7 @@ use super::action::{Act, Action, Fault, Wish};
 use super::judge::{Judge, Seen, Verdict};
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
-use jetlink::telemetry::LinkState;
+use jetlink::report::LinkState;
 use jetlink::units::{Rpm, Throttle};
 use sim::any::AnyEcu;
 use sim::clock;

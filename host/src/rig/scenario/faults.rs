@@ -5,7 +5,7 @@ use super::super::desk::Stage;
 use super::cockpit::Cockpit;
 use super::{ON_WIRE, all, is_run};
 use jetlink::command::{Accepted, Rejected};
-use jetlink::telemetry::Event;
+use jetlink::event::Event;
 use sim::amt::{AmtConfig, AmtEcu, Engine};
 use sim::ecu::{MILLIS, SECOND};
 

@@ -7,9 +7,8 @@ use super::cockpit::{Cockpit, Seat};
 use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
-use jetlink::engine::life::End;
-use jetlink::engine::watch::Watched;
-use jetlink::telemetry::{Event, LossStage};
+use jetlink::event::{End, Event, LossStage};
+use jetlink::limit::LimitKind;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 /// What it takes to see by the exhaust that an engine burns no more: two agreeing sets below 300 °C, or 3 s of a fast
@@ -99,7 +98,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.event();
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
-    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::HotStart));
+    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::HotStart));
     c.must(told, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
@@ -174,7 +173,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     let end = c.now();
     c.look();
     let told =
-        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
+        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("left: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
@@ -214,7 +213,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     let end = c.now();
     c.look();
     let told =
-        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == Watched::FlameOut));
+        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("right: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
@@ -241,7 +240,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         "right: and stays, although run goes on being commanded",
     );
     c.must(
-        c.told(1, |event| matches!(event, Event::RunWithdrawn(End::NotBurning | End::AtRest))),
+        c.told(1, |event| matches!(event, Event::RunCancelled(End::NotBurning | End::AtRest))),
         "right: the reason is reported",
     );
     c.must(
@@ -324,7 +323,7 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
                 c.ran_from(i, at) && c.speed_stayed(i, at, 0.02),
                 format!("{name}, {what}: the engine runs on, its speed within 2 %"),
             );
-            let went_on = c.events_since(i, at, |event| matches!(event, Event::WentOn(_)));
+            let went_on = c.events_since(i, at, |event| matches!(event, Event::Resumed(_)));
             c.must(went_on == 1, format!("{name}, {what}: reported that it resumed"));
             c.must(
                 matches!(c.seat(i).answer(), Some(Ok(Accepted::InForce))),
@@ -362,7 +361,7 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
             seconds(stopped - cut)
         ),
     );
-    let given_up = c.when_told(0, |event| event == Event::RunWithdrawn(End::Unconfirmed)).map(|at| at - cut);
+    let given_up = c.when_told(0, |event| event == Event::RunCancelled(End::Unconfirmed)).map(|at| at - cut);
     c.must(
         given_up.is_some_and(|after| (3800 * MILLIS..=4100 * MILLIS).contains(&after)),
         format!(

@@ -6,7 +6,7 @@ use super::cockpit::{Cockpit, Seat};
 use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
-use jetlink::telemetry::Event;
+use jetlink::event::Event;
 use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::zk::{ZkConfig, ZkEcu};
@@ -62,7 +62,7 @@ pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
                 format!("{name}, {what}: the engine stops with its ECU, and is not lit again"),
             );
             c.must(
-                c.events_since(i, off, |event| matches!(event, Event::RunWithdrawn(_))) >= 1,
+                c.events_since(i, off, |event| matches!(event, Event::RunCancelled(_))) >= 1,
                 format!("{name}, {what}: the end of the run is reported"),
             );
             c.must(
@@ -190,7 +190,7 @@ pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.must(rises_slowly(&frames), format!("{name}: the demand rises by 50 % a second at most"));
         c.must(c.ran_from(i, at), format!("{name}: the engine runs all the time"));
         c.must(
-            c.events_since(i, at, |event| matches!(event, Event::WentOn(_))) == 1,
+            c.events_since(i, at, |event| matches!(event, Event::Resumed(_))) == 1,
             format!("{name}: reported that it went on"),
         );
         c.must(

@@ -5,7 +5,7 @@ use super::super::desk::{Lever, Stage};
 use super::cockpit::{Cockpit, Seat, percent};
 use super::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
-use jetlink::telemetry::Event;
+use jetlink::event::Event;
 use sim::ecu::{MILLIS, SECOND};
 
 pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {

@@ -86,7 +86,7 @@ fn texts(
     let egt_full = subject.egt_limit.map_or(900.0, |limit| limit * 1.1);
     let counters = &sample.counters;
     let rate = model.rates.get(engine).copied().unwrap_or_default();
-    let timing = match (counters.worst_reply_margin, counters.worst_turn_delay) {
+    let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
         (Some(margin), _) => format!("worst reply margin {}", millis(margin)),
         (None, Some(delay)) => format!("worst slot delay {}", millis(delay)),
         (None, None) => "nothing sent yet".to_owned(),

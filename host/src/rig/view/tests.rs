@@ -16,7 +16,6 @@ use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::{Color, Modifier};
 use std::cell::RefCell;
-use std::path::PathBuf;
 
 /// As a colour terminal with UTF-8.
 pub const COLOUR: Theme = Theme { colours: true, ascii: false };
@@ -68,8 +67,7 @@ pub struct Played {
 
 /// Plays the script file with this text beside these keys.
 pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Played {
-    let path =
-        PathBuf::from(std::env::temp_dir()).join(format!("jetlink-view-{}-{name}", std::process::id()));
+    let path = std::env::temp_dir().join(format!("jetlink-view-{}-{name}", std::process::id()));
     std::fs::write(&path, script).unwrap();
     let args = ["rig", "--fast", "--script", path.to_str().unwrap()];
     let mut order = order(&Cli::parse_from(args).args).unwrap();

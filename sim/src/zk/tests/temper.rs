@@ -80,6 +80,8 @@ fn a_flame_out_is_an_error_or_a_restart() {
         assert_eq!((bench.ecu.state(), bench.ecu.error()), (state::RESTART, 0));
         bench.until(|ecu| ecu.turbine().phase() == Phase::Running);
         assert_eq!((bench.ecu.state(), ignitions(&bench)), (state::RUNNING, 2));
+        let history = bench.ecu.turbine().history();
+        assert_eq!(history.relights, history.ignitions[1..]);
         // Once only.
         bench.ecu.turbine_mut().flame_out();
         bench.until(|ecu| ecu.error() == error::RPM_LOW);

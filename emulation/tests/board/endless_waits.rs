@@ -1,0 +1,105 @@
+//! Waits of the start that never end: for a PLL, for the regulator, for an oscillator. The watchdog ends them, so it has to
+//! run before the first of them; and where its own oscillator is what is waited for, the image must not wait.
+
+use crate::support::{engines, on_each_board, others_are_well};
+use emulation::board::Part;
+use emulation::{Bench, Bootloader, Image, Jump, Leftover, Run, Stuck};
+use sim::ecu::{MILLIS, SECOND};
+use std::sync::mpsc;
+
+/// 4096 counts of 16 periods of the LSI.
+const WATCHDOG: u64 = 2048 * MILLIS;
+
+/// RCC_CR and RCC_CFGR, PWR_CR and PWR_CR3 or PWR_D3CR: what makes the clocks and the voltage, and can be waited for.
+fn clocks(part: Part) -> [u64; 4] {
+    match part {
+        Part::H743 => [0x5802_4400, 0x5802_4410, 0x5802_480C, 0x5802_4818],
+        Part::F427 => [0x4002_3800, 0x4002_3808, 0x4000_7000, 0x4000_7004],
+    }
+}
+
+#[test]
+fn watchdog_starts_before_any_clock_is_touched() {
+    on_each_board(|board| {
+        let run = Run::new(board, Image::Release).engines().record(board.watchdog);
+        let run = clocks(board.part).into_iter().fold(run, |run, register| run.record(register));
+        let report = run.until(SECOND / 10).go();
+        let first = |register: u64| report.written.iter().position(|write| write.register == register);
+        let started = first(board.watchdog).expect("the watchdog starts");
+        assert_eq!(report.written[started].value, 0xCCCC, "{:?}", report.written);
+        let touched = clocks(board.part).into_iter().filter_map(first).min().expect("the clocks are set");
+        assert!(started < touched, "{}: {:x?}", board.name, report.written);
+    });
+}
+
+#[test]
+fn wait_that_never_ends_ends_in_a_reset_by_the_watchdog() {
+    on_each_board(|board| {
+        let waits = match board.part {
+            Part::H743 => [Stuck::Pll, Stuck::VoltageScale],
+            Part::F427 => [Stuck::Pll, Stuck::OverDrive],
+        };
+        for stuck in waits {
+            // A slow core, because it spins for 2 s.
+            let run = Run::new(board, Image::Release).engines().instructions_per_second(8_000_000);
+            let run = run.at(0, move |bench| bench.jam(stuck));
+            let report = run.resets(1).until(WATCHDOG + 900 * MILLIS).go_unchecked().0;
+            let name = board.name;
+            let [(at, cause)] = &report.resets[..] else {
+                panic!("{name} {stuck:?}: {:?}\n{}", report.resets, report.log_text());
+            };
+            assert_eq!(format!("{cause:?}"), "Model(\"IWDG\")", "{name} {stuck:?}");
+            assert!((WATCHDOG..WATCHDOG + 50 * MILLIS).contains(at), "{name} {stuck:?}: {at}");
+            // It hung, so it said nothing; the next start is a good one.
+            let first = &report.logs[0];
+            assert!(first.at > *at && first.text.ends_with("last reset: Watchdog"), "{}", report.log_text());
+            assert!(report.logged("left: LinkUp"), "{name} {stuck:?}: {}", report.log_text());
+        }
+    });
+}
+
+/// The watchdog runs on the LSI: a wait for an LSI that is dead would never end. The emulator's LSI cannot be dead while the
+/// watchdog runs, so the request for it is looked at: bit 0 of RCC_CSR, which Embassy waits for right after.
+#[test]
+fn plain_image_asks_for_no_lsi() {
+    on_each_board(|board| {
+        let control = match board.part {
+            Part::H743 => 0x5802_4474,
+            Part::F427 => 0x4002_3874,
+        };
+        let report = Run::new(board, Image::Release).engines().record(control).until(SECOND / 10).go();
+        let asked = report.written.iter().find(|write| write.register == control && write.value & 1 == 1);
+        assert_eq!(asked, None, "{}", board.name);
+        assert!(report.logged("last reset: PowerOn"), "it started");
+    });
+}
+
+/// Before a new prescaler has crossed over into the watchdog's clock another is ignored. At the clock that a reset leaves, and
+/// with the largest prescaler, that is 48 ms by what ST's HAL allows.
+#[test]
+fn watchdog_gets_its_time_however_long_its_registers_take() {
+    on_each_board(|board| {
+        let (sender, receiver) = mpsc::channel();
+        let look = move |bench: &mut Bench<'_>| {
+            let registers = [4, 8, 12].map(|offset| bench.register(board.watchdog + offset));
+            sender.send(registers).expect("the test waits");
+        };
+        let internal = match board.part {
+            Part::H743 => 64_000_000,
+            Part::F427 => 16_000_000,
+        };
+        let leaves = vec![Leftover::WatchdogCrossing];
+        let report = Run::new(board, Image::Release)
+            .engines()
+            .instructions_per_second(internal)
+            .slow_watchdog()
+            .bootloader(Bootloader { jump: Jump::New, leaves, decides: false })
+            .at(SECOND, look)
+            .until(SECOND + 1)
+            .go();
+        // 4000 counts of 8 periods: 1 s; and nothing is on its way.
+        assert_eq!(receiver.recv(), Ok([Some(1), Some(3999), Some(0)]), "{}", board.name);
+        assert!(!engines(&report).is_empty());
+        others_are_well(&report, &[]);
+    });
+}

@@ -1,0 +1,55 @@
+//! How an AMT ECU is spoken to, and what it can be asked to do once.
+
+use super::codec::{CONTROL_LEN, Engine};
+use crate::line::{Line, Timing};
+use crate::setting::settings;
+use embassy_time::Duration;
+
+/// From the last stop bit of an ECU frame to the last stop bit of its reply (AMT-11).
+pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
+
+settings! {
+    /// How an AMT ECU is spoken to.
+    pub struct Config, "ecu.", AtNextStart {
+        start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some want the stick up for a start (AMT-14).";
+        reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";
+        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without replies for so long it stops its turbine by itself (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU.";
+        half_idle: raw "AMT_HALF_IDLE" = 20 in 1..=254, "Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed. An engine whose shaft turns slower is not running. 20 is 10 000 rpm of an Olympus, which idles at 36 000 rpm and lights at 6000 rpm.";
+    }
+    groups {
+        /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
+        engine: Option<Engine> = None;
+    }
+}
+
+impl Config {
+    /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
+    pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
+
+    /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
+    /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
+    pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
+        let needed = line.time_of(CONTROL_LEN as u32).as_ticks().saturating_add(self.reply_guard.as_ticks());
+        if needed >= REPLY_WINDOW.as_ticks() {
+            return None;
+        }
+        Some(Duration::from_ticks(REPLY_WINDOW.as_ticks() - needed))
+    }
+}
+
+/// Service commands of an AMT ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Service {
+    /// CTF: while running, the ECU stops the engine after its serial delay time. Refused unless the engine is ordered to
+    /// run. Sent until standby or a stop is ordered; new demands do not call it off. Never used for a normal stop (AMT-13).
+    Ctf,
+}
+
+impl Service {
+    pub(crate) const fn needs_stopped_engine(self) -> bool {
+        match self {
+            Self::Ctf => false,
+        }
+    }
+}

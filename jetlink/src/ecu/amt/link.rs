@@ -1,0 +1,515 @@
+//! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
+//!
+//! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So there is no keep-alive
+//! of our own, and a reply always carries what is ordered when it is handed out. Where nothing may be said that could
+//! start an engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld: no answer starts nothing.
+//!
+//! ```text
+//!          ECU frame                       ECU frame
+//! ────┤FF d1 d2 d3 d4 d5├──────────────────┤FF …        ECU to host
+//!                       │
+//!                       ├FF o t o t┤                    host to ECU
+//!                       │◄── 30 ms ──►│                 the last stop bit is out before this (AMT-11)
+//! ```
+
+use super::codec::{
+    Control, Decoder, Engine, ErrorBits, FRAME_LEN, Frame, Message, Ops, State, SwitchPosition, VoltageScale,
+};
+use super::config::{Config, REPLY_WINDOW, Service};
+use crate::command::{Demand, Order, Rejected};
+use crate::ecu::{Faults, Service as AnyService};
+use crate::event::Event;
+use crate::line::{Line, LineError, Timing};
+use crate::link::{Beat, Debounced, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission};
+use crate::report::{
+    Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
+};
+use crate::units::{Hectopascals, Rpm, Throttle};
+use embassy_time::{Duration, Instant};
+
+/// Between two sets of an ECU at 2400 baud (AMT-12: about eight a second). No document gives another for other rates.
+const SET_INTERVAL: Duration = Duration::from_millis(125);
+
+/// The conversation with one AMT ECU.
+#[derive(Clone, Debug)]
+pub struct AmtLink {
+    config: Config,
+    /// `None` where no reply fits the window: the line is then listened to, and every reply counts as missed.
+    slack: Option<Duration>,
+    monitor: LinkMonitor,
+    decoder: Decoder,
+    report: Report,
+    outbox: Outbox,
+    counters: Counters,
+    order: Order,
+    beat: Beat,
+    sign: Option<Sign>,
+    ctf: bool,
+    /// That it went out was told.
+    ctf_ordered: bool,
+    /// The UART saw a fault in the frame that is coming in: its values will not be believed.
+    damaged: bool,
+    /// It saw one since the last bytes came.
+    fault: bool,
+    /// End of the window of the reply that is going out.
+    sending: Option<Instant>,
+    /// When the last set that was replied to was complete.
+    replied: Option<Instant>,
+    /// End of the window of a frame that has no reply yet.
+    due: Option<Instant>,
+    phase: Debounced<Phase>,
+    switch: Debounced<ReportedSwitch>,
+    /// Whether the sets are error sets. One odd set is no fault.
+    faulty: Debounced<bool>,
+    /// The engine runs, so the demand goes out; until then the start throttle does (AMT-14).
+    released: bool,
+    /// `Some(None)`: the ECU named an engine that no table has.
+    engine: Debounced<Option<Engine>>,
+}
+
+impl AmtLink {
+    /// A link on a line of this setting.
+    pub fn new(config: Config, line: Line, timing: Timing) -> Self {
+        Self {
+            config,
+            slack: config.reply_slack(line),
+            monitor: LinkMonitor::new(timing),
+            decoder: Decoder::new(),
+            report: Report::default(),
+            outbox: Outbox::default(),
+            counters: Counters::default(),
+            order: Order::Listen,
+            beat: Beat::new(FRAME_LEN as u8, line),
+            sign: None,
+            ctf: false,
+            ctf_ordered: false,
+            damaged: false,
+            fault: false,
+            sending: None,
+            replied: None,
+            due: None,
+            phase: Debounced::new(None),
+            switch: Debounced::new(None),
+            faulty: Debounced::new(Some(false)),
+            released: false,
+            engine: Debounced::new(config.engine.map(Some)),
+        }
+    }
+
+    fn frame(&mut self, now: Instant, frame: &Frame) {
+        // There is no checksum, so a line error is all that can tell a damaged frame from a good one. It
+        // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
+        if core::mem::take(&mut self.damaged) {
+            bump(&mut self.counters.damaged_frames);
+            self.sign = Some(Sign::Damaged);
+        } else {
+            self.hear(now);
+            self.believe(now, frame);
+        }
+        self.answer(now);
+    }
+
+    fn hear(&mut self, now: Instant) {
+        self.beat.frame(now);
+        // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
+        if self.monitor.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+        }
+        if self.monitor.frame(now) {
+            self.outbox.event(Event::LinkUp);
+        }
+    }
+
+    fn believe(&mut self, now: Instant, frame: &Frame) {
+        match frame.message() {
+            Message::Normal { switch, state, rpm, egt, throttle, vout } => {
+                self.state(now, state, switch, rpm);
+                self.sign = Some(Sign::State {
+                    stage: stage_of(state),
+                    turning: Some(rpm >= self.config.half_idle),
+                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                });
+                self.rpm(now, rpm);
+                self.common(now, egt, throttle, vout);
+                self.faults(now, ErrorBits(0));
+            }
+            Message::Error { errors, egt, throttle, vout } => {
+                self.sign = Some(Sign::Faulted {
+                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    egt: (!errors.egt()).then(|| egt.celsius()),
+                });
+                self.common(now, egt, throttle, vout);
+                self.faults(now, errors);
+            }
+            Message::Alternate { engine_id, idle, max, battery, external } => {
+                self.sign = Some(Sign::Stateless);
+                // An ID that no table has is another engine all the same: its scale is then not known (AMT-4).
+                let certain = self.engine.get().is_none();
+                self.identify(now, Engine::from_id(engine_id), certain);
+                let engine = self.engine();
+                let vout = engine.and_then(Engine::vout_scale);
+                self.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
+                self.report.pump_max = Some(Timed::new(reading(max, vout), now));
+                let battery = reading(battery, engine.and_then(Engine::battery_scale));
+                self.report.supply = Some(Timed::new(battery, now));
+                let external = reading(external, engine.and_then(Engine::external_scale));
+                self.report.external_battery = Some(Timed::new(external, now));
+            }
+            Message::Setup(setup) => {
+                // AMT-9: its text is long enough to believe it at once.
+                if let Some(engine) = setup.engine() {
+                    self.identify(now, Some(engine), true);
+                }
+                self.report.amt_setup = Some(Timed::new(setup, now));
+                // It comes after a power-up only, so its engine is at rest.
+                self.report.powered_up = Some(now);
+                self.sign = Some(Sign::PowerUp);
+                self.outbox.event(Event::EcuStarted);
+            }
+            Message::Unknown => {
+                self.sign = Some(Sign::Stateless);
+                self.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
+            }
+        }
+    }
+
+    fn state(&mut self, now: Instant, state: State, switch: SwitchPosition, rpm: u8) {
+        let ecu_state = EcuState { code: state.code(), name: state.name() };
+        self.report.state = Some(Timed::new(ecu_state, now));
+        let switch_reported = match switch {
+            SwitchPosition::EmergencyStop => ReportedSwitch::Stop,
+            SwitchPosition::AutoStop => ReportedSwitch::Standby,
+            SwitchPosition::Run => ReportedSwitch::Run,
+        };
+        self.switch.see(switch_reported);
+        if self.switch.get() == Some(switch_reported) {
+            self.report.switch = Some(Timed::new(switch_reported, now));
+        }
+        let seen = phase_of(state, switch, rpm);
+        if self.phase.see(seen)
+            && let Some(phase) = self.phase.get()
+        {
+            self.outbox.event(Event::Phase(phase));
+        }
+        // A frame that says otherwise does not make the phase any newer.
+        if self.phase.get() == Some(seen) {
+            self.report.phase = Some(Timed::new(seen, now));
+        }
+    }
+
+    fn rpm(&mut self, now: Instant, raw: u8) {
+        self.report.rpm_raw = Some(Timed::new(raw, now));
+        // AMT-5: without a scale there is no rpm, and an old one would be a lie.
+        self.report.rpm = self
+            .engine()
+            .and_then(Engine::rpm_step)
+            .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
+    }
+
+    fn common(
+        &mut self,
+        now: Instant,
+        egt: super::codec::EgtByte,
+        throttle: super::codec::ThrottleByte,
+        vout: u8,
+    ) {
+        self.report.egt = Some(Timed::new(egt.celsius(), now));
+        if let Ok(throttle) = Throttle::from_tenths(throttle.tenths()) {
+            self.report.throttle = Some(Timed::new(throttle, now));
+        }
+        let scale = self.engine().and_then(Engine::vout_scale);
+        self.report.pump = Some(Timed::new(reading(vout, scale), now));
+    }
+
+    fn faults(&mut self, now: Instant, bits: ErrorBits) {
+        self.faulty.see(bits.0 != 0);
+        if self.faulty.get() != Some(bits.0 != 0) {
+            return;
+        }
+        let faults = Faults::Amt(bits);
+        let before = self.report.faults.map_or(Faults::Amt(ErrorBits(0)), |faults| faults.value);
+        self.report.faults = Some(Timed::new(faults, now));
+        if faults != before {
+            self.outbox.event(Event::Faults(faults));
+        }
+    }
+
+    fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
+        let changed = if certain { self.engine.set(engine) } else { self.engine.see(engine) };
+        let told = self.report.amt_engine.map(|told| told.value);
+        if self.engine() != engine {
+            // One frame against what was known: not yet believed.
+            return;
+        }
+        self.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
+        if changed || told != engine {
+            self.outbox.event(match engine {
+                Some(engine) => Event::EngineIdentified(engine),
+                None => Event::EngineUnknown,
+            });
+        }
+    }
+
+    fn engine(&self) -> Option<Engine> {
+        self.engine.get().flatten()
+    }
+
+    /// AMT-11: one reply to this frame, right now or not at all. What it says is decided when it is handed out, so that
+    /// what this very frame says about the engine is in it.
+    fn answer(&mut self, now: Instant) {
+        let in_time = self.slack.is_some();
+        if self.due.take().is_some() || !in_time {
+            self.missed();
+        }
+        self.due = in_time.then(|| now + REPLY_WINDOW);
+    }
+
+    /// Hands the reply to the outbox, if the UART is free for it.
+    fn reply(&mut self) {
+        if self.outbox.busy() {
+            return;
+        }
+        let Some(window_end) = self.due.take() else { return };
+        let Some(control) = self.control() else { return };
+        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_ordered, true) {
+            self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
+        }
+        self.sending = Some(window_end);
+        self.replied = Some(window_end - REPLY_WINDOW);
+        self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
+    }
+
+    /// By when the first start bit of a reply has to be out.
+    fn start_by(&self, window_end: Instant) -> Option<Instant> {
+        self.slack.map(|slack| window_end - REPLY_WINDOW + slack)
+    }
+
+    fn missed(&mut self) {
+        bump(&mut self.counters.replies_missed);
+        self.outbox.event(Event::NotSent(NotSent::TooLate));
+    }
+
+    /// What the reply says; `None` where it is withheld.
+    fn control(&self) -> Option<Control> {
+        let (ops, throttle) = match self.order {
+            Order::Listen | Order::Doubt(_) => return None,
+            Order::EmergencyStop => (Ops::EmergencyStop, Throttle::IDLE),
+            Order::Run(Demand::Throttle(throttle)) => {
+                // AMT-14: until full operation, the start throttle.
+                (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
+            }
+            // An rpm is refused by `order`, a hand-over too.
+            Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
+        };
+        // AMT-13: asked for by its own name, and never instead of an emergency stop.
+        let ops = if self.ctf && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
+        Some(Control { ops, throttle })
+    }
+
+    fn transmission_over(&mut self, now: Instant) {
+        self.sending = None;
+        self.outbox.done();
+        if let Some(window_end) = self.due
+            && self.start_by(window_end).is_none_or(|start_by| now > start_by)
+        {
+            self.due = None;
+            self.missed();
+        }
+    }
+}
+
+impl Link for AmtLink {
+    fn start(&mut self, now: Instant) {
+        self.monitor.start(now);
+    }
+
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let cut_off = self.decoder.counters().truncated;
+        let (taken, frame) = self.decoder.feed(bytes);
+        // A fault from before these bytes was in the frame that they cut off.
+        self.damaged &= self.decoder.counters().truncated == cut_off;
+        self.damaged |= core::mem::take(&mut self.fault);
+        self.beat.bytes(now, taken, SET_INTERVAL);
+        if let Some(frame) = frame {
+            self.frame(now, &frame);
+        } else if self.decoder.pending() == 0 {
+            // The fault was in a byte between frames, as every power-up of an ECU makes them.
+            self.damaged = false;
+        }
+        taken
+    }
+
+    fn line_error(&mut self, error: LineError) {
+        self.fault = true;
+        self.counters.line_error(error);
+    }
+
+    fn byte_lost(&mut self, error: LineError) {
+        // The frame that it was in is never whole. Between two frames it was in neither, and damages none.
+        self.decoder.byte_lost();
+        self.counters.line_error(error);
+    }
+
+    fn order(&mut self, _now: Instant, order: Order) -> Result<(), Rejected> {
+        match order {
+            Order::Run(Demand::Rpm(_)) => return Err(Rejected::NoSpeedControl),
+            Order::Pwm => return Err(Rejected::NotSupported),
+            Order::EmergencyStop
+            | Order::Standby
+            | Order::Listen
+            | Order::Doubt(_)
+            | Order::Run(Demand::Throttle(_)) => {}
+        }
+        self.order = order;
+        // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
+        if !matches!(order, Order::Run(_) | Order::Doubt(_)) {
+            self.ctf = false;
+        }
+        Ok(())
+    }
+
+    fn speed_control(&self) -> Result<(), Rejected> {
+        Err(Rejected::NoSpeedControl)
+    }
+
+    fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
+        match service {
+            AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_) | Order::Doubt(_)) => {
+                self.ctf = true;
+                self.ctf_ordered = false;
+                Ok(())
+            }
+            AnyService::Amt(Service::Ctf) => Err(Rejected::NotOrderedToRun),
+            AnyService::Zk(_) => Err(Rejected::NotSupported),
+        }
+    }
+
+    fn pressure(&mut self, _now: Instant, _pressure: Hectopascals) {
+        // An AMT ECU never asks for it.
+    }
+
+    fn sent(&mut self, now: Instant) {
+        bump(&mut self.counters.sent);
+        if let Some(window_end) = self.sending {
+            match window_end.checked_duration_since(now) {
+                Some(margin) => {
+                    let worst = self.counters.worst_reply_margin.get_or_insert(margin);
+                    *worst = margin.min(*worst);
+                }
+                None => bump(&mut self.counters.replies_late),
+            }
+        }
+        self.transmission_over(now);
+    }
+
+    fn not_sent(&mut self, now: Instant, why: NotSent) {
+        self.counters.not_sent(why);
+        bump(&mut self.counters.replies_missed);
+        self.outbox.event(Event::NotSent(why));
+        self.transmission_over(now);
+    }
+
+    fn timeout(&mut self, now: Instant) {
+        if self.monitor.timeout(now) {
+            self.outbox.event(Event::LinkLost);
+        }
+    }
+
+    fn poll(&mut self) -> Output {
+        self.reply();
+        self.outbox.poll().unwrap_or(Output::Wait(self.monitor.deadline()))
+    }
+
+    fn take_sign(&mut self) -> Option<Sign> {
+        self.sign.take()
+    }
+
+    fn release(&mut self, released: bool) {
+        self.released = released;
+    }
+
+    fn gap_at(&self) -> Option<Instant> {
+        self.beat.gap_at(SET_INTERVAL)
+    }
+
+    fn gap(&mut self) {
+        self.beat.gap();
+    }
+
+    fn answers_frames(&self) -> bool {
+        true
+    }
+
+    fn doubt_ends(&self, since: Instant) -> Option<Instant> {
+        // An ECU that gets no reply for longer than this stops its turbine by itself.
+        Some(self.replied.unwrap_or(since) + self.config.serial_delay)
+    }
+
+    fn report(&self) -> &Report {
+        &self.report
+    }
+
+    fn state(&self) -> LinkState {
+        self.monitor.state()
+    }
+
+    fn last_rx(&self) -> Option<Instant> {
+        self.monitor.last_rx()
+    }
+
+    fn up_since(&self) -> Option<Instant> {
+        self.monitor.up_since()
+    }
+
+    fn shutting_down(&self) -> bool {
+        self.ctf
+    }
+
+    fn frames(&self) -> u32 {
+        self.decoder.counters().frames
+    }
+
+    fn counters(&self) -> Counters {
+        let decoder = self.decoder.counters();
+        Counters {
+            frames: decoder.frames,
+            unknown_frames: decoder.unknown_frames,
+            truncated: decoder.truncated.wrapping_add(decoder.malformed),
+            bytes_skipped: decoder.bytes_skipped,
+            events_lost: self.outbox.events_lost,
+            ..self.counters
+        }
+    }
+}
+
+/// How far the engine is (AMT-3).
+const fn stage_of(state: State) -> Stage {
+    match state {
+        State::NoStartClearance => Stage::Rest,
+        State::StartClearance => Stage::Clearance,
+        State::Starting => Stage::Starting,
+        State::StartedUp => Stage::StartedUp,
+        State::IdleCalibration => Stage::Calibrating,
+        State::FullOperation | State::MaxRpm | State::MaxRpmField => Stage::Running,
+        State::Unknown(_) => Stage::Unknown,
+    }
+}
+
+/// The ECU's state in plain words (AMT-3).
+fn phase_of(state: State, switch: SwitchPosition, rpm: u8) -> Phase {
+    match state {
+        State::NoStartClearance | State::StartClearance if rpm > 0 && switch != SwitchPosition::Run => {
+            // The document names no state for it: shut down, and the shaft still turns.
+            Phase::Cooling
+        }
+        State::NoStartClearance if switch == SwitchPosition::EmergencyStop => Phase::Stopped,
+        State::NoStartClearance | State::StartClearance => Phase::Standby,
+        State::Starting | State::StartedUp | State::IdleCalibration => Phase::Starting,
+        State::FullOperation | State::MaxRpm | State::MaxRpmField => Phase::Running,
+        State::Unknown(_) => Phase::Unknown,
+    }
+}
+
+fn reading(raw: u8, scale: Option<VoltageScale>) -> Reading {
+    Reading { raw, voltage: scale.map(|scale| scale.millivolts(raw)) }
+}

@@ -1,0 +1,66 @@
+//! How a ZK ECU is spoken to, and what it can be asked to do once.
+
+use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
+use crate::line::Timing;
+use crate::setting::settings;
+use embassy_time::Duration;
+
+settings! {
+    /// How a ZK ECU is spoken to.
+    pub struct Config, "ecu.", AtNextStart {
+        split_switch: yes_no "ZK_SPLIT_SWITCH" = 0 in 0..=1, "Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go in ID 1 (mode 1), until an rpm is commanded (mode 3).";
+    }
+    groups {
+        /// Status rate; also the cadence of the commands (ZK-11).
+        rate: Rate = Rate::Hz20;
+    }
+}
+
+impl Config {
+    /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
+    pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
+}
+
+/// Service commands of a ZK ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Service {
+    /// Control ID 2.
+    Action(Action),
+    /// Unlock, then control ID 4; confirmed by status ID 5.
+    IgnitionPump(IgnitionPumpVoltage),
+    /// Unlock, then control ID 5; confirmed by status ID 5.
+    Curve(AccelerationCurve),
+}
+
+impl Service {
+    pub(crate) const fn needs_stopped_engine(self) -> bool {
+        !matches!(self, Self::Action(Action::Rate20Hz | Action::Rate50Hz | Action::Rate100Hz))
+    }
+
+    pub(crate) const fn moves_fuel(self) -> bool {
+        matches!(
+            self,
+            Self::Action(
+                Action::Drain
+                    | Action::TestGlowPlug
+                    | Action::TestMainValve
+                    | Action::TestIgnitionValve
+                    | Action::TestPump
+                    | Action::OpenPump
+            )
+        )
+    }
+
+    pub(super) const fn control(self) -> Control {
+        match self {
+            Self::Action(action) => Control::Action(action),
+            Self::IgnitionPump(voltage) => Control::IgnitionPump(voltage),
+            Self::Curve(curve) => Control::Curve(curve),
+        }
+    }
+
+    pub(super) const fn needs_unlock(self) -> bool {
+        matches!(self, Self::IgnitionPump(_) | Self::Curve(_))
+    }
+}

@@ -1,0 +1,376 @@
+//! How an engine is supervised: every number, with its unit, range and default. Checked as a whole.
+
+use crate::command::Origin;
+use crate::limit::{Action, Limit};
+use crate::setting::{Setting, SettingError, SettingId, kind, settings, symbol};
+use embassy_time::Duration;
+
+settings! {
+    /// How long each source may be silent, in the order of their priority.
+    pub struct SourceAges, "ages.", AtOnce {
+        emergency: ms "SRC_EMERG_AGE" = 500 in 50..=60_000, "Timeout of a local emergency input.";
+        rc: ms "SRC_RC_AGE" = 500 in 50..=60_000, "Timeout of radio control.";
+        mavlink: ms "SRC_MAV_AGE" = 1000 in 50..=60_000, "Timeout of MAVLink, whose streams slow down during transfers.";
+        bench: ms "SRC_BENCH_AGE" = 500 in 50..=60_000, "Timeout of a test rig or bench program.";
+    }
+}
+
+impl SourceAges {
+    /// The timeout of a source. The node itself never falls silent.
+    pub const fn of(&self, origin: Origin) -> Duration {
+        match origin {
+            Origin::Node => Duration::MAX,
+            Origin::Emergency => self.emergency,
+            Origin::Rc => self.rc,
+            Origin::Mavlink => self.mavlink,
+            Origin::Bench => self.bench,
+        }
+    }
+
+    /// The longest of them.
+    pub fn longest(&self) -> Duration {
+        self.emergency.max(self.rc).max(self.mavlink).max(self.bench)
+    }
+}
+
+settings! {
+    /// A source that takes over is held off until its demand is close to the one in force, or until it has waited.
+    pub struct Takeover, "takeover.", AtOnce {
+        throttle_band: throttle "TKO_THR_BAND" = 50 in 0..=1000, "Close enough for a take-over, for throttles.";
+        rpm_band: rpm "TKO_RPM_BAND" = 5000 in 0..=16_000_000, "Close enough for a take-over, for rpm demands. A throttle and an rpm are never close.";
+        within: ms "TKO_WAIT" = 2000 in 0..=60_000, "Longest wait of a source that takes over.";
+    }
+}
+
+settings! {
+    /// The stages of loss of the source in control.
+    pub struct Loss, "loss.", AtOnce {
+        hold: ms "LOSS_HOLD" = 1000 in 0..=60_000, "Time for which the last demand is held, counted from the source's timeout.";
+        throttle: throttle "LOSS_THR" = 0 in 0..=1000, "Fail-safe throttle. It only ever lowers: a lower demand stays. An rpm demand goes to the engine's idle rpm instead.";
+        ramp: rate "LOSS_RAMP" = 500 in 10..=65_535, "Rate at which the demand goes to the fail-safe throttle.";
+        standby_after: ms_or_off "LOSS_STANDBY" = -1 in 0..=3_600_000, "Standby, counted from the end of the hold. Off: never, as long as the ECU reports a running engine; where it does not, after 10 s.";
+        lower_standby_after: ms "LOSS_LOW_STBY" = 5000 in 0..=3_600_000, "A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted this long.";
+    }
+}
+
+settings! {
+    /// What has to be true for a start. A refusal names the first that is not.
+    pub struct StartRules, "start.", AtOnce {
+        arming: yes_no "START_ARMING" = 1 in 0..=1, "The engine has to be armed.";
+        link_stable: ms "START_LINK" = 1000 in 0..=60_000, "Time for which the link has to be up.";
+        idle_band: throttle "START_IDLE" = 20 in 0..=1000, "Highest throttle of the demand that asks for the start.";
+        egt_max: celsius "START_EGT" = 1000 in -32_768..=32_767, "Highest exhaust temperature; a hot engine is cooled first. Below −40 °C or above 1100 °C the thermocouple is broken and the temperature not known.";
+        supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply, as the ECU last gave it, if it has. Off: not checked.";
+        timeout: ms "START_TIMEOUT" = 120_000 in 5000..=600_000, "Time from the start to a running engine, unless the ECU gives a start-up time of its own, which then counts twice, within the same range.";
+        gap: ms "START_GAP" = 10_000 in 0..=600_000, "Time between the starts of two engines of a group.";
+    }
+}
+
+/// Range of [`StartRules::timeout`].
+pub(super) const START_TIMEOUT_MIN: Duration = Duration::from_secs(5);
+pub(super) const START_TIMEOUT_MAX: Duration = Duration::from_secs(600);
+
+settings! {
+    /// How fast the demand may change in normal flight; an rpm demand in the same share of the engine's maximum rpm. A stop
+    /// and a fail-safe are never delayed by it.
+    pub struct Slew, "slew.", AtOnce {
+        up: rate_or_off "SLEW_UP" = -1 in 10..=65_535, "Highest rate upward. Off: at once.";
+        down: rate_or_off "SLEW_DOWN" = -1 in 10..=65_535, "Highest rate downward. Off: at once.";
+    }
+}
+
+/// Declares [`Limits`]: two settings for each limit, where it is and what is done.
+macro_rules! limits {
+    ( $( $field:ident: $inner:ident $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal, $action:literal, $text:literal; )* ) => {
+        /// What is monitored. A limit counts as passed when two values in a row are beyond it: AMT frames carry no checksum,
+        /// and one odd frame is no fault.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct Limits {
+            $(
+                #[doc = $text]
+                #[doc = ""]
+                #[doc = concat!("Settings `", $name, "` (default ", $default, ", ", $min, " to ", $max, " ", symbol!($kind), ") and `", $action, "`.")]
+                pub $field: Limit<kind::$inner::Type>,
+            )*
+            /// What is done about faults that the ECU reports.
+            ///
+            /// Setting `LIM_FAULT_ACT`.
+            pub ecu_fault: Action,
+        }
+
+        impl Limits {
+            /// The rows of the table of settings.
+            pub const SETTINGS: &'static [Setting] = &[
+                $(
+                    Setting {
+                        name: $name,
+                        field: concat!("limits.", stringify!($field), ".at"),
+                        unit: kind::$kind::UNIT,
+                        min: $min,
+                        max: $max,
+                        default: $default,
+                        may_be_off: true,
+                        effect: crate::setting::Effect::AtOnce,
+                        text: $text,
+                        symbol: symbol!($kind),
+                        message: concat!("limits.", stringify!($field), ": ", $min, " to ", $max, " ", symbol!($kind)),
+                    },
+                    Self::action($action, concat!("limits.", stringify!($field), ".action")),
+                )*
+                Self::action("LIM_FAULT_ACT", "limits.ecu_fault"),
+            ];
+
+            const fn action(name: &'static str, field: &'static str) -> Setting {
+                Setting {
+                    name,
+                    field,
+                    unit: crate::setting::Unit::Action,
+                    min: 0,
+                    max: 2,
+                    default: 0,
+                    may_be_off: false,
+                    effect: crate::setting::Effect::AtOnce,
+                    text: "What is done beside the report.",
+                    symbol: symbol!(action),
+                    message: concat!("a limit's action: ", symbol!(action)),
+                }
+            }
+
+            /// All as the table has them.
+            pub const DEFAULT: Self = Self {
+                $( $field: Limit { at: kind::$kind::make($default), action: Action::Report }, )*
+                ecu_fault: Action::Report,
+            };
+
+            const fn check_own(&self) -> Result<(), u8> {
+                let mut row = 0;
+                $(
+                    // An action is always one of its values.
+                    if !crate::setting::allows(kind::$kind::number(&self.$field.at), $min, $max, true) {
+                        return Err(row);
+                    }
+                    row += 2;
+                )*
+                let _ = row;
+                Ok(())
+            }
+
+            fn own(&self, name: &str) -> Option<i32> {
+                match name {
+                    $(
+                        $name => Some(kind::$kind::number(&self.$field.at)),
+                        $action => Some(kind::action::number(&self.$field.action)),
+                    )*
+                    "LIM_FAULT_ACT" => Some(kind::action::number(&self.ecu_fault)),
+                    _ => None,
+                }
+            }
+
+            fn set_own(&mut self, name: &str, value: i32) -> bool {
+                match name {
+                    $(
+                        $name => self.$field.at = kind::$kind::make(value),
+                        $action => self.$field.action = kind::action::make(value),
+                    )*
+                    "LIM_FAULT_ACT" => self.ecu_fault = kind::action::make(value),
+                    _ => return false,
+                }
+                true
+            }
+        }
+    };
+}
+
+limits! {
+    over_speed: rpm rpm_or_off "LIM_RPM" = -1 in 0..=16_000_000, "LIM_RPM_ACT", "Highest shaft speed. Off: reported at 105 % of the maximum that the ECU gives; the action holds for either.";
+    over_temperature: celsius celsius_or_off "LIM_EGT" = 8000 in 0..=32_767, "LIM_EGT_ACT", "Highest exhaust temperature.";
+    low_rpm: rpm rpm_or_off "LIM_LOW_RPM" = -1 in 0..=16_000_000, "LIM_LOW_RPM_ACT", "Lowest shaft speed while running. Off: reported at 80 % of the idle rpm that the ECU gives; the action holds for either.";
+    hot_start: celsius_rate celsius_rate_or_off "LIM_HOT" = 200 in 10..=65_535, "LIM_HOT_ACT", "Fastest rise of the exhaust temperature during a start. The simulated turbines rise by 125 °C/s in a good start and by 270 °C/s in a hot one.";
+    flame_out: percent percent_or_off "LIM_FLAME" = 25 in 5..=95, "LIM_FLAME_ACT", "Largest share of its speed that the shaft may lose within 2 s without a lower demand.";
+    supply_low: millivolts millivolts_or_off "LIM_SUPPLY" = -1 in 0..=1_000_000, "LIM_SUPPLY_ACT", "Lowest supply voltage.";
+    implausible: rpm_rate rpm_rate_or_off "LIM_JUMP" = 150_000 in 1000..=16_000_000, "LIM_JUMP_ACT", "Fastest change of shaft speed that a turbine can make.";
+}
+
+settings! {
+    /// Speed control over the throttle (integer PI), for AMT and for ZK before version 4.
+    ///
+    /// The defaults are tuned on the simulated Olympus and Titan, in steps of 10 % to 50 % between 40 % and 90 % of their
+    /// maximum speed (`tests/wire_governor.rs`): overshoot at most 3.1 % of the step, within 1.5 % of the target after at most
+    /// 14.2 s, then within 0.6 %. Twice the integral gain is a limit cycle: the engines accelerate at a limited rate.
+    pub struct Governor, "governor.", AtOnce {
+        proportional: gain "GOV_P" = 8 in 1..=100, "Throttle for 1000 rpm of error.";
+        integral: gain "GOV_I" = 6 in 0..=100, "Throttle a second for 1000 rpm of error.";
+        authority: throttle "GOV_THR_MAX" = 1000 in 0..=1000, "Highest throttle that the governor may set.";
+        slew: rate "GOV_SLEW" = 300 in 10..=1000, "Rate at which its output may rise.";
+        max_rpm: rpm "GOV_RPM_MAX" = 110_000 in 10_000..=250_000, "Highest shaft speed that may be commanded; higher demands are clamped.";
+        max_age: ms "GOV_RPM_AGE" = 600 in 200..=5000, "Older rpm telemetry is not used: the throttle then goes to idle.";
+    }
+}
+
+settings! {
+    /// Everything about the supervision of one engine.
+    pub struct Supervision, "", AtOnce {
+        recover_after: ms "SRC_RECOVER" = 1000 in 100..=60_000, "Time without a gap for which a source that was lost has to be received before it is in control again.";
+        return_within: ms "SRC_RETURN" = 1000 in 0..=10_000, "A source that was received without a gap for `recover_after` and returns within this after its timeout goes on at `rise`, without a take-over.";
+        rise: rate "RISE" = 500 in 10..=65_535, "Rate at which the demand rises after a start, a take-over, a reduction, a gap or a reset, until it has reached what is commanded.";
+        when_other_fails: share_or_off "OTHER_FAILS" = -1 in 0..=1000, "Share to which the demand is reduced while another engine of the group has failed. Off: that is reported, and this engine left alone.";
+        burning_egt: celsius "BURNING_EGT" = 3000 in 1000..=6000, "An exhaust hotter than this burns, where an ECU reports faults in place of a state (AMT-8).";
+        service_time: ms "SERVICE_TIME" = 30_000 in 1000..=300_000, "A service that opens the fuel is closed after this.";
+    }
+    groups {
+        /// How long each source may be silent.
+        ages: SourceAges = SourceAges::DEFAULT;
+        /// What happens to the demand when another source takes over.
+        takeover: Takeover = Takeover::DEFAULT;
+        /// What happens when the source in control falls silent while the engine is ordered to run.
+        loss: Loss = Loss::DEFAULT;
+        /// What has to be true for a start.
+        start: StartRules = StartRules::DEFAULT;
+        /// How fast the demand may change. Off by default.
+        slew: Slew = Slew::DEFAULT;
+        /// What is monitored, and what is done about it.
+        limits: Limits = Limits::DEFAULT;
+        /// Speed control over the throttle, for ECUs without one. Off by default (setting `GOV_ENABLE`).
+        governor: Option<Governor> = None;
+    }
+}
+
+/// The row of [`Supervision::governor`], which is there or not.
+const GOVERNOR: Setting = Setting {
+    name: "GOV_ENABLE",
+    field: "governor",
+    unit: kind::yes_no::UNIT,
+    min: 0,
+    max: 1,
+    default: 0,
+    may_be_off: false,
+    effect: crate::setting::Effect::AtOnce,
+    text: "Speed control over the throttle, for ECUs without one (`Some(Governor::DEFAULT)`).",
+    symbol: symbol!(yes_no),
+    message: concat!("governor: ", symbol!(yes_no)),
+};
+
+impl Supervision {
+    /// The table of settings, group by group. The order is fixed.
+    pub const TABLE: [&'static [Setting]; 9] = [
+        SourceAges::SETTINGS,
+        Takeover::SETTINGS,
+        Loss::SETTINGS,
+        StartRules::SETTINGS,
+        Slew::SETTINGS,
+        Self::SETTINGS,
+        Limits::SETTINGS,
+        &[GOVERNOR],
+        Governor::SETTINGS,
+    ];
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub const fn validate(&self) -> Result<(), SettingId> {
+        let governor = match &self.governor {
+            Some(governor) => governor.check_own(),
+            None => Ok(()),
+        };
+        let checks = [
+            self.ages.check_own(),
+            self.takeover.check_own(),
+            self.loss.check_own(),
+            self.start.check_own(),
+            self.slew.check_own(),
+            self.check_own(),
+            self.limits.check_own(),
+            Ok(()),
+            governor,
+        ];
+        const LENGTHS: [u8; 9] = {
+            let mut lengths = [0; 9];
+            let mut group = 0;
+            while group < lengths.len() {
+                lengths[group] = Supervision::TABLE[group].len() as u8;
+                group += 1;
+            }
+            lengths
+        };
+        let (mut group, mut before) = (0, 0);
+        while group < checks.len() {
+            if let Err(row) = checks[group] {
+                return Err(SettingId(before + row));
+            }
+            before += LENGTHS[group];
+            group += 1;
+        }
+        Ok(())
+    }
+
+    /// The row that an error names.
+    pub const fn row(id: SettingId) -> &'static Setting {
+        let (mut group, mut row) = (0, id.0 as usize);
+        while group < Self::TABLE.len() {
+            if row < Self::TABLE[group].len() {
+                return &Self::TABLE[group][row];
+            }
+            row -= Self::TABLE[group].len();
+            group += 1;
+        }
+        &GOVERNOR
+    }
+
+    /// The number of a setting's row.
+    pub fn id(name: &str) -> Option<SettingId> {
+        let row = Self::TABLE.into_iter().flatten().position(|setting| setting.name == name)?;
+        u8::try_from(row).ok().map(SettingId)
+    }
+
+    /// The row of a setting.
+    pub fn setting(name: &str) -> Option<&'static Setting> {
+        Self::TABLE.into_iter().flatten().find(|setting| setting.name == name)
+    }
+
+    /// The number of a setting; [`crate::setting::OFF`] where it is off. Of a governor that is off: what it would begin with.
+    pub fn number(&self, name: &str) -> Option<i32> {
+        let governor = self.governor.unwrap_or(Governor::DEFAULT);
+        if name == GOVERNOR.name {
+            return Some(i32::from(self.governor.is_some()));
+        }
+        self.ages
+            .own(name)
+            .or_else(|| self.takeover.own(name))
+            .or_else(|| self.loss.own(name))
+            .or_else(|| self.start.own(name))
+            .or_else(|| self.slew.own(name))
+            .or_else(|| self.own(name))
+            .or_else(|| self.limits.own(name))
+            .or_else(|| governor.own(name))
+    }
+
+    /// Changes a setting.
+    ///
+    /// # Errors
+    /// [`SettingError`], with nothing changed, if no setting has this name, the number is out of its range, or it belongs to a
+    /// governor that is off.
+    pub fn set(&mut self, name: &str, number: i32) -> Result<(), SettingError> {
+        let setting = Self::setting(name).ok_or(SettingError::Unknown)?;
+        if !setting.allows(number) {
+            return Err(SettingError::OutOfRange(setting));
+        }
+        if name == GOVERNOR.name {
+            let on = self.governor.unwrap_or(Governor::DEFAULT);
+            self.governor = (number != 0).then_some(on);
+            return Ok(());
+        }
+        let done = self.ages.set_own(name, number)
+            || self.takeover.set_own(name, number)
+            || self.loss.set_own(name, number)
+            || self.start.set_own(name, number)
+            || self.slew.set_own(name, number)
+            || self.set_own(name, number)
+            || self.limits.set_own(name, number)
+            || self.governor.as_mut().is_some_and(|governor| governor.set_own(name, number));
+        if done { Ok(()) } else { Err(SettingError::Off(setting)) }
+    }
+}
+
+const _: () = assert!(Supervision::DEFAULT.validate().is_ok(), "a default is out of its range");

@@ -1,0 +1,228 @@
+//! Whether an engine burns, by its exhaust temperature: all the evidence there is where an ECU sends faults in place of a
+//! state (AMT-8).
+
+use crate::units::Celsius;
+use embassy_time::{Duration, Instant};
+
+/// Colder or hotter is a broken thermocouple: −50 °C is a raw 0 on either protocol.
+const PLAUSIBLE: (Celsius, Celsius) = (Celsius::from_tenths(-400), Celsius::from_tenths(11_000));
+/// Fall of an exhaust that no longer burns, in 0.1 °C a second.
+const FALL: i32 = 150;
+/// Fall after which it is no longer certain that it burns, in 0.1 °C a second: a value's step, over the interval.
+const COOLS: i32 = 40;
+/// It has to fall for this long.
+const FALLING_FOR: u8 = 3;
+/// Interval at which the fall is judged.
+const INTERVAL: Duration = Duration::from_secs(1);
+/// A change faster than any exhaust makes, in 0.1 °C a second: 150 °C/s down; a start rises by up to 270 °C/s.
+const STEP_DOWN: i32 = 1500;
+const STEP_UP: i32 = 5000;
+/// A change is judged over at least this time, because values have steps of 4.6 °C.
+const STEP_OVER: Duration = Duration::from_millis(100);
+/// After a lower demand the exhaust cools for this long as was asked for.
+const LOWERED: Duration = Duration::from_secs(5);
+/// A demand that is lowered over and over excuses a cold exhaust for this long at most.
+const EXCUSED_MAX: Duration = Duration::from_secs(15);
+/// Values in a row that have to agree.
+const AGREEING: u8 = 2;
+
+/// Whether an engine burns.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(super) enum Burning {
+    /// Two values above the set temperature, and no fall since.
+    Yes,
+    /// Two values below it, or a fall of 15 °C/s for 3 s.
+    No,
+    /// Neither, or the values cannot be right.
+    NotKnown,
+}
+
+/// The exhaust of one engine.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exhaust {
+    /// Above this it burns.
+    limit: Celsius,
+    state: Burning,
+    last: Option<(Instant, Celsius)>,
+    above: u8,
+    below: u8,
+    /// Where the interval began in which the fall is judged.
+    mark: Option<(Instant, Celsius)>,
+    falling: u8,
+    /// It fell in the last interval, however slowly.
+    cools: bool,
+    /// Since when a lower demand excuses a fall, without a pause.
+    excused_since: Option<Instant>,
+    /// The sensor was broken or jumped: a cold value is believed again only after two hot ones.
+    distrusted: bool,
+}
+
+impl Exhaust {
+    /// Another temperature from which on an exhaust burns, for the values that come from now on.
+    pub const fn configure(&mut self, limit: Celsius) {
+        self.limit = limit;
+    }
+
+    pub const fn new(limit: Celsius) -> Self {
+        Self {
+            limit,
+            state: Burning::NotKnown,
+            last: None,
+            above: 0,
+            below: 0,
+            mark: None,
+            falling: 0,
+            cools: false,
+            excused_since: None,
+            distrusted: false,
+        }
+    }
+
+    pub const fn burning(&self) -> Burning {
+        self.state
+    }
+
+    /// A value that no thermocouple in order gives.
+    pub fn is_plausible(egt: Celsius) -> bool {
+        egt >= PLAUSIBLE.0 && egt <= PLAUSIBLE.1
+    }
+
+    /// One value; `None` where the ECU calls its sensor faulty. `lowered`: when the demand was last lowered.
+    pub fn see(&mut self, now: Instant, egt: Option<Celsius>, lowered: Option<Instant>) {
+        let Some(egt) = egt.filter(|egt| Self::is_plausible(*egt)) else {
+            self.forget();
+            return;
+        };
+        if let Some((before, value)) = self.last.replace((now, egt)) {
+            let change = i32::from(egt.tenths()) - i32::from(value.tenths());
+            let millis = now.saturating_duration_since(before).max(STEP_OVER).as_millis();
+            let rate = change.saturating_mul(1000) / i32::try_from(millis).unwrap_or(i32::MAX).max(1);
+            if !(-STEP_DOWN..=STEP_UP).contains(&rate) {
+                let last = self.last;
+                self.forget();
+                self.last = last;
+                return;
+            }
+        }
+        let lowered = lowered.is_some_and(|at| now < at + LOWERED);
+        let since = if lowered { Some(self.excused_since.unwrap_or(now)) } else { None };
+        self.excused_since = since;
+        let asked_for = since.is_some_and(|since| now < since + EXCUSED_MAX);
+        self.see_fall(now, egt, asked_for);
+        let hot = egt > self.limit;
+        self.above = if hot { self.above.saturating_add(1) } else { 0 };
+        self.below = if hot { 0 } else { self.below.saturating_add(1) };
+        self.distrusted &= self.above < AGREEING;
+        if self.distrusted {
+            self.state = Burning::NotKnown;
+        } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !asked_for {
+            self.state = Burning::No;
+        } else if self.falling > 0 || self.cools || self.below >= AGREEING {
+            // A fall was seen: no longer certain, and not yet the contrary.
+            if self.state == Burning::Yes {
+                self.state = Burning::NotKnown;
+            }
+        } else if self.above >= AGREEING {
+            self.state = Burning::Yes;
+        }
+    }
+
+    fn see_fall(&mut self, now: Instant, egt: Celsius, asked_for: bool) {
+        let Some((since, from)) = self.mark else {
+            self.mark = Some((now, egt));
+            return;
+        };
+        let passed = now.saturating_duration_since(since);
+        if passed < INTERVAL {
+            return;
+        }
+        let fall = (i32::from(from.tenths()) - i32::from(egt.tenths())).saturating_mul(1000);
+        let millis = i32::try_from(passed.as_millis()).unwrap_or(i32::MAX).max(1);
+        self.cools = fall / millis >= COOLS && !asked_for;
+        let falls = fall / millis >= FALL && !asked_for;
+        self.falling = if falls { self.falling.saturating_add(1) } else { 0 };
+        self.mark = Some((now, egt));
+    }
+
+    fn forget(&mut self) {
+        *self = Self { distrusted: true, ..Self::new(self.limit) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn run(exhaust: &mut Exhaust, from: u64, until: u64, egt: impl Fn(u64) -> i16) {
+        for millis in (from..until).step_by(125) {
+            exhaust.see(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), None);
+        }
+    }
+
+    fn limit() -> Exhaust {
+        Exhaust::new(Celsius::from_tenths(3000))
+    }
+
+    #[test]
+    fn two_values_above_the_limit_burn_and_two_below_do_not() {
+        let mut exhaust = limit();
+        run(&mut exhaust, 0, 125, |_| 600);
+        assert_eq!(exhaust.burning(), Burning::NotKnown);
+        run(&mut exhaust, 125, 250, |_| 600);
+        assert_eq!(exhaust.burning(), Burning::Yes);
+        let mut exhaust = limit();
+        run(&mut exhaust, 0, 250, |_| 20);
+        assert_eq!(exhaust.burning(), Burning::No);
+    }
+
+    #[test]
+    fn fall_of_15_degrees_a_second_for_3_s_does_not_burn() {
+        let mut exhaust = limit();
+        run(&mut exhaust, 0, 5000, |_| 700);
+        run(&mut exhaust, 5000, 7000, |ms| 700 - (ms as i16 - 5000) / 50);
+        assert_eq!(exhaust.burning(), Burning::NotKnown, "a fall is seen");
+        run(&mut exhaust, 7000, 9200, |ms| 700 - (ms as i16 - 5000) / 50);
+        assert_eq!(exhaust.burning(), Burning::No);
+    }
+
+    #[test]
+    fn slower_fall_is_not_certain_until_it_ends() {
+        let mut exhaust = limit();
+        run(&mut exhaust, 0, 5000, |_| 700);
+        run(&mut exhaust, 5000, 12_000, |ms| 700 - (ms as i16 - 5000) / 100);
+        assert_eq!(exhaust.burning(), Burning::NotKnown, "10 °C/s");
+        run(&mut exhaust, 12_000, 14_200, |_| 630);
+        assert_eq!(exhaust.burning(), Burning::Yes, "steady again");
+        run(&mut exhaust, 14_200, 25_000, |ms| 630 - (ms as i16 - 14_200) / 500);
+        assert_eq!(exhaust.burning(), Burning::Yes, "2 °C/s");
+    }
+
+    #[test]
+    fn fall_within_5_s_of_a_lower_demand_was_asked_for() {
+        let mut exhaust = limit();
+        run(&mut exhaust, 0, 5000, |_| 700);
+        for millis in (5000..9800).step_by(125) {
+            let egt = Celsius::from_tenths(7000 - (millis as i16 - 5000) / 5);
+            exhaust.see(at(millis), Some(egt), Some(at(5000)));
+        }
+        assert_eq!(exhaust.burning(), Burning::Yes);
+    }
+
+    #[test]
+    fn step_or_broken_sensor_is_not_known() {
+        for broken in [Some(Celsius::from_tenths(-500)), Some(Celsius::from_tenths(200)), None] {
+            let mut exhaust = limit();
+            run(&mut exhaust, 0, 1000, |_| 700);
+            exhaust.see(at(1000), broken, None);
+            run(&mut exhaust, 1125, 3000, |_| 20);
+            assert_eq!(exhaust.burning(), Burning::NotKnown, "{broken:?}");
+            run(&mut exhaust, 3000, 3500, |_| 700);
+            assert_eq!(exhaust.burning(), Burning::Yes, "{broken:?}");
+        }
+    }
+}

@@ -1,0 +1,449 @@
+//! What has to survive a reset: the order in force, its demand and its source, in memory that start-up does not
+//! clear. Two copies with a checksum and a sequence number, so that a reset in the middle of a write leaves the
+//! one before.
+//!
+//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. What is then left
+//! of a whole record can only stop an engine or preserve one: [`RetainedState::without_start`].
+
+use crate::command::{Demand, Order, Origin};
+use crate::event::LossStage;
+use crate::units::{Rpm, Throttle};
+use core::sync::atomic::{AtomicU32, Ordering};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use embassy_time::Duration;
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// Changes with the layout, so that an older firmware's memory is not believed.
+const LAYOUT: u32 = 0x4A4C_0005;
+const WORDS: usize = 8;
+/// Silence is retained in steps of this, so that a record does not change with every frame.
+const SILENCE_STEP: Duration = Duration::from_millis(20);
+const SILENCE_STEPS_MAX: u32 = 0xFFFF;
+/// Steps of 0.2 s, while a source has spoken since the last reset.
+const COARSE: u32 = 10;
+/// Bits of a demand in its word; the rest is for the silence of all sources, whose higher bits stand elsewhere.
+const DEMAND_BITS: u32 = 18;
+const SILENCE_LOW: u32 = u32::BITS - DEMAND_BITS;
+/// Where those are, behind the silence of one source and four bits of resets.
+const SILENCE_HIGH_AT: u32 = 20;
+const ALL_SILENCE_STEPS_MAX: u32 = (1 << (SILENCE_LOW + u32::BITS - SILENCE_HIGH_AT)) - 1;
+const RESETS_MAX: u32 = 15;
+
+/// What the reset was that the node comes out of.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reset {
+    /// The power never went away: watchdog, software, pin.
+    Warm,
+    /// The power went away or dipped: nothing that could start or raise an engine is believed.
+    #[default]
+    PowerLost,
+}
+
+/// What is kept of one engine.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RetainedState {
+    /// The order in force. A latched emergency stop is one.
+    pub order: Order,
+    /// Whose it was.
+    pub origin: Origin,
+    /// Whether the engine was armed.
+    pub armed: bool,
+    /// A limit was passed whose action is the fail-safe throttle: it stays there until standby is commanded.
+    pub limited: bool,
+    /// How far the loss of the source had gone: one that was lost has to speak for a while before it rules again.
+    pub loss: LossStage,
+    /// The engine ran, and stopped or fell silent without a command: the other engines are told.
+    pub failed: bool,
+    /// The engine has reached running, and no standby, stop or end of its life has come since.
+    pub ran: bool,
+    /// The ECU was given its switch by ZK ID 6 (ZK-9).
+    pub by_id6: bool,
+    /// A service command may have opened the fuel pump, and it was not closed.
+    pub pump_open: bool,
+    /// How long the source in control has been silent, resets included. In steps of 20 ms, 21 min at most.
+    pub silent: Duration,
+    /// The same for every source. In steps of 20 ms, for longer than anything here lasts.
+    pub all_silent: Duration,
+    /// Resets in a row in which the source in control has not spoken; 15 at most.
+    pub resets: u8,
+    /// How long ago the start that is under way was ordered, in s; 0 without one.
+    pub starting: u16,
+    /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
+    pub arm_commanded: u8,
+    /// The sources that have to disarm before their "arm" counts again, in the same way.
+    pub must_disarm: u8,
+}
+
+impl RetainedState {
+    /// An order of somebody, and nothing else.
+    pub const fn new(order: Order, origin: Origin) -> Self {
+        Self {
+            order,
+            origin,
+            armed: false,
+            limited: false,
+            loss: LossStage::None,
+            failed: false,
+            ran: matches!(order, Order::Run(_)),
+            by_id6: false,
+            pump_open: false,
+            silent: Duration::from_ticks(0),
+            all_silent: Duration::from_ticks(0),
+            resets: 0,
+            starting: 0,
+            arm_commanded: 0,
+            must_disarm: 0,
+        }
+    }
+
+    /// What is left after a loss of power, or of another engine's record: nothing that could start or raise an engine, all
+    /// that can only stop or preserve one.
+    pub const fn without_start(self) -> Self {
+        let order = match self.order {
+            Order::EmergencyStop => Order::EmergencyStop,
+            Order::Standby => Order::Standby,
+            // It becomes ID 0, which leaves a running engine to its PWM input.
+            Order::Pwm if self.ran => Order::Pwm,
+            Order::Run(_) | Order::Doubt(_) | Order::Pwm | Order::Listen => Order::Listen,
+        };
+        let origin = match order {
+            Order::EmergencyStop | Order::Pwm => self.origin,
+            _ => Origin::Node,
+        };
+        let Self {
+            ran,
+            by_id6,
+            pump_open,
+            silent,
+            all_silent,
+            resets,
+            starting,
+            arm_commanded,
+            must_disarm,
+            ..
+        } = self;
+        Self {
+            ran,
+            by_id6,
+            pump_open,
+            silent,
+            all_silent,
+            resets,
+            starting,
+            arm_commanded,
+            must_disarm,
+            ..Self::new(order, origin)
+        }
+    }
+
+    /// Silence in the steps in which it is retained.
+    pub(super) fn steps(silent: Duration) -> Duration {
+        SILENCE_STEP * steps(silent)
+    }
+
+    /// The same, coarse: the record of a source that speaks does not change with every word.
+    pub(super) fn coarse_steps(silent: Duration) -> Duration {
+        let steps = steps(silent);
+        SILENCE_STEP * (steps - steps % COARSE)
+    }
+}
+
+/// RetainedMemory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
+/// then arbitrary, and not believed.
+///
+/// Each copy is a multiple of 32 bytes: the word that is written is never in the ECC unit of the other copy.
+#[derive(Debug)]
+#[repr(C, align(32))]
+pub struct RetainedMemory {
+    copies: [[AtomicU32; WORDS]; 2],
+}
+
+impl Default for RetainedMemory {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RetainedMemory {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
+    }
+
+    /// The newer of the two copies that are whole. `fingerprint` says whose it has to be
+    /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's, and after a loss of power, only
+    /// [`RetainedState::without_start`] is left.
+    pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<RetainedState> {
+        let (_, words) = self.newest()?;
+        let record = unpack(words)?;
+        let whole = words[4] == fingerprint && reset == Reset::Warm;
+        Some(if whole { record } else { record.without_start() })
+    }
+
+    /// Retains a record of the engine with this fingerprint, over the older copy.
+    pub fn store(&self, record: &RetainedState, fingerprint: u32) {
+        self.store_next(record, fingerprint, self.next_sequence());
+    }
+
+    /// The number of the next write. Its lowest bit is the place of the copy that is written.
+    pub(crate) fn next_sequence(&self) -> u32 {
+        match self.newest() {
+            Some((place, words)) => {
+                let next = words[1].wrapping_add(1);
+                // Never over the newer copy.
+                if next & 1 == place as u32 { next.wrapping_add(1) } else { next }
+            }
+            None => 0,
+        }
+    }
+
+    /// The same, by a writer that counts its writes: the copies are not looked at.
+    pub(crate) fn store_next(&self, record: &RetainedState, fingerprint: u32, sequence: u32) {
+        let place = (sequence & 1) as usize;
+        let words = pack(record, sequence, fingerprint);
+        if let Some(copy) = self.copies.get(place) {
+            for (slot, word) in copy.iter().zip(words) {
+                // Release keeps the order of writes for whoever looks after a reset in between.
+                slot.store(word, Ordering::Release);
+            }
+        }
+        // An H7 keeps the last half of a 64-bit word, the unit of its RAM's checksum, in a buffer until the next
+        // write elsewhere; a reset before that loses it. So the other copy, which shares no such word with this one, is
+        // written with what it holds.
+        if let Some(word) = self.copies.get(1 - place).and_then(|copy| copy.first()) {
+            word.store(word.load(Ordering::Acquire), Ordering::Release);
+        }
+    }
+
+    /// Forgets: the next start begins from nothing.
+    pub fn clear(&self) {
+        for word in self.copies.iter().flatten() {
+            word.store(0, Ordering::Release);
+        }
+    }
+
+    fn newest(&self) -> Option<(usize, [u32; WORDS])> {
+        let whole = |place: usize| {
+            let words = self.copies.get(place)?.each_ref().map(|word| word.load(Ordering::Acquire));
+            (words[0] == LAYOUT && words[WORDS - 1] == checksum(&words)).then_some((place, words))
+        };
+        match (whole(0), whole(1)) {
+            (Some(a), Some(b)) => {
+                // The sequence wraps: the newer is ahead by less than half the range.
+                let b_is_newer = b.1[1].wrapping_sub(a.1[1]) < u32::MAX / 2;
+                Some(if b_is_newer { b } else { a })
+            }
+            (a, b) => a.or(b),
+        }
+    }
+}
+
+fn checksum(words: &[u32; WORDS]) -> u32 {
+    let mut digest = CRC.digest();
+    for word in words.iter().take(WORDS - 1) {
+        digest.update(&word.to_le_bytes());
+    }
+    digest.finalize()
+}
+
+fn steps(silent: Duration) -> u32 {
+    u32::try_from(silent.as_ticks() / SILENCE_STEP.as_ticks()).unwrap_or(u32::MAX)
+}
+
+fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
+    let (order, value) = match record.order {
+        Order::EmergencyStop => (1, 0),
+        Order::Standby => (2, 0),
+        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+            (3, u32::from(throttle.tenths()))
+        }
+        Order::Run(Demand::Rpm(rpm)) | Order::Doubt(Demand::Rpm(rpm)) => (4, rpm.get()),
+        Order::Pwm => (5, 0),
+        Order::Listen => (6, 0),
+    };
+    let flags = order
+        | u32::from(record.origin.priority()) << 8
+        | u32::from(record.armed) << 16
+        | u32::from(record.limited) << 17
+        | u32::from(record.failed) << 18
+        | u32::from(record.ran) << 19
+        | u32::from(record.by_id6) << 20
+        | u32::from(record.pump_open) << 21
+        | (record.loss as u32) << 24;
+    let all_silent = steps(record.all_silent).min(ALL_SILENCE_STEPS_MAX);
+    let silence = steps(record.silent).min(SILENCE_STEPS_MAX)
+        | u32::from(record.resets).min(RESETS_MAX) << 16
+        | all_silent >> SILENCE_LOW << SILENCE_HIGH_AT;
+    let arming = u32::from(record.arm_commanded)
+        | u32::from(record.must_disarm) << 8
+        | u32::from(record.starting) << 16;
+    let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
+    let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
+    words[WORDS - 1] = checksum(&words);
+    words
+}
+
+fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<RetainedState> {
+    let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
+    let value = value & ((1 << DEMAND_BITS) - 1);
+    let order = match flags & 0xFF {
+        1 => Order::EmergencyStop,
+        2 => Order::Standby,
+        3 => Order::Run(Demand::Throttle(Throttle::from_tenths(u16::try_from(value).ok()?).ok()?)),
+        4 => Order::Run(Demand::Rpm(Rpm::new(value))),
+        5 => Order::Pwm,
+        6 => Order::Listen,
+        _ => return None,
+    };
+    let priority = flags >> 8 & 0xFF;
+    let origin = Origin::ALL.into_iter().find(|origin| u32::from(origin.priority()) == priority)?;
+    let loss = match flags >> 24 {
+        0 => LossStage::None,
+        1 => LossStage::Hold,
+        2 => LossStage::FailSafe,
+        3 => LossStage::Standby,
+        _ => return None,
+    };
+    let flag = |bit: u32| flags >> bit & 1 == 1;
+    Some(RetainedState {
+        order,
+        origin,
+        armed: flag(16),
+        limited: flag(17),
+        failed: flag(18),
+        ran: flag(19),
+        by_id6: flag(20),
+        pump_open: flag(21),
+        loss,
+        silent: SILENCE_STEP * (silence & 0xFFFF),
+        all_silent: SILENCE_STEP * all_silent,
+        resets: u8::try_from(silence >> 16 & RESETS_MAX).ok()?,
+        arm_commanded: u8::try_from(arming & 0xFF).ok()?,
+        must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
+        starting: u16::try_from(arming >> 16).ok()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(tenths: u16) -> RetainedState {
+        let order = Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()));
+        RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
+    }
+
+    const OURS: u32 = 0x1234_5678;
+
+    fn load(memory: &RetainedMemory) -> Option<RetainedState> {
+        memory.load(OURS, Reset::Warm)
+    }
+
+    #[test]
+    fn every_order_and_source_comes_back() {
+        let memory = RetainedMemory::new();
+        assert_eq!(load(&memory), None, "empty");
+        let orders = [Order::EmergencyStop, Order::Standby, run(637).order, Order::Pwm, Order::Listen];
+        for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
+            for origin in Origin::ALL {
+                let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
+                for (flags, loss) in (0..64).flat_map(|flags| stages.map(|loss| (flags, loss))) {
+                    let flag = |bit: u32| flags >> bit & 1 == 1;
+                    let record = RetainedState {
+                        order,
+                        origin,
+                        armed: flag(0),
+                        limited: flag(1),
+                        failed: flag(2),
+                        ran: flag(3),
+                        by_id6: flag(4),
+                        pump_open: flag(5),
+                        loss,
+                        silent: Duration::from_millis(20 * flags as u64),
+                        all_silent: Duration::from_secs(21_000 * flags as u64),
+                        resets: flags as u8 & 15,
+                        arm_commanded: flags as u8 & 31,
+                        must_disarm: flags as u8 >> 1,
+                        starting: flags as u16 * 1000,
+                    };
+                    memory.store(&record, OURS);
+                    assert_eq!(load(&memory), Some(record));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_write_that_was_cut_short_leaves_the_record_before() {
+        // After each number of words written, in each of the two places.
+        for before in [run(100), run(200)] {
+            for words in 0..WORDS {
+                let memory = RetainedMemory::new();
+                memory.store(&run(50), OURS);
+                memory.store(&before, OURS);
+                let (place, newest) = memory.newest().unwrap();
+                let next = pack(&run(900), newest[1].wrapping_add(1), OURS);
+                for (slot, word) in memory.copies[1 - place].iter().zip(next).take(words) {
+                    slot.store(word, Ordering::Relaxed);
+                }
+                assert_eq!(load(&memory), Some(before), "{words} words");
+            }
+        }
+    }
+
+    #[test]
+    fn one_flipped_bit_is_not_believed() {
+        for bit in 0..WORDS * 32 {
+            let memory = RetainedMemory::new();
+            memory.store(&run(500), OURS);
+            let (place, _) = memory.newest().unwrap();
+            memory.copies[place][bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
+            assert_eq!(load(&memory), None, "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn the_sequence_wraps() {
+        let memory = RetainedMemory::new();
+        for (copy, sequence, tenths) in [(0, u32::MAX, 1), (1, 0, 2)] {
+            for (slot, word) in memory.copies[copy].iter().zip(pack(&run(tenths), sequence, OURS)) {
+                slot.store(word, Ordering::Relaxed);
+            }
+        }
+        assert_eq!(load(&memory), Some(run(2)));
+    }
+
+    #[test]
+    fn lost_power_or_another_engine_leaves_nothing_that_starts_or_raises() {
+        let memory = RetainedMemory::new();
+        let full =
+            RetainedState { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
+        memory.store(&full, OURS);
+        let left = RetainedState {
+            ran: true,
+            by_id6: true,
+            pump_open: true,
+            resets: 2,
+            ..RetainedState::new(Order::Listen, Origin::Node)
+        };
+        assert_eq!(memory.load(OURS, Reset::PowerLost), Some(left));
+        assert_eq!(memory.load(OURS + 1, Reset::Warm), Some(left));
+        assert_eq!(memory.load(OURS, Reset::Warm), Some(full), "beside the one where it is whole");
+        let stop = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+        memory.store(&stop, OURS);
+        assert_eq!(
+            memory.load(OURS, Reset::PowerLost),
+            Some(RetainedState { armed: false, ..stop }),
+            "a stop stays"
+        );
+    }
+
+    #[test]
+    fn copies_share_no_ecc_unit() {
+        let memory = RetainedMemory::new();
+        let [a, b] = memory.copies.each_ref().map(|copy| core::ptr::from_ref(copy).addr());
+        assert_eq!((a % 32, b % 32, b - a), (0, 0, 32));
+    }
+}

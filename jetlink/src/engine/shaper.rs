@@ -1,0 +1,340 @@
+//! How the demand of a running engine moves: by its rates, under its reductions, through the governor.
+
+use super::config::{Supervision, Takeover};
+use super::governor::Governor;
+use super::ramp::{Ramp, Rates};
+use crate::command::Demand;
+use crate::link::earlier;
+use crate::report::Timed;
+use crate::units::{Rpm, Throttle};
+use embassy_time::{Duration, Instant};
+
+/// Between two updates of a demand that moves.
+const STEP: Duration = Duration::from_millis(20);
+/// Stands for the maximum rpm of an engine that does not tell its own, when a rate in % is made one in rpm.
+const NOMINAL_MAX_RPM: u32 = 100_000;
+
+/// Where the demand shall go.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Plan {
+    /// No further to what is asked: another source is about to take over, or the one that asked is silent.
+    Hold(Demand),
+    /// To what the ruling source asks.
+    To(Demand),
+    /// To the fail-safe throttle, or to idle if an rpm was asked, by its ramp; and never above what is asked, if its source
+    /// still rules.
+    FailSafe { asked: Demand, ruled: bool },
+}
+
+/// What is known of the engine when its demand is shaped.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    /// The ECU reports a running engine; until then the demand stays at idle.
+    pub running: bool,
+    /// Nothing puts that in doubt.
+    pub living: bool,
+    /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
+    pub received: bool,
+    pub idle_rpm: Option<Rpm>,
+    pub max_rpm: Option<Rpm>,
+    pub rpm: Option<Timed<Rpm>>,
+    /// That the ECU reports.
+    pub throttle: Option<Throttle>,
+    /// Thousandths.
+    pub reduced_to: Option<u16>,
+    /// The ECU has no speed control, so an rpm needs the governor.
+    pub governed: bool,
+}
+
+/// A demand of either kind on its way.
+#[derive(Clone, Copy, Debug)]
+enum Moving {
+    /// In tenths of a percent.
+    Throttle(Ramp),
+    /// In revolutions a minute.
+    Rpm(Ramp),
+}
+
+/// Moves the demand and, where the ECU has no speed control, makes it a throttle.
+#[derive(Clone, Debug)]
+pub(super) struct Shaper {
+    moving: Moving,
+    governor: Option<Governor>,
+    /// The throttle that the governor has set; `None` before it has.
+    governed: Option<Throttle>,
+    /// It rises at its set rate until it is where it is commanded to: after a start, a take-over, a gap.
+    rising: bool,
+    /// It was reduced, because another engine failed.
+    was_reduced: bool,
+    at: Instant,
+}
+
+impl Shaper {
+    /// At rest at a demand.
+    pub fn new(now: Instant, demand: Demand) -> Self {
+        Self {
+            moving: Moving::new(now, demand),
+            governor: None,
+            governed: None,
+            rising: true,
+            was_reduced: false,
+            at: now,
+        }
+    }
+
+    /// It goes on from a lower demand: what has not gone out before a gap does not jump after it.
+    pub fn fall_back(&mut self, now: Instant, sent: Demand) {
+        if sent.is_below(self.moving.demand()) {
+            self.moving = Moving::new(now, sent);
+        }
+    }
+
+    /// From here the demand rises at its set rate, until it is where it is commanded to.
+    pub const fn rise(&mut self) {
+        self.rising = true;
+    }
+
+    /// When it last moved.
+    pub const fn at(&self) -> Instant {
+        self.at
+    }
+
+    /// Whether a demand is close enough to the one in force to take over without a bump.
+    pub fn is_close(&self, demand: Demand, takeover: &Takeover) -> bool {
+        match (self.moving.demand(), demand) {
+            (Demand::Throttle(a), Demand::Throttle(b)) => {
+                a.tenths().abs_diff(b.tenths()) <= takeover.throttle_band.tenths()
+            }
+            (Demand::Rpm(a), Demand::Rpm(b)) => a.get().abs_diff(b.get()) <= takeover.rpm_band.get(),
+            _ => false,
+        }
+    }
+
+    /// The demand for the ECU now, and when it moves on.
+    pub fn demand(
+        &mut self,
+        now: Instant,
+        plan: Plan,
+        shape: &Shape,
+        config: &Supervision,
+    ) -> (Demand, Option<Instant>) {
+        self.at = now;
+        if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
+            self.rising = true;
+        }
+        // What is held while its life is in doubt does not jump when it is let go.
+        self.rising |= shape.running && !shape.living;
+        // The reduction for an engine that failed is a fail-safe, and no slower than one.
+        let down = match shape.reduced_to {
+            Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
+            None => config.slew.down,
+        };
+        let up = match config.slew.up {
+            Some(up) if self.rising => Some(up.min(config.rise)),
+            None if self.rising => Some(config.rise),
+            up => up,
+        };
+        let slew = Rates { up: up.map(u32::from), down: down.map(u32::from) };
+        let (target, rates) = match plan {
+            // It waits for nobody else.
+            Plan::Hold(asked)
+                if shape.reduced_to.is_some()
+                    && reduced(asked, shape.reduced_to).is_below(self.moving.demand()) =>
+            {
+                (reduced(asked, shape.reduced_to), slew)
+            }
+            Plan::Hold(_) => (self.moving.demand(), Rates::AT_ONCE),
+            // Whether it lives is in doubt: it may go down, and not up. A throttle in place of an rpm cannot be said then; the
+            // idle speed can.
+            Plan::To(Demand::Throttle(_))
+                if shape.running
+                    && !shape.living
+                    && matches!(self.moving, Moving::Rpm(_))
+                    && !shape.governed =>
+            {
+                let Demand::Rpm(now_at) = self.moving.demand() else { return (self.moving.demand(), None) };
+                (Demand::Rpm(shape.idle_rpm.map_or(now_at, |idle| idle.min(now_at))), slew)
+            }
+            Plan::To(demand)
+                if shape.running
+                    && !shape.living
+                    && !reduced(demand, shape.reduced_to).is_below(self.moving.demand()) =>
+            {
+                (self.moving.demand(), Rates::AT_ONCE)
+            }
+            Plan::To(demand) => {
+                let target = reduced(demand, shape.reduced_to);
+                self.rising &= !shape.running || !shape.received || self.moving.demand() != target;
+                (target, slew)
+            }
+            Plan::FailSafe { asked, ruled } => {
+                let most = reduced(asked, shape.reduced_to);
+                if ruled && most.is_below(self.moving.demand()) {
+                    self.moving.follow(now, most, slew, shape);
+                }
+                let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
+                (self.fail_safe(now, asked, shape, config), down)
+            }
+        };
+        let (target, rates) =
+            if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
+        let next = self.moving.follow(now, target, rates, shape);
+        let demand = self.moving.demand();
+        let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
+            self.governor = None;
+            return (demand, next);
+        };
+        if !shape.running {
+            self.governor = None;
+            return (Demand::Throttle(Throttle::IDLE), next);
+        }
+        if !shape.living {
+            // Whether the engine lives is in doubt: it neither controls nor winds up, and holds nothing on old telemetry.
+            self.governor = None;
+            let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
+            if old_at.is_none() {
+                self.governed = None;
+                return (Demand::Throttle(Throttle::IDLE), next);
+            }
+            let held = self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE);
+            return (Demand::Throttle(held), earlier(next, old_at));
+        }
+        let governor = self
+            .governor
+            .get_or_insert_with(|| Governor::new(settings, shape.throttle.unwrap_or(Throttle::IDLE)));
+        let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
+        self.governed = Some(throttle);
+        (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
+    }
+
+    /// Where the fail-safe takes the demand. It only ever lowers.
+    fn fail_safe(&mut self, now: Instant, asked: Demand, shape: &Shape, config: &Supervision) -> Demand {
+        let safe = match asked {
+            Demand::Throttle(_) => config.loss.throttle,
+            // As any rpm: how another throttle compares with it nothing says.
+            Demand::Rpm(_) => Throttle::IDLE,
+        };
+        match (self.moving.demand(), shape.idle_rpm) {
+            (Demand::Throttle(throttle), _) => Demand::Throttle(throttle.min(safe)),
+            (Demand::Rpm(rpm), Some(idle)) if !shape.governed => Demand::Rpm(rpm.min(idle)),
+            (Demand::Rpm(_), _) => {
+                // From the governor's throttle on; an ECU's own is not known, and its idle rpm neither.
+                let from = self.governed.filter(|_| shape.governed).unwrap_or(Throttle::IDLE);
+                self.moving = Moving::new(now, Demand::Throttle(from));
+                Demand::Throttle(from.min(safe))
+            }
+        }
+    }
+}
+
+impl Moving {
+    fn new(now: Instant, demand: Demand) -> Self {
+        match demand {
+            Demand::Throttle(throttle) => Self::Throttle(Ramp::new(throttle.tenths().into(), now)),
+            Demand::Rpm(rpm) => Self::Rpm(Ramp::new(rpm.get(), now)),
+        }
+    }
+
+    fn demand(&self) -> Demand {
+        match self {
+            Self::Throttle(ramp) => {
+                let tenths = u16::try_from(ramp.value()).unwrap_or(u16::MAX);
+                Demand::Throttle(Throttle::from_tenths(tenths).unwrap_or(Throttle::FULL))
+            }
+            Self::Rpm(ramp) => Demand::Rpm(Rpm::new(ramp.value())),
+        }
+    }
+
+    fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
+        match (&mut *self, target) {
+            (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
+                ramp.follow(now, throttle.tenths().into(), rates, STEP)
+            }
+            (Self::Rpm(ramp), Demand::Rpm(rpm)) => {
+                let max = shape.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
+                // Tenths of a percent of the maximum.
+                let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(max / 1000));
+                ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
+            }
+            // The other kind of demand: nothing says how the two compare. With a slew it rises from what the ECU
+            // reports, where it does; what is asked is the most all the same.
+            (moving, target) => {
+                let from = match (target, shape.throttle, shape.rpm) {
+                    _ if rates.up.is_none() => target,
+                    (Demand::Throttle(asked), now, _) => {
+                        Demand::Throttle(asked.min(now.unwrap_or(Throttle::IDLE)))
+                    }
+                    (Demand::Rpm(asked), _, now) => {
+                        let idle = shape.idle_rpm.unwrap_or(Rpm::new(0));
+                        Demand::Rpm(asked.min(now.map_or(idle, |now| now.value)))
+                    }
+                };
+                *moving = Self::new(now, from);
+                if from == target { None } else { moving.follow(now, target, rates, shape) }
+            }
+        }
+    }
+}
+
+/// A demand that fell by less, in thousandths of the whole, is noise of a stick.
+const LOWERED_BY: u32 = 20;
+
+/// Tells when a demand was lowered by more than a stick's noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lowered {
+    from: Demand,
+    at: Instant,
+    last: Option<Instant>,
+}
+
+impl Lowered {
+    pub const fn new(now: Instant, demand: Demand) -> Self {
+        Self { from: demand, at: now, last: None }
+    }
+
+    pub const fn at(&self) -> Instant {
+        self.at
+    }
+
+    /// When the demand was last lowered in this run, if it was.
+    pub const fn last(&self) -> Option<Instant> {
+        self.last
+    }
+
+    pub fn see(&mut self, now: Instant, demand: Demand) {
+        let (value, from, band) = match (demand, self.from) {
+            (Demand::Throttle(demand), Demand::Throttle(from)) => {
+                (demand.tenths().into(), from.tenths().into(), LOWERED_BY)
+            }
+            (Demand::Rpm(demand), Demand::Rpm(from)) => {
+                (demand.get(), from.get(), NOMINAL_MAX_RPM / 1000 * LOWERED_BY)
+            }
+            // Between kinds that cannot be told, so it counts as less.
+            _ => (0, u32::MAX, 0),
+        };
+        if value >= from {
+            self.from = demand;
+        } else if from - value > band {
+            *self = Self { from: demand, at: now, last: Some(now) };
+        }
+    }
+}
+
+fn reduced(demand: Demand, to: Option<u16>) -> Demand {
+    let Some(to) = to else { return demand };
+    let share = |value: u32| (u64::from(value) * u64::from(to) / 1000) as u32;
+    match demand {
+        Demand::Throttle(throttle) => {
+            let tenths = u16::try_from(share(throttle.tenths().into())).unwrap_or(0);
+            Demand::Throttle(Throttle::from_tenths(tenths).unwrap_or(throttle).min(throttle))
+        }
+        Demand::Rpm(rpm) => Demand::Rpm(Rpm::new(share(rpm.get())).min(rpm)),
+    }
+}
+
+fn idle(target: Demand, shape: &Shape) -> Demand {
+    match target {
+        Demand::Throttle(_) => Demand::Throttle(Throttle::IDLE),
+        Demand::Rpm(rpm) => Demand::Rpm(shape.idle_rpm.map_or(Rpm::new(0), |idle| idle.min(rpm))),
+    }
+}

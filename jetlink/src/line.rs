@@ -1,0 +1,91 @@
+//! The serial line: how long bytes take on it, and what goes wrong on it.
+
+use crate::setting::settings;
+use embassy_time::Duration;
+
+/// Stop bits after each byte.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum StopBits {
+    /// One: 10 bits a byte.
+    One,
+    /// Two: 11 bits a byte.
+    Two,
+}
+
+/// A UART setting. Always 8 data bits and no parity (ZK-12, AMT-1).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Line {
+    /// Bits a second.
+    pub baud: u32,
+    /// Stop bits.
+    pub stop_bits: StopBits,
+}
+
+impl Line {
+    /// The rates both documents print (ZK-12, AMT-1).
+    pub const BAUD_RATES: [u32; 7] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200];
+
+    /// 8N1 at a baud rate.
+    pub const fn new(baud: u32) -> Self {
+        Self { baud, stop_bits: StopBits::One }
+    }
+
+    /// 8N2 at a baud rate.
+    pub const fn with_two_stop_bits(baud: u32) -> Self {
+        Self { baud, stop_bits: StopBits::Two }
+    }
+
+    /// Bits on the line for one byte: start, 8 data, stop.
+    pub const fn bits_per_byte(self) -> u32 {
+        match self.stop_bits {
+            StopBits::One => 10,
+            StopBits::Two => 11,
+        }
+    }
+
+    /// Whether the baud rate is one of [`Line::BAUD_RATES`].
+    pub const fn is_printed_rate(self) -> bool {
+        let mut i = 0;
+        while i < Self::BAUD_RATES.len() {
+            if Self::BAUD_RATES[i] == self.baud {
+                return true;
+            }
+            i += 1;
+        }
+        false
+    }
+
+    /// Time of `bytes` bytes back to back, rounded up to 1 µs.
+    /// A baud rate of 0 counts as 1, so that nothing divides by zero.
+    pub const fn time_of(self, bytes: u32) -> Duration {
+        let bits = bytes as u64 * self.bits_per_byte() as u64;
+        let baud = if self.baud == 0 { 1 } else { self.baud as u64 };
+        Duration::from_micros((bits * 1_000_000).div_ceil(baud))
+    }
+}
+
+/// A fault that the UART saw.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LineError {
+    /// No stop bit where one was due: a wrong baud rate, a broken or floating line.
+    Framing,
+    /// Samples of one bit differed.
+    Noise,
+    /// A byte came before the last one was fetched.
+    Overrun,
+    /// Wrong parity (never expected: both protocols use none).
+    Parity,
+    /// The driver returned an error of another kind.
+    Read,
+}
+
+settings! {
+    /// When the link to an ECU is up, and when it is lost.
+    pub struct Timing, "timing.", AtNextStart {
+        up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Good frames in a row, none of them `lost_after` later than the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
+        lost_after: ms "LINK_LOST" = 500 in 200..=60_000, "Silence until the link is lost: ten frames at 20 Hz. AMT: 1000, eight frames at 2400 baud.";
+    }
+}

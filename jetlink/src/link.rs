@@ -1,0 +1,437 @@
+//! What the conversation with an ECU is to everybody above it, and the parts every link is made of.
+//!
+//! A link is a state machine without IO and without a clock. Inputs carry the time; after each input
+//! [`Link::poll`] is called until it says [`Output::Wait`]. One frame per input keeps what is pending
+//! bounded, so nothing allocates and nothing is forgotten.
+
+use crate::command::{Order, Rejected};
+use crate::ecu::Service;
+use crate::event::Event;
+use crate::line::{Line, LineError, Timing};
+use crate::report::{Counters, LinkState, NotSent, Report, bump};
+use crate::units::{Celsius, Hectopascals, Throttle};
+use embassy_time::{Duration, Instant};
+use heapless::Deque;
+
+/// Bytes of the longest transmission.
+pub const MAX_TRANSMISSION: usize = 5;
+
+/// Bytes to send, all at once.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Transmission {
+    bytes: [u8; MAX_TRANSMISSION],
+    len: u8,
+    /// The first start bit may not come later than this; if it would, do not send.
+    pub start_by: Option<Instant>,
+}
+
+impl Transmission {
+    /// From the bytes of a frame; what is longer than [`MAX_TRANSMISSION`] does not compile.
+    pub(crate) fn new<const N: usize>(frame: [u8; N], start_by: Option<Instant>) -> Self {
+        const { assert!(N <= MAX_TRANSMISSION) };
+        let mut bytes = [0; MAX_TRANSMISSION];
+        for (slot, byte) in bytes.iter_mut().zip(frame) {
+            *slot = byte;
+        }
+        Self { bytes, len: N as u8, start_by }
+    }
+
+    /// The bytes.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len.into()).unwrap_or_default()
+    }
+}
+
+/// What a link wants done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Output {
+    /// Send this now, then call [`Link::sent`] or [`Link::not_sent`]. Nothing else is handed out to send
+    /// before that.
+    Transmit(Transmission),
+    /// Tell whoever listens.
+    Event(Event),
+    /// Nothing more until the next input; call [`Link::timeout`] at this instant.
+    Wait(Option<Instant>),
+}
+
+/// How far an engine is, as one frame of its ECU reports it. The order is that of a start.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Stage {
+    /// At rest: stopped, standby, cooling, a test of the ECU (ZK 0, 1, 12, 14 to 19; AMT 00000).
+    Rest,
+    /// Cleared for a start (AMT 00001).
+    Clearance,
+    /// Ignition and preheat (ZK 2 to 4).
+    Ignition,
+    /// Fuel ramp (ZK 5).
+    FuelRamp,
+    /// Starting (AMT 00010).
+    Starting,
+    /// Started up (AMT 00100).
+    StartedUp,
+    /// Idle calibration (AMT 01000).
+    Calibrating,
+    /// Running (ZK 6 to 11; AMT 01100, 10000, 11100).
+    Running,
+    /// Restart by the ECU itself (ZK 13).
+    Restart,
+    /// A state without a name in the document.
+    Unknown,
+}
+
+/// What one frame of an ECU says about the life of its engine. Raw: each frame as it came, nothing debounced.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Sign {
+    /// The ECU was just powered up (AMT set-up set).
+    PowerUp,
+    /// A state of the engine (ZK status ID 1, AMT normal set).
+    State {
+        /// How far it is.
+        stage: Stage,
+        /// The shaft turns at half of idle or faster; `None` where nothing says.
+        turning: Option<bool>,
+        /// The throttle that the ECU obeys, where the frame carries it (AMT).
+        throttle: Option<Throttle>,
+    },
+    /// The shaft speed alone (the other ZK statuses).
+    Shaft {
+        /// The shaft turns at half of idle or faster.
+        turning: bool,
+    },
+    /// Faults in place of a state (AMT error set).
+    Faulted {
+        /// The throttle that the ECU obeys.
+        throttle: Option<Throttle>,
+        /// The exhaust temperature, unless the ECU calls its sensor faulty.
+        egt: Option<Celsius>,
+    },
+    /// Nothing about the engine (AMT alternate set, a frame without a name).
+    Stateless,
+    /// A frame whose values are not believed, because the UART saw a fault in it (AMT).
+    Damaged,
+}
+
+/// A conversation with an ECU.
+pub trait Link {
+    /// The conversation begins.
+    fn start(&mut self, now: Instant);
+    /// Bytes came. It takes them up to the end of one frame and says how many it took; call again with
+    /// the rest, after draining [`Link::poll`].
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
+    /// The UART saw a fault.
+    fn line_error(&mut self, error: LineError);
+    /// A read failed, and the byte is lost. All bytes before it have come.
+    fn byte_lost(&mut self, error: LineError) {
+        self.line_error(error);
+    }
+    /// Keep this on the wire from now on.
+    ///
+    /// # Errors
+    /// [`Rejected`] if this ECU cannot do it; what was ordered before stays. An emergency stop and standby
+    /// are never refused.
+    fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected>;
+    /// Whether the ECU holds an rpm by itself.
+    ///
+    /// # Errors
+    /// [`Rejected`] with the reason if it does not.
+    fn speed_control(&self) -> Result<(), Rejected>;
+    /// Do this once.
+    ///
+    /// # Errors
+    /// [`Rejected`] if this ECU cannot do it, or not now.
+    fn service(&mut self, now: Instant, service: Service) -> Result<(), Rejected>;
+    /// The atmospheric pressure, for an ECU that asks for it.
+    fn pressure(&mut self, now: Instant, pressure: Hectopascals);
+    /// The last stop bit of the transmission is out.
+    fn sent(&mut self, now: Instant);
+    /// The transmission did not happen, or not whole.
+    fn not_sent(&mut self, now: Instant, why: NotSent);
+    /// The instant given by [`Output::Wait`] has come. Early calls do nothing.
+    fn timeout(&mut self, now: Instant);
+    /// What to do now.
+    fn poll(&mut self) -> Output;
+    /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
+    fn take_sign(&mut self) -> Option<Sign>;
+    /// The engine runs, so that a demand goes out; until then "run" carries the throttle of a start.
+    fn release(&mut self, released: bool);
+    /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
+    fn gap_at(&self) -> Option<Instant>;
+    /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
+    fn answers_frames(&self) -> bool;
+    /// When a life that has been in doubt since then loses its order, should nothing confirm it. `None`: not before its
+    /// sources are silent and the stages of loss have run out.
+    fn doubt_ends(&self, since: Instant) -> Option<Instant>;
+    /// The gap that [`Link::gap_at`] announced is there: nothing said before it holds for what comes after it.
+    fn gap(&mut self);
+    /// The ECU was given its switch by ZK ID 6, so it ignores the one of ID 1 (ZK-9).
+    fn switch_by_id6(&self) -> bool {
+        false
+    }
+    /// After a reset: the ECU was given its switch by ZK ID 6 before it.
+    fn resume_switch_by_id6(&mut self) {}
+    /// Close a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
+    fn close_pump(&mut self) {}
+    /// A service command has not gone out yet.
+    fn service_pending(&self) -> bool {
+        false
+    }
+    /// The fuel pump is being closed.
+    fn closing_pump(&self) -> bool {
+        false
+    }
+    /// What the ECU has said.
+    fn report(&self) -> &Report;
+    /// Whether the ECU is heard.
+    fn state(&self) -> LinkState;
+    /// When the last good frame was complete.
+    fn last_rx(&self) -> Option<Instant>;
+    /// Since when it is heard without a loss.
+    fn up_since(&self) -> Option<Instant>;
+    /// A service command that is in force makes the ECU stop its engine.
+    fn shutting_down(&self) -> bool {
+        false
+    }
+    /// Good frames so far; wraps. The same as in [`Link::counters`].
+    fn frames(&self) -> u32;
+    /// What was counted.
+    fn counters(&self) -> Counters;
+}
+
+/// Whether an ECU is heard: silence is found by a timer, never at the next byte.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LinkMonitor {
+    timing: Timing,
+    state: LinkState,
+    frames_in_a_row: u8,
+    heard: Option<Instant>,
+    up_since: Option<Instant>,
+    silent_at: Option<Instant>,
+}
+
+impl LinkMonitor {
+    pub const fn new(timing: Timing) -> Self {
+        Self {
+            timing,
+            state: LinkState::Silent,
+            frames_in_a_row: 0,
+            heard: None,
+            up_since: None,
+            silent_at: None,
+        }
+    }
+
+    pub fn start(&mut self, now: Instant) {
+        self.silent_at = Some(now + self.timing.lost_after);
+    }
+
+    /// A good frame came. True if that brought the link up.
+    pub fn frame(&mut self, now: Instant) -> bool {
+        self.heard = Some(now);
+        self.silent_at = Some(now + self.timing.lost_after);
+        self.frames_in_a_row = self.frames_in_a_row.saturating_add(1);
+        let up = self.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
+        if up {
+            self.state = LinkState::Up;
+            self.up_since = Some(now);
+        }
+        up
+    }
+
+    /// True if the link is lost as of now.
+    pub fn timeout(&mut self, now: Instant) -> bool {
+        if self.silent_at.is_none_or(|at| now < at) {
+            return false;
+        }
+        self.silent_at = None;
+        self.frames_in_a_row = 0;
+        let lost = self.state != LinkState::Lost;
+        self.state = LinkState::Lost;
+        self.up_since = None;
+        lost
+    }
+
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.silent_at
+    }
+
+    pub const fn state(&self) -> LinkState {
+        self.state
+    }
+
+    pub const fn last_rx(&self) -> Option<Instant> {
+        self.heard
+    }
+
+    pub const fn up_since(&self) -> Option<Instant> {
+        self.up_since
+    }
+}
+
+/// Gaps in the beat of an ECU. Damaged frames keep the beat, for 10 s at most after the last good one: bursts of about a
+/// frame's length with a pause before each. A steady babble and a break do not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beat {
+    /// Bytes of a frame.
+    frame_len: u8,
+    line: Line,
+    last: Option<Instant>,
+    good: Option<Instant>,
+    last_byte: Option<Instant>,
+    burst: u8,
+    gap: bool,
+}
+
+/// Damaged frames keep the beat for so long after the last good one.
+const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
+/// Expected frames that have to fail for a gap.
+const GAP_FRAMES: u32 = 3;
+
+impl Beat {
+    pub fn new(frame_len: u8, line: Line) -> Self {
+        Self { frame_len, line, last: None, good: None, last_byte: None, burst: 0, gap: false }
+    }
+
+    /// Bytes came, of whatever kind, with a frame expected at this interval.
+    pub fn bytes(&mut self, now: Instant, count: usize, interval: Duration) {
+        // A longer pause separates two bursts. At a high rate there is little between two frames.
+        let frame = self.line.time_of(self.frame_len.into());
+        let rest = interval.as_ticks().saturating_sub(frame.as_ticks());
+        let pause = (self.line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3));
+        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > pause);
+        self.last_byte = Some(now);
+        let before = if paused { 0 } else { self.burst };
+        self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
+        // One byte may be lost in the noise.
+        let enough = self.frame_len.saturating_sub(1);
+        let lately = self.good.is_some_and(|good| now < good + DAMAGED_BEAT_MAX);
+        if before < enough && self.burst >= enough && lately {
+            self.last = Some(now);
+            self.gap = false;
+        }
+    }
+
+    /// A good frame came.
+    pub fn frame(&mut self, now: Instant) {
+        self.last = Some(now);
+        self.good = Some(now);
+        self.gap = false;
+    }
+
+    /// When the gap begins, with frames expected at this interval.
+    pub fn gap_at(&self, interval: Duration) -> Option<Instant> {
+        self.last.filter(|_| !self.gap)?.checked_add(interval * GAP_FRAMES)
+    }
+
+    /// The gap was seen.
+    pub fn gap(&mut self) {
+        self.gap = true;
+    }
+}
+
+/// What waits to be handed out, and whether the UART is busy with what was.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outbox {
+    waiting: Option<Transmission>,
+    busy: bool,
+    events: Deque<Event, 16>,
+    /// Events that found no room.
+    pub events_lost: u32,
+}
+
+impl Outbox {
+    /// Replaces what waits: the latest wins.
+    pub fn put(&mut self, transmission: Transmission) {
+        self.waiting = Some(transmission);
+    }
+
+    pub fn event(&mut self, event: Event) {
+        if self.events.push_back(event).is_err() {
+            bump(&mut self.events_lost);
+        }
+    }
+
+    /// The UART is free again.
+    pub fn done(&mut self) {
+        self.busy = false;
+    }
+
+    pub const fn busy(&self) -> bool {
+        self.busy
+    }
+
+    /// Nothing waits and the UART is free.
+    pub const fn idle(&self) -> bool {
+        !self.busy && self.waiting.is_none()
+    }
+
+    /// The next thing to do, if any.
+    pub fn poll(&mut self) -> Option<Output> {
+        // A reply is in more of a hurry than what there is to tell.
+        if !self.busy
+            && let Some(transmission) = self.waiting.take()
+        {
+            self.busy = true;
+            return Some(Output::Transmit(transmission));
+        }
+        self.events.pop_front().map(Output::Event)
+    }
+}
+
+/// A value that changes only when two frames in a row say so. AMT frames have no checksum, a ZK one lets one in
+/// 256 damaged frames through, and one odd frame must not drop the throttle of a running engine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Debounced<T> {
+    value: Option<T>,
+    candidate: Option<T>,
+}
+
+impl<T: Copy + PartialEq> Debounced<T> {
+    pub const fn new(value: Option<T>) -> Self {
+        Self { value, candidate: None }
+    }
+
+    pub const fn get(&self) -> Option<T> {
+        self.value
+    }
+
+    /// One frame says this. True if the value changed.
+    pub fn see(&mut self, seen: T) -> bool {
+        if self.value == Some(seen) {
+            self.candidate = None;
+            return false;
+        }
+        if self.candidate == Some(seen) {
+            return self.set(seen);
+        }
+        self.candidate = Some(seen);
+        false
+    }
+
+    /// One frame says this; the very first is believed. True if it is the value now.
+    pub fn first_or_see(&mut self, seen: T) -> bool {
+        if self.value.is_none() {
+            self.set(seen);
+        } else {
+            self.see(seen);
+        }
+        self.value == Some(seen)
+    }
+
+    /// It is certain. True if the value changed.
+    pub fn set(&mut self, value: T) -> bool {
+        self.candidate = None;
+        self.value.replace(value) != Some(value)
+    }
+}
+
+/// The earlier of two instants, where there are any.
+pub(crate) fn earlier(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    }
+}

@@ -1,0 +1,99 @@
+//! All engines of one board.
+
+use crate::channel::{Channel, ClaimError, Handle, Source};
+use crate::command::Origin;
+use crate::config::{ConfigError, EngineConfig, validate};
+use crate::engine::retained::{Reset, RetainedMemory};
+use crate::health::{ClockSource, Health, HealthCell};
+use crate::runner::Runner;
+use core::array::from_fn;
+use heapless::Vec;
+
+/// `N` engines, each on its own channel.
+#[derive(Debug)]
+pub struct Node<const N: usize> {
+    /// All `N` of them: nobody gets hold of a node that is not whole.
+    channels: Vec<Channel, N>,
+    health: HealthCell,
+}
+
+/// Place for a node, in which it is built channel by channel. A node is large, so a firmware has one of these in a static:
+/// [`Node::new`] needs as much stack as the node takes, and more.
+#[derive(Debug)]
+pub struct NodePlace<const N: usize>(Node<N>);
+
+impl<const N: usize> NodePlace<N> {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self(Node { channels: Vec::new(), health: HealthCell::new() })
+    }
+
+    /// Builds the node here, as [`Node::new`] does.
+    ///
+    /// # Errors
+    /// As [`Node::new`].
+    pub fn build(
+        &mut self,
+        engines: &[EngineConfig; N],
+        retained: Option<(&'static [RetainedMemory], Reset)>,
+    ) -> Result<&Node<N>, ConfigError> {
+        validate(engines)?;
+        self.0.channels.clear();
+        for engine in engines {
+            // There is a place for each of them.
+            let own =
+                retained.and_then(|(memory, reset)| Some((memory.get(usize::from(engine.port))?, reset)));
+            let _ = self.0.channels.push(Channel::new(engine, own));
+        }
+        Ok(&self.0)
+    }
+}
+
+impl<const N: usize> Default for NodePlace<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize> Node<N> {
+    /// From a table of engines. `retained` is memory that a reset leaves alone, by port, with what the node comes out of:
+    /// engines that run go on after a reset. One on a port without memory goes on by what its ECU says; `None` is for
+    /// tests, see [`Channel::new`].
+    ///
+    /// # Errors
+    /// [`ConfigError`], with what is wrong in the table. [`crate::config::check`] finds the same while
+    /// compiling.
+    pub fn new(
+        engines: &[EngineConfig; N],
+        retained: Option<(&'static [RetainedMemory], Reset)>,
+    ) -> Result<Self, ConfigError> {
+        let mut place = NodePlace::new();
+        place.build(engines, retained)?;
+        Ok(place.0)
+    }
+
+    /// The runner of each engine, in the order of the table. Each wants to run exactly once.
+    pub fn runners(&self) -> [Runner<'_>; N] {
+        from_fn(|i| self.channels[i].runner_in(&self.channels))
+    }
+
+    /// A handle to each engine, in the order of the table.
+    pub fn handles(&self) -> [Handle<'_>; N] {
+        from_fn(|i| self.channels[i].handle_in(&self.channels))
+    }
+
+    /// Claims the same source of each engine, in the order of the table; see [`Handle::source`].
+    pub fn sources(&self, origin: Origin) -> [Result<Source<'_>, ClaimError>; N] {
+        self.handles().map(|handle| handle.source(origin))
+    }
+
+    /// Stores what the board's clocks are made from, for [`Node::health`].
+    pub fn set_clock(&self, clock: ClockSource) {
+        self.health.set_clock(clock);
+    }
+
+    /// The state of the board, for telemetry and the status LED.
+    pub fn health(&self) -> Health {
+        self.health.get()
+    }
+}

@@ -1,0 +1,292 @@
+//! Moves bytes and time between one engine and one UART. Beside [`crate::channel`] the only place that
+//! reads the clock, and the only one that waits.
+
+use crate::channel::Channel;
+use crate::engine::TRANSMITTER_FAILED;
+use crate::line::LineError;
+use crate::link::{Output, Transmission};
+use crate::report::NotSent;
+use core::cell::Cell;
+use core::sync::atomic::{AtomicU32, Ordering};
+use embassy_futures::select::{select, select3};
+use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embedded_io_async::{Error, ErrorKind, Read, Write};
+
+/// The runner shows progress at least this often.
+const HEARTBEAT: Duration = Duration::from_millis(100);
+/// For a transmission, from the call to its last stop bit. Five bytes take 20.8 ms at 2400 baud.
+const WRITE_LIMIT: Duration = Duration::from_millis(40);
+/// After a read error, so that a UART that fails at once every time does not take the processor.
+const READ_PAUSE: Duration = Duration::from_millis(1);
+
+/// Line errors of one UART, counted in its interrupt: some drivers keep them to themselves.
+#[derive(Debug, Default)]
+pub struct LineErrors {
+    framing: AtomicU32,
+    noise: AtomicU32,
+    overrun: AtomicU32,
+    parity: AtomicU32,
+}
+
+impl LineErrors {
+    /// None yet.
+    pub const fn new() -> Self {
+        Self {
+            framing: AtomicU32::new(0),
+            noise: AtomicU32::new(0),
+            overrun: AtomicU32::new(0),
+            parity: AtomicU32::new(0),
+        }
+    }
+
+    /// Counts one. May be called from an interrupt.
+    pub fn count(&self, error: LineError) {
+        if let Some(counter) = self.counter(error) {
+            counter.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn counter(&self, error: LineError) -> Option<&AtomicU32> {
+        match error {
+            LineError::Framing => Some(&self.framing),
+            LineError::Noise => Some(&self.noise),
+            LineError::Overrun => Some(&self.overrun),
+            LineError::Parity => Some(&self.parity),
+            LineError::Read => None,
+        }
+    }
+
+    /// Takes what was counted since the last call.
+    fn drain(&self, mut each: impl FnMut(LineError)) {
+        for error in [LineError::Framing, LineError::Noise, LineError::Overrun, LineError::Parity] {
+            let count = self.counter(error).map_or(0, |counter| counter.swap(0, Ordering::Relaxed));
+            for _ in 0..count {
+                each(error);
+            }
+        }
+    }
+}
+
+/// Runs one engine on one UART.
+pub struct Runner<'a> {
+    channel: &'a Channel,
+    /// All engines of the group, this one among them.
+    group: &'a [Channel],
+    /// This engine had failed when the others were last told.
+    failed: Cell<bool>,
+    /// The transmission on its way to the writing half. A link hands out one at a time.
+    outgoing: Signal<NoopRawMutex, Transmission>,
+    /// The engine has begun.
+    begun: Cell<bool>,
+    /// The engine has handed one out, and was not told yet what became of it.
+    in_hand: Cell<bool>,
+    /// The last one was given up: its bytes may still wait in the driver, unless the UART was opened anew.
+    given_up: Cell<bool>,
+    /// Something happened since telemetry was last published.
+    changed: Cell<bool>,
+}
+
+impl Channel {
+    /// For the task that owns the UART: one.
+    pub const fn runner(&self) -> Runner<'_> {
+        self.runner_in(core::slice::from_ref(self))
+    }
+
+    /// The same, as one of a group.
+    pub const fn runner_in<'a>(&'a self, group: &'a [Self]) -> Runner<'a> {
+        Runner::new(self, group)
+    }
+}
+
+impl core::fmt::Debug for Runner<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Runner").field("channel", self.channel).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Runner<'a> {
+    const fn new(channel: &'a Channel, group: &'a [Channel]) -> Self {
+        Self {
+            channel,
+            group,
+            failed: Cell::new(false),
+            outgoing: Signal::new(),
+            begun: Cell::new(false),
+            in_hand: Cell::new(false),
+            given_up: Cell::new(false),
+            changed: Cell::new(true),
+        }
+    }
+
+    /// Runs for ever. `rx` and `tx` are the two halves of a UART that is set to the engine's line, for example
+    /// of an `embassy_stm32::usart::BufferedUart`; `errors` is what its interrupt counts, if it does.
+    ///
+    /// They are two halves so that a transmission which hangs cannot hold up reception, and reception cannot
+    /// cut a transmission short: each half has its own loop.
+    ///
+    /// Read errors and failed writes are counted and survived. The reading half has to be cancel safe, as all
+    /// of Embassy's are: a read that is dropped loses no bytes.
+    pub async fn run<R: Read, W: Write>(self, mut rx: R, mut tx: W, errors: &LineErrors) -> ! {
+        loop {
+            self.run_until_stuck(&mut rx, &mut tx, errors).await;
+        }
+    }
+
+    /// The same, until nothing has come out of the transmitter for 1 s although something was to go. Then it gives the halves
+    /// back, by dropping them: open the UART anew, so that what waits in it is gone, and call this again. The engine
+    /// goes on meanwhile as after a transmission that failed.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    pub async fn run_until_stuck<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
+        if !self.begun.replace(true) {
+            self.channel.begin(Instant::now());
+        }
+        self.outgoing.reset();
+        if self.in_hand.take() {
+            self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::GaveUp));
+        }
+        select(self.receive(rx, errors), self.transmit(tx)).await;
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    async fn receive<R: Read>(&self, mut rx: R, errors: &LineErrors) -> ! {
+        let mut buffer = [0; 64];
+        loop {
+            let deadline = self.drain().await;
+            self.publish();
+            self.report_failure();
+            self.channel.made_progress();
+            let heartbeat = Instant::now() + HEARTBEAT;
+            let wake = deadline.map_or(heartbeat, |deadline| deadline.min(heartbeat));
+            let woken = select3(rx.read(&mut buffer), self.channel.wake.wait(), Timer::at(wake)).await;
+            errors.drain(|error| self.channel.with(|engine| engine.line_error(error)));
+            if let embassy_futures::select::Either3::First(read) = woken {
+                match read {
+                    Ok(0) => self.read_failed(LineError::Read).await,
+                    Ok(count) => self.feed(buffer.get(..count).unwrap_or_default()).await,
+                    Err(error) => self.read_failed(line_error(error.kind())).await,
+                }
+            }
+            // After every wake, so that an ECU which babbles cannot put off a turn or hide a loss.
+            let now = Instant::now();
+            if deadline.is_some_and(|deadline| now >= deadline) {
+                self.channel.with(|engine| engine.timeout(now));
+            }
+        }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    async fn feed(&self, mut bytes: &[u8]) {
+        let now = Instant::now();
+        while !bytes.is_empty() {
+            let (taken, frame) =
+                self.channel.with(|engine| (engine.receive(now, bytes), engine.has_frame_to_supervise()));
+            if frame {
+                self.changed.set(true);
+                self.drain().await;
+                self.channel.with(|engine| engine.supervise());
+                self.drain().await;
+            }
+            bytes = bytes.get(taken.max(1)..).unwrap_or_default();
+        }
+        // So that an ECU which babbles leaves the processor to others.
+        yield_now().await;
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    async fn read_failed(&self, error: LineError) {
+        self.channel.with(|engine| engine.byte_lost(error));
+        Timer::after(READ_PAUSE).await;
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    async fn transmit<W: Write>(&self, mut tx: W) {
+        let mut failing_since: Option<Instant> = None;
+        loop {
+            let transmission = self.outgoing.wait().await;
+            let write = async {
+                if self.given_up.get() {
+                    // Nothing goes behind them: it would leave when nobody means it any more.
+                    tx.flush().await.map_err(|_| NotSent::Failed)?;
+                }
+                if transmission.start_by.is_some_and(|start_by| Instant::now() > start_by) {
+                    return Err(NotSent::TooLate);
+                }
+                tx.write_all(transmission.as_bytes()).await.map_err(|_| NotSent::Failed)?;
+                // Over when the last stop bit is out.
+                tx.flush().await.map_err(|_| NotSent::Failed)
+            };
+            let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::GaveUp));
+            self.given_up.set(result == Err(NotSent::GaveUp));
+            let now = Instant::now();
+            self.in_hand.set(false);
+            self.channel.with(|engine| match result {
+                Ok(()) => engine.sent(now),
+                Err(why) => engine.not_sent(now, why),
+            });
+            // The reading half drains: what comes next, and when to wake.
+            self.channel.wake.signal(());
+            match result {
+                Ok(()) => failing_since = None,
+                Err(NotSent::TooLate) => {}
+                Err(_) if now >= *failing_since.get_or_insert(now) + TRANSMITTER_FAILED => return,
+                Err(_) => {}
+            }
+            if result == Err(NotSent::Failed) {
+                // A writer that fails at once every time must not keep the reading half from its turn.
+                yield_now().await;
+            }
+        }
+    }
+
+    /// Does what the engine wants done now. Gives when it wants to be woken.
+    async fn drain(&self) -> Option<Instant> {
+        loop {
+            match self.channel.with(|engine| engine.poll()) {
+                Output::Transmit(transmission) => {
+                    self.in_hand.set(true);
+                    self.outgoing.signal(transmission);
+                    // The writing half gets its turn at once: a reply goes out before the engine is looked at, and
+                    // before anything is published.
+                    yield_now().await;
+                }
+                Output::Event(event) => self.channel.events.immediate_publisher().publish_immediate(event),
+                Output::Wait(deadline) => return deadline,
+            }
+            self.changed.set(true);
+        }
+    }
+
+    /// Tells the other engines of the group when this one has failed, or no longer has.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    fn report_failure(&self) {
+        let failed = self.channel.see(|engine| engine.failed());
+        if self.failed.replace(failed) == failed {
+            return;
+        }
+        let now = Instant::now();
+        for other in self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel)) {
+            other.with(|engine| engine.other_failed(now, failed));
+            other.wake.signal(());
+        }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    fn publish(&self) {
+        if self.changed.take() {
+            let now = Instant::now();
+            let telemetry = self.channel.see(|engine| engine.telemetry(now));
+            self.channel.telemetry.sender().send(telemetry);
+        }
+    }
+}
+
+fn line_error(kind: ErrorKind) -> LineError {
+    match kind {
+        // The closest that `embedded-io` has for a byte that came damaged.
+        ErrorKind::InvalidData => LineError::Framing,
+        _ => LineError::Read,
+    }
+}

@@ -1,0 +1,378 @@
+//! Settings: name, unit, range, default and text of each stand in one place, where its field is declared.
+//!
+//! The macro `settings!` declares a struct of settings. From the same line come the field and its documentation, the
+//! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and, later, parameters
+//! are made from. Every setting has a value as a whole number in its unit, so that one number can stand for any of them.
+
+/// What a setting's number counts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Unit {
+    /// Milliseconds.
+    Milliseconds,
+    /// Microseconds.
+    Microseconds,
+    /// Tenths of a percent.
+    PerMille,
+    /// Tenths of a percent a second.
+    PerMillePerSecond,
+    /// Percent.
+    Percent,
+    /// Tenths of a degree Celsius.
+    TenthsCelsius,
+    /// Degrees Celsius a second.
+    CelsiusPerSecond,
+    /// Revolutions a minute.
+    Rpm,
+    /// Revolutions a minute, a second.
+    RpmPerSecond,
+    /// Millivolts.
+    Millivolts,
+    /// A gain, in tenths of a percent for 1000 rpm.
+    Gain,
+    /// Frames.
+    Frames,
+    /// A number as the ECU sends it.
+    Raw,
+    /// 0 is no, 1 is yes.
+    YesNo,
+    /// 0 reports, 1 is the fail-safe throttle, 2 is standby.
+    Action,
+}
+
+/// The symbol of a kind's unit, as a literal.
+macro_rules! symbol {
+    (ms) => {
+        "ms"
+    };
+    (ms_or_off) => {
+        "ms"
+    };
+    (us) => {
+        "µs"
+    };
+    (throttle) => {
+        "× 0.1 %"
+    };
+    (share_or_off) => {
+        "× 0.1 %"
+    };
+    (rate) => {
+        "× 0.1 %/s"
+    };
+    (rate_or_off) => {
+        "× 0.1 %/s"
+    };
+    (gain) => {
+        "× 0.1 % for 1000 rpm"
+    };
+    (percent_or_off) => {
+        "%"
+    };
+    (celsius) => {
+        "× 0.1 °C"
+    };
+    (celsius_or_off) => {
+        "× 0.1 °C"
+    };
+    (celsius_rate_or_off) => {
+        "°C/s"
+    };
+    (rpm) => {
+        "rpm"
+    };
+    (rpm_or_off) => {
+        "rpm"
+    };
+    (rpm_rate_or_off) => {
+        "rpm/s"
+    };
+    (millivolts_or_off) => {
+        "mV"
+    };
+    (frames) => {
+        "frames"
+    };
+    (raw) => {
+        "as the ECU sends it"
+    };
+    (yes_no) => {
+        "0 no, 1 yes"
+    };
+    (action) => {
+        "0 reports, 1 fail-safe throttle, 2 standby"
+    };
+}
+
+/// The number of a setting that is off: "never", "not checked", "at once".
+pub const OFF: i32 = -1;
+
+/// When a new value of a setting takes effect.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Effect {
+    /// With the next frame, command or deadline.
+    AtOnce,
+    /// When the link begins anew: at the next start of the node.
+    AtNextStart,
+}
+
+/// One row of the table of settings.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Setting {
+    /// Name, 16 characters at most: fit for a MAVLink parameter.
+    pub name: &'static str,
+    /// Field of the configuration, as it is written in Rust.
+    pub field: &'static str,
+    /// What its number counts.
+    pub unit: Unit,
+    /// Least value.
+    pub min: i32,
+    /// Greatest value.
+    pub max: i32,
+    /// Default, [`OFF`] where that is off.
+    pub default: i32,
+    /// It may be [`OFF`], too.
+    pub may_be_off: bool,
+    /// When a new value takes effect.
+    pub effect: Effect,
+    /// Symbol of its unit.
+    pub symbol: &'static str,
+    /// What it is, in a sentence.
+    pub text: &'static str,
+    /// The field and its range: what an error says.
+    pub message: &'static str,
+}
+
+impl Setting {
+    /// Whether this number is within the range.
+    pub const fn allows(&self, value: i32) -> bool {
+        allows(value, self.min, self.max, self.may_be_off)
+    }
+}
+
+pub(crate) const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
+    value >= min && value <= max || may_be_off && value == OFF
+}
+
+/// A row of the table of [`Supervision`](crate::engine::config::Supervision), by its number. An error carries this: a firmware
+/// that never prints it has no use for the texts of the table, and does not hold them.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingId(pub(crate) u8);
+
+impl core::fmt::Display for Setting {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.message)
+    }
+}
+
+/// Why a setting was not changed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum SettingError {
+    /// No setting has this name.
+    Unknown,
+    /// The value is outside of the range.
+    OutOfRange(&'static Setting),
+    /// It belongs to something that is off: turn that on first.
+    Off(&'static Setting),
+}
+
+impl core::fmt::Display for SettingError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Unknown => f.write_str("no setting has this name: see the table of settings"),
+            Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
+            Self::Off(setting) => write!(f, "{}: turn on what it belongs to first", setting.name),
+        }
+    }
+}
+
+impl core::error::Error for SettingError {}
+
+/// Kinds of settings: the type of the field, its unit, and its value as a whole number. A number that the type cannot hold
+/// becomes the closest; every number is checked against its range before.
+pub(crate) mod kind {
+    use super::OFF;
+
+    /// A number that 32 bits do not hold is out of every range.
+    const fn clamp(value: u64) -> i32 {
+        if value > i32::MAX as u64 { i32::MAX } else { value as i32 }
+    }
+
+    macro_rules! kind {
+        ($name:ident, $type:ty, $unit:ident, |$of:ident| $number:expr, |$value:ident| $make:expr) => {
+            #[allow(dead_code, reason = "some kinds stand only inside of an optional one")]
+            pub mod $name {
+                #[allow(unused_imports, reason = "not every kind needs all of them")]
+                use super::{OFF, clamp};
+                #[allow(unused_imports, reason = "not every kind needs all of them")]
+                use crate::units::{Celsius, Millivolts, Rpm, Throttle};
+                #[allow(unused_imports, reason = "not every kind needs all of them")]
+                use embassy_time::Duration;
+
+                pub type Type = $type;
+                pub const UNIT: crate::setting::Unit = crate::setting::Unit::$unit;
+                pub const MAY_BE_OFF: bool = false;
+
+                pub const fn number($of: &Type) -> i32 {
+                    $number
+                }
+
+                pub const fn make($value: i32) -> Type {
+                    $make
+                }
+            }
+        };
+    }
+
+    macro_rules! optional_kind {
+        ($name:ident, $inner:ident) => {
+            #[allow(dead_code, reason = "limits may always be off, and do not ask")]
+            pub mod $name {
+                use super::{OFF, $inner};
+
+                pub type Type = Option<$inner::Type>;
+                pub const UNIT: crate::setting::Unit = $inner::UNIT;
+                pub const MAY_BE_OFF: bool = true;
+
+                pub const fn number(of: &Type) -> i32 {
+                    match of {
+                        Some(value) => $inner::number(value),
+                        None => OFF,
+                    }
+                }
+
+                pub const fn make(value: i32) -> Type {
+                    if value == OFF { None } else { Some($inner::make(value)) }
+                }
+            }
+        };
+    }
+
+    kind!(ms, Duration, Milliseconds, |of| clamp(of.as_millis()), |v| Duration::from_millis(v as u64));
+    kind!(us, Duration, Microseconds, |of| clamp(of.as_micros()), |v| Duration::from_micros(v as u64));
+    kind!(throttle, Throttle, PerMille, |of| of.tenths() as i32, |v| match Throttle::from_tenths(v as u16) {
+        Ok(throttle) => throttle,
+        Err(_) => Throttle::IDLE,
+    });
+    kind!(rate, u16, PerMillePerSecond, |of| *of as i32, |v| v as u16);
+    kind!(share, u16, PerMille, |of| *of as i32, |v| v as u16);
+    kind!(gain, u16, Gain, |of| *of as i32, |v| v as u16);
+    kind!(percent, u8, Percent, |of| *of as i32, |v| v as u8);
+    kind!(celsius, Celsius, TenthsCelsius, |of| of.tenths() as i32, |v| Celsius::from_tenths(v as i16));
+    kind!(celsius_rate, u16, CelsiusPerSecond, |of| *of as i32, |v| v as u16);
+    kind!(rpm, Rpm, Rpm, |of| clamp(of.get() as u64), |v| Rpm::new(v as u32));
+    kind!(rpm_rate, u32, RpmPerSecond, |of| clamp(*of as u64), |v| v as u32);
+    kind!(millivolts, Millivolts, Millivolts, |of| clamp(of.get() as u64), |v| Millivolts::new(v as u32));
+    kind!(frames, u8, Frames, |of| *of as i32, |v| v as u8);
+    kind!(raw, u8, Raw, |of| *of as i32, |v| v as u8);
+    kind!(yes_no, bool, YesNo, |of| *of as i32, |v| v != 0);
+    kind!(action, crate::limit::Action, Action, |of| *of as i32, |v| match v {
+        1 => crate::limit::Action::FailSafe,
+        2 => crate::limit::Action::Standby,
+        _ => crate::limit::Action::Report,
+    });
+    optional_kind!(ms_or_off, ms);
+    optional_kind!(rate_or_off, rate);
+    optional_kind!(share_or_off, share);
+    optional_kind!(millivolts_or_off, millivolts);
+    optional_kind!(celsius_or_off, celsius);
+    optional_kind!(celsius_rate_or_off, celsius_rate);
+    optional_kind!(rpm_or_off, rpm);
+    optional_kind!(rpm_rate_or_off, rpm_rate);
+    optional_kind!(percent_or_off, percent);
+}
+
+/// Declares a struct of settings. See the head of this file; in use in `engine/config.rs`.
+macro_rules! settings {
+    (
+        $(#[$meta:meta])*
+        pub struct $group:ident, $prefix:literal, $effect:ident {
+            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal, $text:literal; )*
+        }
+        $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty = $idefault:expr; )* } )?
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $group {
+            $( $( $(#[$gmeta])* pub $inner: $itype, )* )?
+            $(
+                #[doc = $text]
+                #[doc = ""]
+                #[doc = concat!("Setting `", $name, "`: default ", $default, ", ", $min, " to ", $max, " ", $crate::setting::symbol!($kind), ".")]
+                $(#[$more])*
+                pub $field: $crate::setting::kind::$kind::Type,
+            )*
+        }
+
+        impl $group {
+            /// The rows of the table of settings.
+            pub const SETTINGS: &'static [$crate::setting::Setting] = &[ $(
+                $crate::setting::Setting {
+                    name: {
+                        const { assert!($name.len() <= 16, "a parameter's name has 16 characters at most") };
+                        $name
+                    },
+                    field: concat!($prefix, stringify!($field)),
+                    unit: $crate::setting::kind::$kind::UNIT,
+                    min: $min,
+                    max: $max,
+                    default: $default,
+                    may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
+                    effect: $crate::setting::Effect::$effect,
+                    text: $text,
+                    symbol: $crate::setting::symbol!($kind),
+                    message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::setting::symbol!($kind)),
+                },
+            )* ];
+
+            /// All as the table has them.
+            pub const DEFAULT: Self = Self {
+                $( $( $inner: $idefault, )* )?
+                $( $field: $crate::setting::kind::$kind::make($default), )*
+            };
+
+            /// The first of these that is out of its range, counted from 0.
+            #[allow(dead_code, reason = "a yes or no has no range")]
+            pub(crate) const fn check_own(&self) -> Result<(), u8> {
+                let mut row = 0;
+                $(
+                    let number = $crate::setting::kind::$kind::number(&self.$field);
+                    if !$crate::setting::allows(number, $min, $max, $crate::setting::kind::$kind::MAY_BE_OFF) {
+                        return Err(row);
+                    }
+                    row += 1;
+                )*
+                let _ = row;
+                Ok(())
+            }
+
+            /// The number of one of these.
+            pub(crate) fn own(&self, name: &str) -> Option<i32> {
+                match name {
+                    $( $name => Some($crate::setting::kind::$kind::number(&self.$field)), )*
+                    _ => None,
+                }
+            }
+
+            /// Changes one of these; the range has been checked. False: it is none of these.
+            pub(crate) fn set_own(&mut self, name: &str, value: i32) -> bool {
+                match name {
+                    $( $name => self.$field = $crate::setting::kind::$kind::make(value), )*
+                    _ => return false,
+                }
+                true
+            }
+        }
+    };
+}
+
+pub(crate) use settings;
+pub(crate) use symbol;

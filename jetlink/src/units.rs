@@ -1,0 +1,142 @@
+//! Physical quantities as types, so that a throttle cannot be passed for an rpm. All are integers.
+
+/// A value outside what the quantity allows.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct OutOfRange {
+    /// What was given.
+    pub given: u32,
+    /// The smallest value allowed.
+    pub min: u32,
+    /// The largest value allowed.
+    pub max: u32,
+}
+
+impl core::fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} is outside {}..={}", self.given, self.min, self.max)
+    }
+}
+
+impl core::error::Error for OutOfRange {}
+
+/// Checks `given` against an inclusive range.
+pub(crate) const fn within(given: u32, min: u32, max: u32) -> Result<(), OutOfRange> {
+    if given < min || given > max { Err(OutOfRange { given, min, max }) } else { Ok(()) }
+}
+
+macro_rules! quantity {
+    ($(#[$meta:meta])* $name:ident($int:ty), $new:ident, $get:ident, $unit:literal) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $name($int);
+
+        impl $name {
+            #[doc = concat!("From a number of ", $unit, ".")]
+            pub const fn $new(value: $int) -> Self {
+                Self(value)
+            }
+
+            #[doc = concat!("The number of ", $unit, ".")]
+            pub const fn $get(self) -> $int {
+                self.0
+            }
+        }
+    };
+}
+
+quantity!(
+    /// Shaft speed in revolutions a minute.
+    Rpm(u32), new, get, "revolutions a minute"
+);
+quantity!(
+    /// Temperature, in steps of 0.1 °C.
+    Celsius(i16), from_tenths, tenths, "tenths of a degree Celsius"
+);
+quantity!(
+    /// Voltage in mV.
+    Millivolts(u32), new, get, "millivolts"
+);
+quantity!(
+    /// Electric current in mA.
+    Milliamps(u32), new, get, "milliamperes"
+);
+quantity!(
+    /// Thrust in grams-force: what the ECUs call kilograms, times 1000.
+    Grams(u32), new, get, "grams"
+);
+quantity!(
+    /// Fuel volume in mL.
+    Millilitres(u32), new, get, "millilitres"
+);
+quantity!(
+    /// Fuel flow in mL a minute.
+    MillilitresPerMinute(u32), new, get, "millilitres a minute"
+);
+quantity!(
+    /// Pressure in Pa.
+    Pascals(u32), new, get, "pascals"
+);
+
+/// Throttle in steps of 0.1 %, from 0 to 100 %.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Throttle(u16);
+
+impl Throttle {
+    /// 0 %: the turbine idles.
+    pub const IDLE: Self = Self(0);
+    /// 100 %.
+    pub const FULL: Self = Self(1000);
+
+    /// From tenths of a percent, 0..=1000.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] above 1000.
+    pub const fn from_tenths(tenths: u16) -> Result<Self, OutOfRange> {
+        match within(tenths as u32, 0, 1000) {
+            Ok(()) => Ok(Self(tenths)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// From whole percent, 0..=100.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] above 100.
+    pub const fn from_percent(percent: u8) -> Result<Self, OutOfRange> {
+        match within(percent as u32, 0, 100) {
+            Ok(()) => Ok(Self(percent as u16 * 10)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Tenths of a percent, 0..=1000.
+    pub const fn tenths(self) -> u16 {
+        self.0
+    }
+}
+
+/// Atmospheric pressure as the ZK-Protocol carries it: 0..=1023 hPa (ZK-4).
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Hectopascals(u16);
+
+impl Hectopascals {
+    /// From hPa.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] above 1023, the largest number ten bits hold (ZK-4).
+    pub const fn new(hectopascals: u16) -> Result<Self, OutOfRange> {
+        match within(hectopascals as u32, 0, 1023) {
+            Ok(()) => Ok(Self(hectopascals)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The number of hPa.
+    pub const fn get(self) -> u16 {
+        self.0
+    }
+}

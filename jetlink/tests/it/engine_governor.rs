@@ -1,0 +1,278 @@
+//! Speed control over the throttle: when it is refused, and what bounds it. How it holds a speed is in
+//! `tests/wire_governor.rs`.
+
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::engine::config::Governor;
+use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
+use jetlink::line::Line;
+use jetlink::units::{Celsius, Throttle};
+
+use crate::support::scenario::{EVERY, Ecu, SECOND, Says, Scenario, Values, Wire, percent, rpm, run};
+
+fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
+    let mut governor = Governor::DEFAULT;
+    change(&mut governor);
+    Ecu::Amt.with(|s| s.governor = Some(governor))
+}
+
+/// An engine at a throttle, whose shaft says `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
+fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
+    let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
+    scenario.values.rpm = Some(rpm);
+    scenario.values.half_percents = throttle * 2;
+    scenario.values.egt = 500;
+    scenario.fly(run(throttle), Origin::Rc, SECOND);
+    scenario.bench.events();
+    scenario
+}
+
+/// The throttle that goes out where anything does, in tenths of a percent: also while the life of the engine is in doubt.
+fn throttle(scenario: &Scenario) -> u16 {
+    match scenario.order() {
+        Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+            throttle.tenths()
+        }
+        other => panic!("a throttle, not {other:?}"),
+    }
+}
+
+/// What an AMT ECU with a fault says of the exhaust.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Exhaust {
+    Burns,
+    /// The sensor is broken.
+    Broken,
+}
+
+impl Exhaust {
+    /// AMT-8: the error bits.
+    fn fault(self) -> u8 {
+        match self {
+            Self::Burns => 0x01,
+            Self::Broken => 1 << 3,
+        }
+    }
+}
+
+fn target(target: u32) -> Command {
+    Command::Run(rpm(target))
+}
+
+/// Off by default; refused where no scale makes an rpm of the byte, or where it is old. The control: it is taken.
+#[test]
+fn it_is_refused_while_no_speed_is_known() {
+    let mut scenario = at(Ecu::Amt.config(), 30, 50_000);
+    assert_eq!(scenario.command(target(50_000)), Err(Rejected::NoSpeedControl), "off by default");
+    assert_eq!(scenario.wire(), Wire::Run(300));
+
+    let mut unknown = EngineConfig::amt("a", 0, Line::new(9600), None);
+    unknown.supervision.governor = Some(Governor::DEFAULT);
+    let mut scenario = at(unknown, 30, 50_000);
+    assert_eq!(scenario.command(target(50_000)), Err(Rejected::RpmNotKnown), "no scale");
+    assert_eq!(scenario.wire(), Wire::Run(300));
+
+    let mut scenario = at(governed(|_| {}), 30, 50_000);
+    scenario.values.fault = 1; // an error set gives no rpm
+    scenario.fly(run(30), Origin::Rc, 2 * SECOND);
+    assert_eq!(scenario.command(target(50_000)), Err(Rejected::RpmNotKnown), "old");
+    scenario.values.fault = 0;
+    scenario.fly(run(30), Origin::Rc, 3 * EVERY);
+    scenario.fly(target(50_000), Origin::Rc, 3 * SECOND);
+    assert_eq!(scenario.telemetry().commanded, Some(rpm(50_000)));
+    assert!(matches!(scenario.order(), Order::Run(Demand::Throttle(_))), "the ECU gets a throttle");
+}
+
+/// It takes over at the throttle in force, and falls back to a throttle without a jump to idle.
+#[test]
+fn it_takes_over_without_a_bump() {
+    let mut scenario = at(governed(|_| {}), 60, 80_000);
+    scenario.sent();
+    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    let sent = scenario.sent();
+    assert!(sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
+    scenario.fly(run(60), Origin::Rc, SECOND);
+    assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(590..=610))));
+}
+
+/// Its output rises no faster than its slew and no higher than its authority, and comes back from there at once.
+#[test]
+fn it_is_limited_in_slew_and_authority() {
+    let authority = Throttle::from_percent(70).unwrap();
+    let mut scenario = at(governed(|g| (g.slew, g.authority) = (100, authority)), 30, 40_000);
+    let mut before = 300;
+    for i in 0..100 {
+        scenario.fly(target(100_000), Origin::Rc, 100_000);
+        let now = scenario.tenths();
+        assert!(now <= before + 11, "10 % a second: {now} after {before}");
+        assert!(now <= 700, "authority: {now}");
+        assert!(i < 50 || now == 700);
+        before = now;
+    }
+    // For a minute at its limit: the integral did not wind up.
+    scenario.fly(target(100_000), Origin::Rc, 60 * SECOND);
+    scenario.values.rpm = Some(104_000);
+    scenario.fly(target(100_000), Origin::Rc, 300_000);
+    assert!(scenario.tenths() < 690, "{}", scenario.tenths());
+}
+
+/// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself. While faults
+/// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
+#[test]
+fn it_never_holds_throttle_up_on_old_telemetry() {
+    for exhaust in [Exhaust::Burns, Exhaust::Broken] {
+        let mut scenario = at(governed(|_| {}), 60, 80_000);
+        scenario.fly(target(85_000), Origin::Rc, 2 * SECOND);
+        assert!(throttle(&scenario) > 500);
+        // Error sets: heard, and without an rpm.
+        let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
+        let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
+        scenario.silent();
+        let mut now = last;
+        while now + EVERY < last + 600_000 {
+            now += EVERY;
+            scenario.bench.rx(now, &error);
+            let _ = scenario.command(target(85_000));
+            assert!(throttle(&scenario) > 500, "{exhaust:?} {} µs", now - last);
+        }
+        scenario.to(last + 599_999);
+        assert!(throttle(&scenario) > 500);
+        scenario.to(last + 600_000);
+        assert_eq!(throttle(&scenario), 0, "{exhaust:?}");
+        scenario.sent();
+        for _ in 0..40 {
+            now = scenario.now() + EVERY;
+            scenario.bench.rx(now, &error);
+            let _ = scenario.command(target(85_000));
+            assert_eq!(throttle(&scenario), 0);
+        }
+        assert_eq!(scenario.sent(), [Wire::Run(0); 40], "{exhaust:?}");
+        // It says its speed again: up from idle, by the slew.
+        scenario.values.rpm = Some(40_000);
+        scenario.values.half_percents = 0;
+        scenario.says = Some(Says::Running);
+        scenario.fly(target(85_000), Origin::Rc, 500_000);
+        assert!(scenario.tenths() <= 160, "30 % a second: {}", scenario.tenths());
+    }
+}
+
+/// On a line that is cut nothing goes out. When it is mended the governor goes on from the throttle that the ECU reports.
+#[test]
+fn it_goes_on_where_it_was_when_a_cut_line_is_mended() {
+    let mut scenario = at(governed(|_| {}), 60, 80_000);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.silent().fly(target(80_000), Origin::Rc, EVERY);
+    scenario.sent();
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    assert_eq!(scenario.sent(), []);
+    scenario.says = Some(Says::Running);
+    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    let sent = scenario.sent();
+    assert!(sent.len() >= 19 && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
+}
+
+/// A source that is lost: held, and then down from the throttle that the governor had set, never up.
+#[test]
+fn a_lost_source_brings_the_governors_throttle_down() {
+    let mut scenario = at(governed(|_| {}), 60, 80_000);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    let held = scenario.tenths();
+    scenario.pass(500_000 - 100_000 + SECOND);
+    assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
+    // The shaft falls, and nobody pushes it up.
+    scenario.values.rpm = Some(60_000);
+    let mut before = scenario.tenths();
+    assert!(before <= held + 5);
+    for _ in 0..40 {
+        scenario.pass(EVERY);
+        assert!(scenario.tenths() <= before);
+        before = scenario.tenths();
+    }
+    assert_eq!((before, scenario.wire()), (0, Wire::Run(0)));
+    // It speaks again, far from there: held off, then by the governor from there on.
+    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    assert_eq!(scenario.tenths(), 0);
+    assert_eq!(scenario.command(target(80_000)), Ok(Accepted::Held));
+}
+
+/// After a reset it goes on at the throttle that the ECU obeys.
+#[test]
+fn it_goes_on_after_a_reset() {
+    let kept = jetlink::engine::retained::RetainedState {
+        armed: true,
+        ..jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
+    };
+    let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(kept));
+    scenario.values.rpm = Some(80_000);
+    scenario.values.half_percents = 120;
+    scenario.says = Some(Says::Running);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    let sent = scenario.sent();
+    assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
+}
+
+/// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: nothing goes out or idle,
+/// and nothing shuts the engine down.
+#[test]
+fn a_lost_line_is_no_lost_source() {
+    for fault in [false, true] {
+        let mut config = governed(|_| {});
+        config.supervision.loss.standby_after = Some(Duration::from_secs(2));
+        let mut scenario = at(config, 60, 80_000);
+        scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+        if fault {
+            scenario.values.fault = 1;
+        } else {
+            scenario.silent();
+        }
+        // Below the serial delay time of the ECU, 4 s.
+        scenario.fly(target(80_000), Origin::Rc, 3_500_000);
+        scenario.sent();
+        scenario.fly(target(80_000), Origin::Rc, 400_000);
+        let telemetry = scenario.telemetry();
+        assert_eq!(telemetry.loss, LossStage::None, "{fault}");
+        assert!(matches!(telemetry.ordered.order, Order::Doubt(_)), "{fault}");
+        let sent = if fault { vec![Wire::Run(0); 8] } else { vec![] };
+        assert_eq!(scenario.sent(), sent, "{fault}: old speeds hold nothing up");
+        assert_eq!(telemetry.counters.commands_rejected, 0);
+        // The control: the source is lost.
+        scenario.pass(10 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{fault}");
+    }
+}
+
+/// How old a speed may be for it is its own setting, not another's.
+#[test]
+fn a_speed_is_as_old_as_its_own_setting_says() {
+    for (link_stable, age, answer) in [
+        (Duration::from_ticks(0), 10_000, Ok(Accepted::InForce)),
+        (Duration::from_millis(1500), 601_000, Err(Rejected::RpmNotKnown)),
+    ] {
+        let mut config = governed(|_| {});
+        config.supervision.start.link_stable = link_stable;
+        let mut scenario = at(config, 60, 80_000);
+        scenario.silent().pass(age);
+        assert_eq!(scenario.command(target(80_000)), answer, "{age}");
+    }
+}
+
+/// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is asked.
+#[test]
+fn a_limit_brings_it_to_idle() {
+    let mut config = governed(|_| {});
+    config.supervision.loss.throttle = Throttle::from_percent(50).unwrap();
+    config.supervision.limits.over_temperature =
+        Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
+    let mut scenario = at(config, 60, 80_000);
+    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.values.egt = 720;
+    scenario.fly(target(30_000), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 0);
+    // The control: a throttle goes to the one configured.
+    let mut scenario = at(config, 60, 80_000);
+    scenario.values.egt = 720;
+    scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 500);
+}

@@ -1,0 +1,688 @@
+//! What an engine is said to do, and what it takes to start one. For both ECUs, to the tick.
+
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
+use jetlink::engine::state::EngineState;
+use jetlink::event::{End, Event};
+use jetlink::limit::LimitKind;
+use jetlink::report::{EcuState, LinkState};
+use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
+
+use crate::support::bench::us;
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use crate::support::scenario::{
+    ALL, BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, ZK_IDLE, ZK_MAX, percent,
+    rpm, run,
+};
+
+// ---------------------------------------------------------------------------------------------
+// States
+// ---------------------------------------------------------------------------------------------
+
+/// Below half of the idle speed of either engine.
+const SLOW: u32 = 2_000;
+
+fn starting(code: u8, name: &'static str) -> EngineState {
+    EngineState::Starting(EcuState { code, name })
+}
+
+/// AMT-3: each state with each switch and a shaft that turns or not. Not what was commanded: nothing was.
+#[test]
+fn amt_3_states_in_plain_words() {
+    use EngineState::*;
+    use amt_frames::{AUTO_STOP, EMERGENCY, RUN};
+    let table = [
+        (0b00000, EMERGENCY, 0, Stopped),
+        (0b00000, EMERGENCY, 9, Cooling),
+        (0b00000, AUTO_STOP, 0, Standby),
+        (0b00000, AUTO_STOP, 9, Cooling),
+        (0b00000, RUN, 0, StartRequested),
+        (0b00001, AUTO_STOP, 0, Standby),
+        (0b00001, AUTO_STOP, 9, Cooling),
+        (0b00001, RUN, 0, StartRequested),
+        (0b00001, RUN, 9, StartRequested),
+        (0b00010, RUN, 9, starting(2, "starting")),
+        (0b00010, AUTO_STOP, 9, ShuttingDown),
+        (0b00100, RUN, 9, starting(4, "started up")),
+        (0b01000, RUN, 9, starting(8, "idle calibration")),
+        (0b01100, RUN, 99, Running),
+        (0b01100, AUTO_STOP, 99, ShuttingDown),
+        (0b01100, EMERGENCY, 99, ShuttingDown),
+        (0b11111, RUN, 99, NotKnown),
+        (0b10101, AUTO_STOP, 0, NotKnown),
+    ];
+    for (state, switch, raw_rpm, expected) in table {
+        let mut scenario = Scenario::nothing_heard(Ecu::Amt, Ecu::Amt.config());
+        assert_eq!(scenario.telemetry().state, Offline);
+        for i in 1..=3 {
+            scenario.bench.rx(i * EVERY, &amt_frames::normal(state, switch, raw_rpm));
+        }
+        let shown = scenario.telemetry().state;
+        match (shown, expected) {
+            // The names of the steps are the codec's, tested there.
+            (Starting(shown), Starting(expected)) => assert_eq!(shown.code, expected.code),
+            _ => assert_eq!(shown, expected, "{state:#07b} {switch:#05b} {raw_rpm}"),
+        }
+    }
+    // AMT-8: an error set carries no state. What was said before counts for 3 s, then the fault is all that is known.
+    let mut scenario = Scenario::started(Ecu::Amt, percent(0));
+    scenario.values.fault = 0x01;
+    scenario.pass(2_900_000);
+    assert_eq!(scenario.telemetry().state, Running);
+    scenario.pass(200_000);
+    assert_eq!(scenario.telemetry().state, Fault);
+}
+
+/// Every code of a ZK ECU, the unknown ones included, with each switch that it can report.
+#[test]
+fn zk_states_in_plain_words() {
+    for code in 0..32u8 {
+        for switch in 0..4u8 {
+            let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+            scenario.bench.rx(EVERY, &zk_frames::status(1, 0, [code, switch << 5, 76]));
+            let running = switch == 2;
+            let ending = switch < 2;
+            let expected = match code {
+                0 => EngineState::Stopped,
+                1 if running => EngineState::StartRequested,
+                1 => EngineState::Standby,
+                2..=11 | 13 if ending => EngineState::ShuttingDown,
+                // With a switch without a name the state says enough.
+                2..=5 | 13 => starting(code, ""),
+                6..=11 => EngineState::Running,
+                12 => EngineState::Cooling,
+                14..=19 => EngineState::Service,
+                _ => EngineState::NotKnown,
+            };
+            match (scenario.telemetry().state, expected) {
+                (EngineState::Starting(shown), EngineState::Starting(_)) => assert_eq!(shown.code, code),
+                (shown, expected) => assert_eq!(shown, expected, "code {code} switch {switch}"),
+            }
+        }
+        // An engine that does not run, with a fault, is in fault.
+        let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+        scenario.bench.rx(EVERY, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
+        let state = scenario.telemetry().state;
+        let alive = matches!(code, 2..=11 | 13);
+        assert_eq!(state == EngineState::Fault, !alive, "code {code}: {state:?}");
+    }
+}
+
+/// A state ages: an ECU that is heard and no longer says it is not known, one that is not heard is offline.
+#[test]
+fn a_state_is_as_old_as_its_report() {
+    let mut scenario = Scenario::started(Ecu::Zk, percent(50));
+    let last = scenario.now();
+    scenario.silent();
+    // Another status keeps the link up.
+    for i in 1..=100 {
+        let t = last + i * 30_000;
+        scenario.bench.rx(t, &zk_frames::status(8, TURNING, [5, 0, 0]));
+        assert_eq!(scenario.telemetry().state, EngineState::Running, "{} µs", i * 30_000);
+    }
+    scenario.bench.rx(last + 3 * SECOND + 1, &zk_frames::status(8, TURNING, [5, 0, 0]));
+    assert_eq!(scenario.telemetry().state, EngineState::NotKnown);
+    assert_eq!(scenario.telemetry().link, LinkState::Up);
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.silent().pass(ecu.config().timing.lost_after.as_micros() - 1);
+        assert_eq!(scenario.telemetry().state, EngineState::Running);
+        scenario.pass(1);
+        assert_eq!(scenario.telemetry().state, EngineState::Offline, "{ecu:?}");
+    }
+}
+
+/// What is commanded does not show in the state.
+#[test]
+fn a_state_is_not_what_was_commanded() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.pass(SECOND);
+        assert_eq!(scenario.telemetry().state, EngineState::Standby, "{ecu:?}: the ECU says so");
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.says(Says::Running);
+        assert_eq!(scenario.telemetry().state, EngineState::Running);
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
+// Interlocks
+// ---------------------------------------------------------------------------------------------
+
+fn refused(interlock: Interlock) -> Result<Accepted, Rejected> {
+    Err(Rejected::Start(interlock))
+}
+
+/// The control for all that follows: ready, and it starts.
+#[test]
+fn an_engine_that_is_ready_starts() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        assert_eq!(scenario.wire(), Wire::Standby);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(0)), Wire::Run(0)));
+        assert_eq!(scenario.telemetry().active_source, Origin::Rc);
+    }
+}
+
+/// After power-up nothing is ordered but standby, and a stream of run alone starts nothing.
+#[test]
+fn a_stream_of_run_alone_starts_nothing() {
+    for ecu in BOTH {
+        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+            let mut scenario = Scenario::new(ecu);
+            scenario.says(says).pass(2 * SECOND);
+            scenario.command(Command::Arm).unwrap();
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
+            for _ in 0..50 {
+                assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
+                scenario.pass(100_000);
+            }
+            assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?} {says:?}");
+        }
+    }
+}
+
+#[test]
+fn it_has_to_be_armed() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(Command::Disarm).unwrap();
+        assert!(!scenario.telemetry().armed);
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), refused(Interlock::NotArmed), "{ecu:?}");
+        scenario.command(Command::Arm).unwrap();
+        assert!(scenario.telemetry().armed);
+        scenario.command(Command::Standby).unwrap();
+        scenario.command(run(0)).unwrap();
+        // Disarming stops no engine that runs.
+        scenario.says(Says::Starting).says(Says::Running);
+        scenario.command(Command::Disarm).unwrap();
+        scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(500));
+
+        let mut scenario = Scenario::ready(ecu, ecu.with(|s| s.start.arming = false));
+        scenario.command(Command::Disarm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        scenario.command(run(0)).expect("arming is not asked for");
+    }
+}
+
+/// From standby only, as the ECU reports it.
+#[test]
+fn it_has_to_be_in_standby() {
+    for ecu in BOTH {
+        for says in ALL {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.says(says);
+            scenario.command(Command::Standby).unwrap();
+            let answer = scenario.command(run(0));
+            if says == Says::Standby {
+                assert_eq!(answer, Ok(Accepted::InForce));
+            } else {
+                assert_eq!(answer, refused(Interlock::NotStandby), "{ecu:?} {says:?}");
+                assert_eq!(scenario.order(), Order::Standby);
+            }
+        }
+    }
+}
+
+/// The band for idle, to its edge; an rpm up to the idle rpm that the ECU gives.
+#[test]
+fn the_demand_has_to_be_at_idle() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.start.idle_band = Throttle::from_tenths(35).unwrap());
+        for (tenths, starts) in [(0, true), (35, true), (36, false), (1000, false)] {
+            let mut scenario = Scenario::ready(ecu, config);
+            let answer = scenario.command(Command::Run(crate::support::scenario::tenths(tenths)));
+            let expected = if starts { Ok(Accepted::InForce) } else { refused(Interlock::NotIdle) };
+            assert_eq!(answer, expected, "{ecu:?} {tenths}");
+        }
+    }
+    for (demand, starts) in [(0, true), (ZK_IDLE, true), (ZK_IDLE + 1, false)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        let answer = scenario.command(Command::Run(rpm(demand)));
+        assert_eq!(answer.is_ok(), starts, "{demand}: {answer:?}");
+    }
+}
+
+/// Up for the configured time without a gap, to the tick.
+#[test]
+fn the_link_has_to_be_up_for_long_enough() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.start.link_stable = Duration::from_millis(1500));
+        let mut scenario = Scenario::with(ecu, config);
+        scenario.says(Says::Standby).silent().pass(2 * SECOND);
+        assert_eq!(scenario.telemetry().link, LinkState::Lost);
+        scenario.command(Command::Arm).unwrap();
+        scenario.bench.events();
+        scenario.says(Says::Standby);
+        let up = scenario.bench.events().iter().find(|(_, event)| *event == Event::LinkUp).expect("up").0;
+        let left = up + 1_499_999 - scenario.now();
+        scenario.fly(Command::Standby, Origin::Rc, left);
+        assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}");
+        scenario.to(up + 1_500_000);
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+
+        let mut scenario = Scenario::ready(ecu, config);
+        scenario.silent().fly(Command::Standby, Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
+    }
+}
+
+#[test]
+fn the_ecu_has_to_report_no_fault() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.values.fault = 1;
+        scenario.pass(2 * EVERY);
+        assert_eq!(scenario.command(run(0)), refused(Interlock::Fault), "{ecu:?}");
+        scenario.values.fault = 0;
+        scenario.pass(2 * EVERY);
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}
+
+/// To the degree on ZK; AMT counts in steps of 4.6 °C.
+#[test]
+fn the_exhaust_has_to_be_cool() {
+    for (ecu, cool, hot, shown) in [(Ecu::Zk, 100, 101, 1010), (Ecu::Amt, 97, 101, 1018)] {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.values.egt = if ecu == Ecu::Amt { 102 } else { hot };
+        scenario.pass(2 * EVERY);
+        let too_hot = Interlock::TooHot(Celsius::from_tenths(shown));
+        assert_eq!(scenario.command(run(0)), refused(too_hot), "{ecu:?}");
+        scenario.values.egt = cool;
+        scenario.pass(2 * EVERY);
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+    }
+    // An old temperature is none.
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.silent();
+    // Without a gap in the beat.
+    for _ in 0..24 {
+        let t = scenario.now() + EVERY;
+        scenario.bench.rx(t, &zk_frames::idle(5, false));
+        scenario.command(Command::Standby).unwrap();
+    }
+    assert_eq!(scenario.command(run(0)), refused(Interlock::EgtUnknown));
+}
+
+/// Where it is known: an AMT ECU says it in its alternate set, a ZK ECU in status ID 2.
+#[test]
+fn the_supply_has_to_suffice_where_it_is_known() {
+    for ecu in BOTH {
+        let mut scenario =
+            Scenario::ready(ecu, ecu.with(|s| s.start.supply_min = Some(Millivolts::new(u32::MAX >> 8))));
+        scenario.command(run(0)).expect("not known, so not checked");
+
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        let supply = |scenario: &mut Scenario| {
+            let frame = match ecu {
+                Ecu::Amt => amt_frames::alternate(0x06).to_vec(),
+                Ecu::Zk => zk_frames::status(2, 0, [0, 100, 0]).to_vec(),
+            };
+            scenario.bench.receive(&frame);
+            scenario.telemetry().report.supply.and_then(|supply| supply.value.voltage).expect("a scale")
+        };
+        let shown = supply(&mut scenario).get();
+        for (least, starts) in [(shown, true), (shown + 1, false)] {
+            let mut scenario =
+                Scenario::ready(ecu, ecu.with(|s| s.start.supply_min = Some(Millivolts::new(least))));
+            let is = supply(&mut scenario);
+            let expected = if starts { Ok(Accepted::InForce) } else { refused(Interlock::SupplyLow(is)) };
+            assert_eq!(scenario.command(run(0)), expected, "{ecu:?} {least}");
+        }
+    }
+}
+
+/// Each engine says for how long the others have to wait: while it starts, and for the gap. Whoever waits starts with its
+/// source's next word.
+#[test]
+fn one_engine_of_a_group_starts_at_a_time() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.others_allow_start = false;
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::StartWaits), "{ecu:?}");
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now())));
+        scenario.others_allow_start = true;
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+        let started = scenario.now();
+        let keeps = |scenario: &Scenario, t| scenario.bench.machine.blocks_other_starts(us(t));
+        assert!(keeps(&scenario, started));
+        // Longer than the gap of 10 s, and still starting.
+        scenario.says(Says::Starting).fly(run(0), Origin::Rc, 12 * SECOND);
+        assert!(keeps(&scenario, scenario.now()));
+        scenario.says(Says::Running);
+        assert!(!keeps(&scenario, scenario.now()), "{ecu:?}");
+
+        // Quick: the gap is what counts.
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        let started = scenario.now();
+        scenario.says(Says::Starting).says(Says::Running);
+        assert!(keeps(&scenario, started + 10 * SECOND - 1));
+        assert!(!keeps(&scenario, started + 10 * SECOND));
+    }
+}
+
+/// Whoever is refused is told why, once, and nothing has changed but its permission to start, which is gone.
+#[test]
+fn a_refusal_is_typed_counted_and_told_once() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.bench.events();
+        assert_eq!(scenario.command(run(50)), refused(Interlock::NotIdle));
+        for _ in 1..10 {
+            assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
+            scenario.pass(PERIOD);
+        }
+        let told = [Rejected::Start(Interlock::NotIdle), Rejected::StandbyFirst];
+        let told = told.map(|why| Event::CommandRejected(why, Origin::Rc));
+        assert_eq!(scenario.bench.event_kinds(), told, "{ecu:?}");
+        assert_eq!(scenario.telemetry().counters.commands_rejected, 10);
+        assert_eq!(scenario.wire(), Wire::Standby);
+    }
+}
+// ---------------------------------------------------------------------------------------------
+// The start
+// ---------------------------------------------------------------------------------------------
+
+/// One standby allows one start, and an engine that stopped by itself is not restarted by a stream of run.
+#[test]
+fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
+    for ecu in BOTH {
+        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.says(says);
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?} {says:?}");
+            let events = scenario.bench.event_kinds();
+            assert_eq!(events.iter().filter(|event| matches!(event, Event::RunCancelled(_))).count(), 1);
+            for _ in 0..50 {
+                assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
+                scenario.pass(PERIOD);
+            }
+            assert_eq!(scenario.wire(), Wire::Standby);
+            // The control: standby first.
+            scenario.says(Says::Standby);
+            scenario.command(Command::Standby).unwrap();
+            scenario.command(run(0)).unwrap();
+        }
+    }
+}
+
+/// Two reports in a row, not one: on a noisy line a damaged frame can say so of an engine that runs.
+#[test]
+fn one_odd_report_does_not_withdraw_a_run() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        for _ in 0..10 {
+            scenario.command(run(50)).unwrap();
+            scenario.pass(10_000);
+            scenario.odd(Says::Stopped, scenario.values);
+            assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
+            scenario.pass(2 * EVERY);
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}: two reports say that it runs");
+            let told = scenario.bench.event_kinds();
+            let told: Vec<_> = told.iter().filter(|event| !matches!(event, Event::Ordered(_))).collect();
+            assert_eq!(told, [&Event::LifeInDoubt, &Event::LifeConfirmed], "{ecu:?}");
+        }
+        // The control: two.
+        for _ in 0..2 {
+            scenario.pass(10_000);
+            scenario.odd(Says::Stopped, scenario.values);
+        }
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+        assert!(scenario.bench.event_kinds().contains(&Event::RunCancelled(End::AtRest)));
+    }
+}
+
+/// A start that the ECU has not begun is not withdrawn by the standby that it still reports, only when it is lost.
+#[test]
+fn a_start_waits_for_the_ecu() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.fly(run(0), Origin::Rc, 4 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+        scenario.silent().fly(run(0), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: lost before it came alive");
+        assert!(scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::RunCancelled(_))));
+    }
+}
+
+/// Until the ECU reports a running engine the throttle on the wire stays at idle, whatever the source asks.
+#[test]
+fn the_throttle_stays_at_idle_until_the_engine_runs() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.bench.frames();
+        for says in [Says::Standby, Says::Starting, Says::Unknown] {
+            scenario.says = Some(says);
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            let sent = scenario.sent();
+            assert!(sent.iter().all(|wire| *wire == Wire::Run(0)), "{ecu:?} {says:?}: {sent:?}");
+        }
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
+        scenario.says = Some(Says::Running);
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
+    }
+}
+
+/// AMT-14, ZK: one odd report does not bring a running engine to idle, neither on the wire nor for a moment. Whatever it
+/// says, nothing else than the demand goes out, and ID 0 or no reply while the life of the engine is in doubt.
+#[test]
+fn one_odd_report_does_not_drop_the_throttle() {
+    for ecu in BOTH {
+        // With a slew limit it would take long to come back.
+        for up in [None, Some(10)] {
+            let config = ecu.with(|s| s.slew.up = up);
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            scenario.fly(run(80), Origin::Rc, 100 * SECOND);
+            scenario.sent();
+            for says in [Says::Starting, Says::Standby, Says::Cooling, Says::Stopped, Says::Unknown] {
+                scenario.command(run(80)).unwrap();
+                let values = Values { rpm: Some(SLOW), ..scenario.values };
+                scenario.pass(10_000);
+                scenario.odd(says, values);
+                assert_eq!(scenario.order(), Order::Doubt(percent(80)), "{ecu:?} {says:?}");
+                scenario.fly(run(80), Origin::Rc, PERIOD);
+                assert_eq!(scenario.order(), Order::Run(percent(80)), "{ecu:?} {says:?}");
+                scenario.fly(run(80), Origin::Rc, 2 * PERIOD);
+                let sent = scenario.sent();
+                assert!(sent.len() >= 4, "{ecu:?} {says:?}: {sent:?}");
+                assert!(sent.iter().all(|wire| *wire == Wire::Run(800)), "{ecu:?} {says:?}: {sent:?}");
+            }
+            // The control: it goes back to starting and stays there, with a shaft that no longer turns.
+            scenario.says = Some(Says::Starting);
+            scenario.values.rpm = Some(SLOW);
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+        }
+    }
+}
+
+/// Too long a start goes to standby, with an event that names the limit in force; a stream of run starts nothing.
+#[test]
+fn a_start_has_its_time_to_the_tick() {
+    for ecu in BOTH {
+        for says in [Says::Standby, Says::Starting] {
+            let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
+            let mut scenario = Scenario::ready(ecu, config);
+            let start = scenario.now();
+            scenario.command(run(0)).unwrap();
+            scenario.says = Some(says);
+            scenario.fly(run(0), Origin::Rc, 20 * SECOND - 1);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {says:?}");
+            scenario.bench.events();
+            scenario.pass(1);
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
+            let passed = scenario.passed();
+            assert_eq!(passed.len(), 1, "{ecu:?}");
+            assert_eq!(
+                (passed[0].what, passed[0].value, passed[0].limit),
+                (LimitKind::StartTimeout, 20_000, 20_000)
+            );
+            assert_eq!(passed[0].at, us(start + 20 * SECOND));
+            assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
+        }
+        // The control: it runs in time, and that is that.
+        let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
+        let mut scenario = Scenario::started_with(ecu, config, percent(0));
+        scenario.fly(run(0), Origin::Rc, 30 * SECOND);
+        assert!(matches!(scenario.order(), Order::Run(_)));
+        assert_eq!(scenario.limits(), []);
+    }
+}
+
+/// Where the ECU gives its own start-up time, twice that counts, and the event says so.
+#[test]
+fn the_ecus_own_start_up_time_counts_twice() {
+    let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+    scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, 40]));
+    let startup = scenario.telemetry().report.startup.expect("version 5 gives it").value;
+    assert!(startup > Duration::from_secs(1), "{startup}");
+    scenario.says(Says::Standby).pass(2 * SECOND);
+    scenario.command(Command::Arm).unwrap();
+    scenario.command(Command::Standby).unwrap();
+    let start = scenario.now();
+    scenario.command(run(0)).unwrap();
+    scenario.says = Some(Says::Starting);
+    let twice = startup.as_micros() * 2;
+    scenario.fly(run(0), Origin::Rc, twice - 1);
+    assert!(matches!(scenario.order(), Order::Run(_)));
+    scenario.bench.events();
+    scenario.pass(1);
+    assert_eq!(scenario.order(), Order::Standby);
+    let passed = scenario.passed();
+    let limit = i32::try_from(twice / 1000).unwrap();
+    assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!(passed[0].at, us(start + twice));
+}
+
+/// Not for shorter than an engine can start in, and not without end: the range of the configured time.
+#[test]
+fn the_ecus_own_start_up_time_has_bounds() {
+    for (tenths_of_a_second, seconds) in [(5u16, 5), (40, 8), (0xFFF, 600)] {
+        let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+        let [high, low] = tenths_of_a_second.to_be_bytes();
+        scenario.bench.receive(&zk_frames::status(8, 0, [5, high, low]));
+        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        scenario.command(run(0)).unwrap();
+        scenario.says = Some(Says::Starting);
+        scenario.fly(run(0), Origin::Rc, seconds * SECOND - 1);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
+        scenario.pass(1);
+        assert_eq!(scenario.order(), Order::Standby, "{tenths_of_a_second}");
+    }
+}
+
+/// Sources that ask for a start while the node still listens are told so, or that there is nothing to be heard. A stream
+/// of standby is obeyed after the second in which a higher source could have spoken.
+#[test]
+fn nobody_starts_while_it_listens() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
+        scenario.pass(5 * SECOND);
+        assert_eq!(scenario.command(run(0)), Err(Rejected::NoLink), "{ecu:?}");
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        assert_eq!(scenario.sent(), [], "nothing but ID 0");
+        scenario.introduce();
+        scenario.says(Says::Standby);
+        assert_eq!(scenario.order(), Order::Standby);
+        scenario.command(Command::Standby).unwrap();
+
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        scenario.fly(Command::Standby, Origin::Rc, SECOND - 1);
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::Held), "{ecu:?}");
+        assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
+        scenario.pass(1);
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::InForce), "{ecu:?}");
+        assert_eq!(scenario.order(), Order::Standby);
+    }
+}
+
+/// An rpm demand needs an ECU that has it. More than the engine's maximum is the maximum, and told once.
+#[test]
+fn an_rpm_demand_needs_speed_control() {
+    let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+    assert_eq!(scenario.command(Command::Run(rpm(0))), Err(Rejected::NoSpeedControl));
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    assert_eq!(scenario.command(Command::Run(rpm(0))), Ok(Accepted::InForce));
+    scenario.says(Says::Starting).says(Says::Running);
+    scenario.bench.events();
+    for demand in [ZK_MAX, ZK_MAX + 1, u32::MAX] {
+        scenario.fly(Command::Run(rpm(demand)), Origin::Rc, 2 * SECOND + PERIOD);
+        assert_eq!(scenario.order(), Order::Run(rpm(ZK_MAX)), "{demand}");
+        assert_eq!(scenario.wire(), Wire::RpmControl);
+    }
+    let told: Vec<_> =
+        scenario.bench.event_kinds().into_iter().filter(|event| matches!(event, Event::Clamped(_))).collect();
+    assert_eq!(told, [Event::Clamped(Rpm::new(ZK_MAX))]);
+}
+
+/// One odd report of a running engine during a start, perhaps of a damaged frame, neither lets the demand out nor ends the
+/// time of the start. Two do.
+#[test]
+fn one_odd_report_does_not_end_a_start() {
+    for (reports, ends) in [(1, false), (2, true)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        for _ in 0..reports {
+            scenario.pass(EVERY / 4);
+            scenario.odd(Says::Running, scenario.values);
+        }
+        assert_eq!(scenario.telemetry().start_by.is_none(), ends, "{reports}");
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        // 50 % a second, in steps of 20 ms.
+        let expected = if ends { 490..=500 } else { 0..=0 };
+        assert!(expected.contains(&scenario.tenths()), "{reports}: {}", scenario.tenths());
+    }
+}
+
+/// A loss that ends in the moment it is found makes the link new all the same.
+#[test]
+fn a_loss_that_ends_at_once_is_a_loss() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.silent();
+        scenario.bench.jump_to(scenario.now() + 2 * SECOND);
+        scenario.command_from(Command::Standby, Origin::Bench).unwrap();
+        for _ in 0..2 {
+            scenario.odd(Says::Standby, scenario.values);
+        }
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        let answer = scenario.command_from(run(0), Origin::Bench);
+        assert_eq!(answer, Err(Rejected::Start(Interlock::Link)), "{ecu:?}");
+        scenario.says(Says::Standby);
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        assert_eq!(scenario.command_from(run(0), Origin::Bench), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}
+
+/// Arming and disarming are told, once for each change.
+#[test]
+fn arming_is_told() {
+    let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+    scenario.bench.events();
+    for command in [Command::Arm, Command::Arm, Command::Disarm, Command::Disarm] {
+        scenario.command(command).unwrap();
+    }
+    let told = [Event::Armed(true, Origin::Rc), Event::Armed(false, Origin::Rc)];
+    assert_eq!(scenario.bench.event_kinds(), told);
+}

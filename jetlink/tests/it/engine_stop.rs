@@ -1,0 +1,654 @@
+//! The emergency stop, and what happens after a reset. For both ECUs, to the tick.
+
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::ecu::zk::codec::Action;
+use jetlink::ecu::{Service, amt, zk};
+use jetlink::engine::Engine;
+use jetlink::engine::retained::RetainedState;
+use jetlink::event::{Event, LossStage};
+use jetlink::report::LinkState;
+
+use crate::support::bench::{micros, us};
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use crate::support::scenario::{
+    ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
+};
+
+fn drain() -> Command {
+    Command::Service(Service::Zk(zk::config::Service::Action(Action::Drain)))
+}
+
+// ---------------------------------------------------------------------------------------------
+// Emergency stop
+// ---------------------------------------------------------------------------------------------
+
+/// AMT: in the reply to the very next frame. ZK: out of turn, at once, and again at every turn.
+#[test]
+fn a_stop_goes_out_at_once() {
+    for after in [0, 1, 7_000, 20_000, 49_999] {
+        let mut amt = Scenario::started(Ecu::Amt, percent(50));
+        amt.pass(after);
+        amt.sent();
+        amt.command(Command::EmergencyStop).unwrap();
+        amt.pass(EVERY);
+        assert_eq!(amt.sent(), [Wire::Stop], "{after}");
+
+        let mut zk = Scenario::started(Ecu::Zk, percent(50));
+        zk.pass(after);
+        let busy = zk.bench.busy();
+        zk.bench.frames();
+        zk.command(Command::EmergencyStop).unwrap();
+        let at = zk.now();
+        zk.pass(20 * EVERY);
+        let frames = zk.bench.frames();
+        // A frame takes 4.2 ms.
+        assert!(frames[0].0 - at <= if busy { 4_200 } else { 0 }, "{after}: {frames:?}");
+        assert!(frames.len() >= 20);
+        for (at, bytes) in frames {
+            let stops = bytes == zk_frames::throttle(1, 0) || bytes == zk_frames::mode(0, 1);
+            assert!(stops, "{bytes:02x?} at {at}");
+        }
+    }
+}
+
+/// Nothing stands before a stop: not commands without number, and not events that nobody takes out.
+#[test]
+fn a_stop_waits_for_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.pass(EVERY - 1);
+        let now = us(scenario.now());
+        // Nobody takes anything out meanwhile.
+        let machine = &mut scenario.bench.machine;
+        for percent in (0..=100).cycle().take(10_000) {
+            machine.command(now, run(percent), Origin::Rc, true).unwrap();
+            let refused = machine.command(now, drain(), Origin::Bench, true);
+            assert!(refused.is_err() || refused == Ok(Accepted::Behind(Origin::Rc)));
+            machine
+                .command(now, if percent % 2 == 0 { Command::Arm } else { Command::Disarm }, Origin::Rc, true)
+                .unwrap();
+        }
+        machine.command(now, Command::EmergencyStop, Origin::Bench, true).unwrap();
+        for percent in (0..=100).cycle().take(10_000) {
+            assert_eq!(machine.command(now, run(percent), Origin::Rc, true), Err(Rejected::StopLatched));
+        }
+        scenario.pass(20 * EVERY);
+        let sent = scenario.sent();
+        assert!(sent.len() >= 10 && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
+    }
+}
+
+/// AMT-10, ZK-8: latched: it stays on the wire whatever is commanded, reported or lost, until it is released.
+#[test]
+fn a_stop_is_latched() {
+    for ecu in BOTH {
+        for says in ALL {
+            let config = ecu.with(|s| s.loss.standby_after = Some(micros(500_000)));
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.says(says);
+            assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
+            for command in [Command::Standby, run(0), run(50), Command::HandOverToPwm, drain()] {
+                for origin in Origin::SOURCES {
+                    let answer = scenario.command_from(command, origin);
+                    assert_eq!(answer, Err(Rejected::StopLatched), "{ecu:?} {command:?} {origin:?}");
+                }
+            }
+            assert_eq!(scenario.command(Command::Arm), Err(Rejected::StopLatched));
+            assert!(!scenario.telemetry().armed);
+            scenario.pass(20 * SECOND).silent().pass(5 * SECOND).says(says);
+            let telemetry = scenario.telemetry();
+            assert!(telemetry.stop_latched);
+            assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::EmergencyStop, LossStage::None));
+            assert_eq!(scenario.wire(), Wire::Stop, "{ecu:?} {says:?}");
+        }
+    }
+}
+
+/// A stop of any source wins over any other, that source's own stream included.
+#[test]
+fn a_stop_needs_no_priority() {
+    for ecu in BOTH {
+        for origin in Origin::ALL {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.command_from(run(50), Origin::Emergency).unwrap();
+            assert_eq!(scenario.command_from(Command::EmergencyStop, origin), Ok(Accepted::InForce));
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::EmergencyStop, origin), "{ecu:?}");
+            assert_eq!(scenario.wire(), Wire::Stop);
+        }
+    }
+}
+
+/// By the source that commanded it or a higher one; of several, the highest holds it.
+#[test]
+fn a_stop_is_released_by_the_source_that_may() {
+    for ecu in BOTH {
+        for by in Origin::SOURCES {
+            for releases in Origin::SOURCES {
+                let mut scenario = Scenario::ready(ecu, ecu.config());
+                scenario.command_from(Command::EmergencyStop, by).unwrap();
+                let may = releases.priority() >= by.priority();
+                let expected = if may { Ok(Accepted::InForce) } else { Err(Rejected::NotYours(by)) };
+                assert_eq!(
+                    scenario.command_from(Command::ReleaseStop, releases),
+                    expected,
+                    "{by:?} {releases:?}"
+                );
+                assert_eq!(scenario.wire(), if may { Wire::Standby } else { Wire::Stop }, "{ecu:?}");
+            }
+        }
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        for origin in [Origin::Rc, Origin::Emergency, Origin::Bench] {
+            scenario.command_from(Command::EmergencyStop, origin).unwrap();
+        }
+        let held = Err(Rejected::NotYours(Origin::Emergency));
+        assert_eq!(scenario.command_from(Command::ReleaseStop, Origin::Rc), held, "{ecu:?}");
+        scenario.command_from(Command::ReleaseStop, Origin::Emergency).unwrap();
+    }
+}
+
+/// Where the ECU is heard and reports an engine that does not run.
+#[test]
+fn a_stop_is_released_when_the_engine_has_stopped() {
+    for ecu in BOTH {
+        for says in ALL {
+            let mut scenario = Scenario::started(ecu, percent(0));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(says);
+            let stopped = matches!(says, Says::Stopped | Says::Standby | Says::Cooling);
+            let expected = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
+            assert_eq!(scenario.command(Command::ReleaseStop), expected, "{ecu:?} {says:?}");
+            assert_eq!(scenario.telemetry().stop_latched, !stopped);
+        }
+        // For one second and for ten: an ECU that is not heard says nothing of its engine.
+        for seconds in [2, 10] {
+            let mut scenario = Scenario::started(ecu, percent(0));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(Says::Stopped).silent().pass(seconds * SECOND);
+            assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NoLink), "{ecu:?} {seconds}");
+            assert_eq!(scenario.order(), Order::EmergencyStop);
+            scenario.says(Says::Stopped);
+            scenario.command(Command::ReleaseStop).expect("the control");
+        }
+    }
+}
+
+/// AMT-8: an ECU that reports errors and nothing else gives no state: its last one must not keep the stop for ever.
+#[test]
+fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
+    let mut scenario = Scenario::started(Ecu::Amt, percent(0));
+    scenario.command(Command::EmergencyStop).unwrap();
+    scenario.silent();
+    for i in 0..40 {
+        let t = scenario.now() + 125_000;
+        scenario.bench.rx(t, &amt_frames::error(0x01));
+        if i == 8 {
+            // A second after it was seen running.
+            assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NotStopped));
+        }
+    }
+    assert_eq!(scenario.telemetry().link, LinkState::Up);
+    assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce));
+}
+
+/// At idle: a stick that still stands at 80 % keeps the stop.
+#[test]
+fn a_stop_is_released_at_idle() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(80));
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.says(Says::Stopped);
+        let _ = scenario.command(run(80));
+        let not_idle = Err(Rejected::Start(Interlock::NotIdle));
+        assert_eq!(scenario.command(Command::ReleaseStop), not_idle, "{ecu:?}");
+        for idle in [run(0), Command::Standby] {
+            let mut scenario = Scenario::started(ecu, percent(80));
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.says(Says::Stopped);
+            assert_eq!(scenario.command(idle), Err(Rejected::StopLatched));
+            assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce), "{ecu:?}");
+        }
+    }
+}
+
+/// A release is standby, and no start: that begins with standby, as always. Without a stop it changes nothing.
+#[test]
+fn a_release_allows_no_start() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config()); // would allow one
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.command(Command::ReleaseStop).unwrap();
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
+        // Nor does it arm.
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Err(Rejected::Start(Interlock::NotArmed)), "{ecu:?}");
+        scenario.command(Command::Disarm).unwrap();
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let _ = scenario.command(Command::ReleaseStop);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+    }
+}
+
+/// A stop comes while the node listens, too.
+#[test]
+fn a_stop_while_it_listens() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
+        scenario.says(Says::Running);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::EmergencyStop, Wire::Stop), "{ecu:?}");
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
+// After a reset
+// ---------------------------------------------------------------------------------------------
+
+fn record(order: Order, origin: Origin) -> Option<RetainedState> {
+    Some(RetainedState { armed: true, ..RetainedState::new(order, origin) })
+}
+
+/// Of an engine that has reached running.
+fn kept_run(demand: Demand) -> Option<RetainedState> {
+    record(Order::Run(demand), Origin::Rc)
+}
+
+/// Of one that has not.
+fn start_cut_short() -> Option<RetainedState> {
+    kept_run(percent(0)).map(|kept| RetainedState { ran: false, ..kept })
+}
+
+/// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is heard. Only a standby that was
+/// in force goes on at once, because it can start nothing.
+#[test]
+fn after_a_reset_it_listens() {
+    for (kept, order) in [
+        (None, Order::Listen),
+        (kept_run(percent(60)), Order::Doubt(percent(60))),
+        (start_cut_short(), Order::Listen),
+    ] {
+        let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
+        zk.pass(20 * EVERY);
+        let sent = zk.bench.bytes();
+        assert!(
+            sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()),
+            "{sent:02x?}"
+        );
+        let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        amt.pass(20 * EVERY);
+        assert_eq!(amt.bench.bytes(), Vec::<Vec<u8>>::new());
+        for scenario in [&zk, &amt] {
+            assert_eq!(scenario.order(), order);
+            assert_eq!(scenario.telemetry().armed, kept.is_some());
+        }
+    }
+    let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), record(Order::Standby, Origin::Rc));
+    zk.pass(20 * EVERY);
+    let sent = zk.sent();
+    assert!(sent.len() >= 20 && sent.iter().all(|wire| *wire == Wire::Standby), "{sent:?}");
+}
+
+/// An engine that runs goes on with what was kept, without a change on the wire, under the source that ruled: from the
+/// second report that says so. One is not enough.
+#[test]
+fn a_running_engine_goes_on_with_what_was_kept() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        scenario.introduce();
+        scenario.values.half_percents = 120;
+        scenario.says = Some(Says::Running);
+        scenario.to(2 * EVERY - 1);
+        assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
+        assert!(scenario.telemetry().in_doubt.is_some());
+        scenario.to(2 * EVERY);
+        let telemetry = scenario.telemetry();
+        assert_eq!((telemetry.ordered.order, telemetry.active_source), (Order::Run(percent(60)), Origin::Rc));
+        assert_eq!(telemetry.in_doubt, None);
+        assert!(scenario.bench.event_kinds().contains(&Event::Resumed(percent(60))), "{ecu:?}");
+        scenario.to(4 * EVERY);
+        let sent = scenario.sent();
+        assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}");
+        // Its source speaks on: no bump and no stage of loss.
+        assert_eq!(scenario.command(run(65)), Ok(Accepted::InForce));
+        assert_eq!(scenario.telemetry().loss, LossStage::None);
+
+        // A state without a name confirms nothing. An AMT ECU whose shaft turns is answered all the same, a ZK ECU hears
+        // ID 0, until the doubt has lasted too long.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        scenario.introduce();
+        scenario.values.half_percents = 120;
+        scenario.says = Some(Says::Unknown);
+        scenario.fly(run(60), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
+        let sent = scenario.sent();
+        match ecu {
+            Ecu::Amt => {
+                assert!(sent.len() >= 59 && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}")
+            }
+            Ecu::Zk => assert_eq!(sent, []),
+        }
+        assert!(!scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::Resumed(_))));
+
+        // Nobody speaks: the stages of loss, counted from here on.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        scenario.introduce();
+        scenario.says(Says::Running).pass(5 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe), "{ecu:?}");
+    }
+}
+
+/// A reset in the middle of a start ends it: nothing says how far it was, and whether the ECU restarted meanwhile. AMT: at
+/// a shaft below half of idle; above it the set is one of those that are answered.
+#[test]
+fn a_reset_ends_a_start() {
+    for (ecu, rpm) in [(Ecu::Amt, 2_000), (Ecu::Zk, 2_000), (Ecu::Zk, TURNING)] {
+        let mut before = Scenario::ready(ecu, ecu.config());
+        before.command(run(0)).unwrap();
+        before.values.rpm = Some(rpm);
+        before.says(Says::Starting);
+        before.fly(run(0), Origin::Rc, SECOND);
+        assert!(!before.bench.machine.record().ran);
+        let mut scenario = before.reset(ecu.config());
+        scenario.to(2 * EVERY - 1);
+        assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{ecu:?}");
+        scenario.to(2 * EVERY);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: two reports say that it starts");
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        let sent = scenario.sent();
+        assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{ecu:?} {sent:?}");
+        // The control: one that has reached running goes on.
+        before.values.rpm = Some(TURNING);
+        before.says(Says::Running);
+        before.fly(run(60), Origin::Rc, 2 * SECOND);
+        let mut scenario = before.reset(ecu.config());
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(600), "{ecu:?}");
+    }
+}
+
+/// Nothing was kept, as after a power-up: what the ECU says it obeys, under the stages of loss until a source speaks. Two
+/// reports have to agree, on an AMT ECU's throttle too.
+#[test]
+fn a_running_engine_goes_on_with_what_its_ecu_says() {
+    for ecu in BOTH {
+        for kept in [None, record(Order::Listen, Origin::Node)] {
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+            scenario.introduce();
+            scenario.values.half_percents = 130;
+            scenario.says = Some(Says::Running);
+            if ecu == Ecu::Zk {
+                // Its throttle comes in a frame of its own, after the state.
+                scenario.pass(6 * EVERY);
+                assert_eq!(scenario.order(), Order::Listen, "the throttle is not known yet");
+                scenario.bench.receive(&zk_frames::status(3, 12_000, [65, 0, 0]));
+                assert_eq!(scenario.order(), Order::Listen);
+                scenario.pass(EVERY);
+            } else {
+                scenario.pass(2 * EVERY - 1);
+                assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
+                scenario.pass(1);
+            }
+            let telemetry = scenario.telemetry();
+            assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {kept:?}");
+            assert_eq!((telemetry.active_source, telemetry.loss), (Origin::Node, LossStage::Hold));
+            let from = scenario.now();
+            scenario.to(from + SECOND);
+            assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::FailSafe));
+            assert!(scenario.sent().iter().all(|wire| *wire == Wire::Run(650)), "{ecu:?}");
+            scenario.pass(5 * SECOND);
+            assert_eq!(scenario.tenths(), 0);
+        }
+        // Whoever speaks takes over without a bump, the lowest source too.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.introduce();
+        scenario.bench.receive(&match ecu {
+            Ecu::Zk => zk_frames::status(3, 12_000, [65, 0, 0]).to_vec(),
+            Ecu::Amt => vec![],
+        });
+        scenario.values.half_percents = 130;
+        scenario.says(Says::Running);
+        assert_eq!(scenario.command_from(run(20), Origin::Bench), Ok(Accepted::Held), "{ecu:?}");
+        assert_eq!(scenario.tenths(), 650);
+        assert_eq!(scenario.command_from(run(66), Origin::Bench), Ok(Accepted::InForce));
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::None));
+        // It rises by 1 %, at 50 % a second.
+        scenario.to(scenario.now() + 20_000);
+        assert_eq!(scenario.tenths(), 660);
+    }
+    // Two sets of an AMT ECU that do not agree on the throttle: no answer yet.
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
+    for half_percents in [130, 60, 130, 60] {
+        scenario.pass(EVERY);
+        scenario.odd(Says::Running, Values { half_percents, ..scenario.values });
+        assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
+    }
+    // A throttle that never comes: after 3 s it goes on at idle.
+    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
+    scenario.says = Some(Says::Running);
+    scenario.pass(3 * SECOND - 1);
+    assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
+    scenario.pass(EVERY);
+    assert_eq!(scenario.order(), Order::Run(percent(0)));
+    scenario.pass(60 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(0)), "it is heard to run");
+}
+
+/// A kept rpm waits for what says that the ECU knows speed control; else it would fall to a throttle.
+#[test]
+fn a_kept_rpm_goes_on_as_an_rpm() {
+    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(rpm(90_000)));
+    scenario.says(Says::Running);
+    assert_eq!(scenario.order(), Order::Doubt(rpm(90_000)), "the version is not known");
+    assert_eq!(scenario.sent(), []);
+    scenario.introduce();
+    scenario.pass(EVERY);
+    assert_eq!(scenario.order(), Order::Run(rpm(90_000)));
+    scenario.fly(Command::Run(rpm(90_000)), Origin::Rc, SECOND);
+    let sent = scenario.sent();
+    assert!(sent.len() >= 19 && sent.iter().all(|wire| *wire == Wire::RpmControl), "{sent:?}");
+}
+
+/// Where no engine runs it is standby, whatever was kept; and no start follows from a stream of run.
+#[test]
+fn an_engine_that_does_not_run_is_in_standby() {
+    for ecu in BOTH {
+        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+            for kept in [None, kept_run(percent(60)), record(Order::Standby, Origin::Rc)] {
+                let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+                scenario.introduce();
+                scenario.says(says);
+                let ordered = scenario.telemetry().ordered;
+                assert_eq!(
+                    (ordered.order, ordered.origin),
+                    (Order::Standby, Origin::Node),
+                    "{ecu:?} {says:?}"
+                );
+                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                assert_eq!(scenario.wire(), Wire::Standby);
+            }
+        }
+    }
+    // AMT-9: an ECU that has just been powered up, too, in its first frame.
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept_run(percent(60)));
+    scenario.bench.rx(EVERY, &amt_frames::setup("9.35 140617 "));
+    assert_eq!(scenario.order(), Order::Standby);
+    scenario.pass(EVERY);
+    assert_eq!(scenario.sent(), [Wire::Standby]);
+}
+
+/// Standby that was under way is taken up again, not undone.
+#[test]
+fn a_shutdown_goes_on() {
+    for ecu in BOTH {
+        let kept = record(Order::Standby, Origin::Rc);
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        scenario.introduce();
+        scenario.says(Says::Running);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby), "{ecu:?}");
+    }
+}
+
+/// A latched stop survives, does not wait, and is still its source's to release.
+#[test]
+fn a_latched_stop_survives_a_reset() {
+    for ecu in BOTH {
+        for says in ALL {
+            let kept = record(Order::EmergencyStop, Origin::Emergency);
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+            assert!(scenario.telemetry().stop_latched);
+            scenario.says = Some(says);
+            scenario.pass(2 * EVERY);
+            let sent = scenario.sent();
+            assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
+            scenario.says(says);
+            let not_yours = Err(Rejected::NotYours(Origin::Emergency));
+            assert_eq!(scenario.command(Command::ReleaseStop), not_yours);
+        }
+        // And what is kept of it is the same again, but for arming, which a stop ends, and one more reset.
+        let kept = record(Order::EmergencyStop, Origin::Emergency);
+        let scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        let again = kept.map(|kept| RetainedState { armed: false, resets: 1, ..kept });
+        assert_eq!(Some(scenario.bench.machine.record()), again);
+    }
+}
+
+/// An AMT ECU with a fault sends, and does not say what its engine does: what was kept counts for as much as the exhaust
+/// says. Without a record nothing is in force, until the stages of loss have run out.
+#[test]
+fn amt_8_an_ecu_with_a_fault_after_a_reset() {
+    let run = kept_run(percent(60));
+    for (kept, egt, order, sent) in [
+        (run, 500, Order::Doubt(percent(60)), vec![Wire::Run(600); 3]),
+        (run, 26, Order::Standby, vec![Wire::Standby; 3]),
+        (None, 500, Order::Listen, vec![]),
+        (None, 26, Order::Listen, vec![]),
+    ] {
+        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        (scenario.values.fault, scenario.values.egt) = (1, egt);
+        scenario.says = Some(Says::Running);
+        scenario.pass(2 * EVERY - 1);
+        assert_eq!(scenario.sent(), [], "no answer is better than a wrong one: {egt}");
+        scenario.pass(2 * EVERY + 1);
+        assert_eq!((scenario.order(), scenario.sent()), (order, sent), "{egt}");
+        if kept.is_none() {
+            scenario.to(11 * SECOND - 1);
+            assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{egt}");
+            scenario.to(11 * SECOND);
+            assert_eq!(scenario.order(), Order::Standby, "{egt}");
+        }
+    }
+}
+
+/// What is kept is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
+#[test]
+fn what_is_kept_is_what_is_in_force() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(60));
+        scenario.fly(run(60), Origin::Rc, 4 * EVERY);
+        let kept = scenario.bench.machine.record();
+        assert_eq!(Some(RetainedState { arm_commanded: 0, ..kept }), kept_run(percent(60)));
+        assert_eq!(kept.arm_commanded, 1 << 3, "RC, the fourth of all origins");
+        scenario.pass(10 * SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+        scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(60)));
+        scenario.command(Command::Disarm).unwrap();
+        assert!(!scenario.bench.machine.record().armed);
+        scenario.shut_down().unwrap();
+        assert_eq!(scenario.bench.machine.record().order, Order::Standby);
+
+        // While it is in doubt, what was kept stays kept, and the reset counts; arming counts.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        let again = scenario.bench.machine.record();
+        assert_eq!(
+            Some(RetainedState { silent: micros(0), all_silent: micros(0), ..again }),
+            kept_run(percent(60)).map(|kept| RetainedState { resets: 1, ..kept })
+        );
+        scenario.command(Command::Disarm).unwrap();
+        let record = scenario.bench.machine.record();
+        assert_eq!((record.order, record.armed), (Order::Run(percent(60)), false));
+    }
+}
+
+/// A source that was lost is lost after the reset, too: it rules when it has spoken for a while. Nor do the stages begin
+/// anew: a node that is reset again and again does not hold a demand up that nobody gives any more.
+#[test]
+fn a_lost_source_stays_lost() {
+    for ecu in BOTH {
+        let mut before = Scenario::started(ecu, percent(80));
+        before.pass(10 * SECOND);
+        assert_eq!((before.tenths(), before.telemetry().loss), (0, LossStage::FailSafe));
+        let mut scenario = before.reset(ecu.config());
+        scenario.pass(600_000);
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
+        assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
+        assert_eq!(scenario.tenths(), 0);
+        // It speaks for 1 s, and waits for 2 s to take over.
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 0);
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.tenths(), 800, "{ecu:?}: it has spoken for long enough");
+
+        // A reset puts the life of the engine in doubt: when the stages of loss have run out, 11.5 s of silence of which
+        // each reset takes 0.2 s at least, it ends there.
+        let mut scenario = Scenario::started(ecu, percent(80));
+        for reset in 0..8 {
+            scenario.pass(1_300_000);
+            assert!(reset < 3 || scenario.tenths() == 0, "{ecu:?} {reset}");
+            scenario = scenario.reset(ecu.config());
+        }
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+    }
+}
+
+/// One report that the engine stands, the first after the reset, does not stop one that runs; two do.
+#[test]
+fn one_odd_report_after_a_reset_stops_nothing() {
+    for (odd, expected) in [(1, Order::Run(percent(60))), (2, Order::Standby)] {
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(percent(60)));
+        for _ in 0..odd {
+            scenario.pass(EVERY / 4);
+            scenario.odd(Says::Standby, scenario.values);
+        }
+        scenario.says = Some(Says::Running);
+        scenario.fly(run(60), Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), expected, "{odd}");
+    }
+}
+
+/// Whoever stopped the engine before a reset still holds the stop if a lower source stops it again before the node's
+/// tasks have begun.
+#[test]
+fn a_kept_stop_stays_with_the_higher_source() {
+    for (kept, again, holds) in [
+        (Origin::Emergency, Origin::Bench, Origin::Emergency),
+        (Origin::Bench, Origin::Emergency, Origin::Emergency),
+    ] {
+        let mut engine = Engine::new(&Ecu::Amt.config());
+        engine.keep(record(Order::EmergencyStop, kept));
+        engine.command(us(0), Command::EmergencyStop, again, true).unwrap();
+        assert_eq!(engine.record().origin, holds);
+        engine.start(us(0), record(Order::EmergencyStop, kept));
+        assert_eq!((engine.record().order, engine.record().origin), (Order::EmergencyStop, holds));
+    }
+}
+
+/// AMT-13: a reset while CTF is in force does not call the shutdown off; it ends as a normal one.
+#[test]
+fn a_reset_does_not_call_ctf_off() {
+    let mut before = Scenario::started(Ecu::Amt, percent(50));
+    before.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
+    assert_eq!(before.wire(), Wire::Ctf);
+    let mut scenario = before.reset(Ecu::Amt.config());
+    scenario.fly(run(50), Origin::Rc, SECOND);
+    assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+    // And the engine that it stopped was commanded to.
+    before.says(Says::Cooling);
+    assert_eq!((before.order(), before.bench.machine.failed()), (Order::Standby, false));
+}

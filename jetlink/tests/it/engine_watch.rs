@@ -1,0 +1,452 @@
+//! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
+
+use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
+use jetlink::engine::config::Limits;
+use jetlink::event::Event;
+use jetlink::limit::LimitKind;
+use jetlink::limit::{Action, Limit};
+use jetlink::units::{Celsius, Millivolts, Rpm};
+
+use crate::support::bench::us;
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use crate::support::scenario::{
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, percent, run,
+};
+
+/// A scenario with an engine that runs at 50 % with these limits.
+fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
+    let config = ecu.with(|s| change(&mut s.limits));
+    let mut scenario = Scenario::started_with(ecu, config, percent(50));
+    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    assert_eq!(scenario.limits(), []);
+    scenario
+}
+
+/// From now on its exhaust burns: an AMT ECU with a fault gives no other sign of life (AMT-8).
+fn burns(scenario: &mut Scenario) {
+    scenario.values.egt = 500;
+    scenario.fly(run(50), Origin::Rc, SECOND);
+}
+
+/// What is told when some frames in a row say this, and the engine's own values after it.
+fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
+    let before = scenario.values;
+    scenario.values = values;
+    scenario.fly(run(50), Origin::Rc, u64::from(frames) * EVERY);
+    scenario.values = before;
+    scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.passed().into_iter().map(|passed| (passed.what, passed.value, passed.limit)).collect()
+}
+
+/// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
+#[test]
+fn two_values_in_a_row_pass_a_limit() {
+    use LimitKind::{LowRpm, OverSpeed, OverTemperature};
+    type Change = fn(&mut Limits);
+    let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
+        let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
+        [
+            (
+                |l| l.over_speed = Limit::report(Rpm::new(13_000)),
+                OverSpeed,
+                values(13_000, 26),
+                values(13_500, 26),
+                13_500,
+                13_000,
+            ),
+            (
+                |l| l.low_rpm = Limit::report(Rpm::new(11_000)),
+                LowRpm,
+                values(11_000, 26),
+                values(10_500, 26),
+                10_500,
+                11_000,
+            ),
+            // AMT: 126 steps of 4.6 °C less 50 are 529.6, one more is 534.2.
+            (
+                |l| l.over_temperature = Limit::report(Celsius::from_tenths(5_300)),
+                OverTemperature,
+                values(TURNING, 530),
+                values(TURNING, 535),
+                5_350,
+                5_300,
+            ),
+        ]
+    };
+    for ecu in BOTH {
+        for (change, what, at, beyond, value, limit) in cases {
+            // An AMT temperature comes in steps.
+            let value = if ecu == Ecu::Amt && what == OverTemperature { 5_342 } else { value };
+            for (frames, values, told) in
+                [(5, at, false), (1, beyond, false), (2, beyond, true), (40, beyond, true)]
+            {
+                let mut scenario = running(ecu, |limits| {
+                    limits.hot_start = Limit::NONE;
+                    limits.flame_out = Limit::NONE;
+                    change(limits);
+                });
+                let expected = if told { vec![(what, value, limit)] } else { vec![] };
+                assert_eq!(told_after(&mut scenario, frames, values), expected, "{ecu:?} {what:?} {frames}");
+                // By default nothing is done.
+                assert_eq!(scenario.order(), Order::Run(percent(50)));
+            }
+            // Told again after a value within.
+            let mut scenario = running(ecu, change);
+            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
+            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
+        }
+    }
+}
+
+/// The time of an event is that of the second value.
+#[test]
+fn a_limit_is_told_with_its_time() {
+    for ecu in BOTH {
+        let mut scenario = running(ecu, |l| l.over_speed = Limit::report(Rpm::new(13_000)));
+        let values = Values { rpm: Some(14_000), ..scenario.values };
+        let from = scenario.now();
+        scenario.silent();
+        for i in 1..=3 {
+            scenario.bench.rx(from + i * 70_000, &ecu.frame(Says::Running, values));
+        }
+        let passed = scenario.passed();
+        assert_eq!(passed.len(), 1);
+        assert_eq!(passed[0].at, us(from + 140_000), "{ecu:?}");
+    }
+}
+
+/// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
+#[test]
+fn the_engines_own_figures_serve() {
+    let values = |rpm| Values { rpm: Some(rpm), egt: 26, half_percents: 0, fault: 0 };
+    let quiet = |limits: &mut Limits| {
+        limits.implausible = Limit::NONE;
+        limits.flame_out = Limit::NONE;
+    };
+    for (rpm, told) in [
+        (168_000, vec![]),
+        (168_010, vec![(LimitKind::OverSpeed, 168_010, 168_000)]),
+        (4_000, vec![]),
+        (3_990, vec![(LimitKind::LowRpm, 3_990, 4_000)]),
+    ] {
+        let mut scenario = running(Ecu::Zk, quiet);
+        assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
+    }
+    // Low while it stands or starts is nothing.
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(run(0)).unwrap();
+    scenario.values.rpm = Some(1_000);
+    scenario.says = Some(Says::Starting);
+    scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+    assert_eq!(scenario.limits(), []);
+}
+
+/// Hot start: the temperature rises too fast while it starts, and only then.
+#[test]
+fn hot_start() {
+    for ecu in BOTH {
+        // °C per second, and whether that is told: the default is 200.
+        for (rate, says, told) in
+            [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
+        {
+            let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
+            let mut scenario = Scenario::ready(ecu, config);
+            scenario.command(run(0)).unwrap();
+            scenario.says(Says::Starting).says(says);
+            scenario.bench.events();
+            for i in 0..40 {
+                scenario.values.egt = 26 + rate * i / 20;
+                if i % 2 == 0 {
+                    let _ = scenario.command(run(0));
+                }
+                scenario.pass(EVERY);
+            }
+            let passed = scenario.passed();
+            if told {
+                assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
+                assert_eq!((passed[0].what, passed[0].limit), (LimitKind::HotStart, 200));
+                // Soon after it passed the limit.
+                assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
+            } else {
+                assert_eq!(passed, [], "{ecu:?} {rate} {says:?}");
+            }
+        }
+        // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
+        for odd in [1_000, -40] {
+            for wait in 0..12 {
+                let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
+                let mut scenario = Scenario::ready(ecu, config);
+                scenario.command(run(0)).unwrap();
+                scenario.values.egt = 400;
+                scenario.says(Says::Starting).fly(run(0), Origin::Rc, 3 * SECOND + wait * EVERY);
+                scenario.bench.events();
+                scenario.values.egt = odd;
+                scenario.pass(EVERY);
+                scenario.values.egt = 400;
+                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                assert_eq!(scenario.limits(), [], "{ecu:?} {odd} {wait}");
+            }
+        }
+    }
+}
+
+/// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source asks `demand` of it.
+fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
+    let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
+    scenario.values.rpm = Some(20_000);
+    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    scenario.bench.events();
+    for percent in before {
+        scenario.fly(run(*percent), Origin::Rc, 2 * PERIOD);
+    }
+    for i in 1..=30 {
+        scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+        let _ = scenario.command(run(demand));
+        scenario.pass(EVERY);
+    }
+    scenario.fly(run(demand), Origin::Rc, SECOND);
+    scenario.limits()
+}
+
+/// Flame-out: the speed falls without a command. After a lower demand that is what was asked for.
+#[test]
+fn flame_out() {
+    for ecu in BOTH {
+        assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was asked for");
+        // A higher demand is no excuse, and the noise of a stick neither.
+        assert_eq!(run_down(ecu, &[], 60), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [LimitKind::FlameOut], "{ecu:?}");
+        // A slow lowering is one.
+        assert_eq!(run_down(ecu, &[49, 48, 47, 46, 45, 44], 43), [], "{ecu:?}");
+    }
+}
+
+/// One odd shaft speed is no flame-out, whatever it is, and with or without a limit for what is plausible.
+#[test]
+fn one_odd_shaft_speed_is_no_flame_out() {
+    for ecu in BOTH {
+        for implausible in [Limit::NONE, Limit::report(150_000)] {
+            for odd in [0, 10_000, 14_000, 60_000, 120_000] {
+                for wait in 0..6 {
+                    let mut scenario = running(ecu, |limits| {
+                        limits.implausible = implausible;
+                        limits.low_rpm = Limit::NONE;
+                    });
+                    scenario.fly(run(50), Origin::Rc, wait * EVERY);
+                    let values = Values { rpm: Some(odd), ..scenario.values };
+                    let told = told_after(&mut scenario, 1, values);
+                    assert_eq!(told, [], "{ecu:?} {odd} {wait}");
+                }
+            }
+        }
+    }
+}
+
+/// A change that no turbine makes is told when it lasts for two frames; frames that are read late and at once are no
+/// such change.
+#[test]
+fn implausible_telemetry() {
+    for ecu in BOTH {
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
+        let values = Values { rpm: Some(60_000), ..scenario.values };
+        assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
+        let told = told_after(&mut scenario, 2, values);
+        assert_eq!(told[0].0, LimitKind::Implausible, "{ecu:?}");
+        assert!(told[0].1 > 150_000 && told[0].2 == 150_000);
+
+        let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
+        scenario.silent();
+        let mut rpm = TURNING;
+        for _ in 0..10 {
+            let t = scenario.now() + 400_000;
+            scenario.bench.run_to(t);
+            for _ in 0..4 {
+                rpm += 500;
+                let values = Values { rpm: Some(rpm), ..scenario.values };
+                scenario.bench.receive(&ecu.frame(Says::Running, values));
+            }
+            scenario.command(run(50)).unwrap();
+        }
+        assert_eq!(scenario.limits(), [], "{ecu:?}");
+    }
+}
+
+/// Supply voltage, off by default.
+#[test]
+fn supply_low() {
+    for ecu in BOTH {
+        let supply = |scenario: &mut Scenario| {
+            let frame = match ecu {
+                Ecu::Amt => amt_frames::alternate(0x06).to_vec(),
+                Ecu::Zk => zk_frames::status(2, TURNING, [0, 100, 0]).to_vec(),
+            };
+            scenario.pass(10_000);
+            scenario.bench.receive(&frame);
+            scenario.telemetry().report.supply.and_then(|supply| supply.value.voltage).expect("a scale")
+        };
+        let mut scenario = running(ecu, |_| {});
+        let is = supply(&mut scenario).get();
+        supply(&mut scenario);
+        assert_eq!(scenario.limits(), [], "{ecu:?}: not watched");
+        for (limit, frames, told) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
+            let mut scenario = running(ecu, |l| l.supply_low = Limit::report(Millivolts::new(limit)));
+            for _ in 0..frames {
+                supply(&mut scenario);
+            }
+            assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; told], "{ecu:?} {limit} {frames}");
+        }
+    }
+}
+
+/// A fault that the ECU reports, in two reports in a row; the event carries its number.
+#[test]
+fn a_fault_of_the_ecu() {
+    for ecu in BOTH {
+        for action in [Action::Report, Action::FailSafe, Action::Standby] {
+            let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
+            burns(&mut scenario);
+            let values = Values { fault: 2, ..scenario.values };
+            assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {action:?}");
+            let told = told_after(&mut scenario, 5, values);
+            assert_eq!(told, [(LimitKind::EcuFault, 2, 0)], "{ecu:?} {action:?}");
+            let expected = match action {
+                Action::Report => Order::Run(percent(50)),
+                Action::FailSafe => Order::Run(percent(0)),
+                Action::Standby => Order::Standby,
+            };
+            assert_eq!(scenario.order(), expected, "{ecu:?}");
+        }
+    }
+}
+
+/// The actions: none by default, the fail-safe throttle by its ramp, standby at once and not back by a stream of run.
+#[test]
+fn actions() {
+    for ecu in BOTH {
+        let limit = |action| Limit { at: Some(Rpm::new(13_000)), action };
+        let mut scenario = running(ecu, |l| l.over_speed = limit(Action::Standby));
+        scenario.values.rpm = Some(14_000);
+        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        let ordered = scenario.telemetry().ordered;
+        assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?}");
+        assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
+        assert_eq!(scenario.wire(), Wire::Standby);
+
+        let mut scenario = running(ecu, |l| l.over_speed = limit(Action::FailSafe));
+        let from = scenario.now();
+        scenario.values.rpm = Some(14_000);
+        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        assert_eq!(scenario.limits(), [LimitKind::OverSpeed]);
+        scenario.fly(run(50), Origin::Rc, 500_000);
+        // 50 % a second.
+        assert!((200..350).contains(&scenario.tenths()), "{ecu:?}: {}", scenario.tenths());
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
+        assert!(scenario.now() > from);
+        // A source that takes over does not lift it; standby and a new start do.
+        assert!(matches!(scenario.command_from(run(1), Origin::Emergency), Ok(Accepted::InForce)));
+        scenario.fly(run(70), Origin::Emergency, 5 * SECOND);
+        assert_eq!(scenario.tenths(), 0);
+        let told: Vec<_> =
+            scenario.bench.event_kinds().into_iter().filter(|e| matches!(e, Event::Limit(_))).collect();
+        assert_eq!(told, [], "it is told once");
+        scenario.shut_down_from(Origin::Emergency).unwrap();
+        assert_eq!(scenario.order(), Order::Standby);
+    }
+}
+
+/// A limit with an action that is passed refuses a start; one that is only told does not.
+#[test]
+fn a_limit_that_is_passed_refuses_a_start() {
+    for (action, expected) in [
+        (Action::Report, Ok(Accepted::InForce)),
+        (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
+        (Action::Standby, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),
+    ] {
+        let config =
+            Ecu::Zk.with(|s| s.limits.supply_low = Limit { at: Some(Millivolts::new(12_000)), action });
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        for _ in 0..3 {
+            scenario.pass(EVERY);
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 50, 0]));
+        }
+        assert_eq!(scenario.limits(), [LimitKind::SupplyLow]);
+        assert_eq!(scenario.command(run(0)), expected, "{action:?}");
+    }
+}
+
+/// What a limit asks for is done although it was passed before the engine was ordered to run: while the node listened
+/// after a reset.
+#[test]
+fn a_limit_acts_after_a_reset() {
+    for (faults_only, action) in [
+        (false, Action::FailSafe),
+        (false, Action::Standby),
+        (true, Action::FailSafe),
+        (true, Action::Standby),
+    ] {
+        for ecu in BOTH {
+            // A ZK ECU says what its engine does along with a fault.
+            let config = ecu.with(|s| {
+                s.limits.over_temperature = Limit { at: Some(Celsius::from_tenths(7000)), action };
+                s.limits.ecu_fault = action;
+            });
+            let before = Scenario::started_with(ecu, config, percent(60));
+            let mut scenario = before.reset(config);
+            scenario.values.egt = if faults_only { 500 } else { 900 };
+            scenario.values.fault = u8::from(faults_only) * 2;
+            scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+            let expected = match action {
+                Action::Standby => Order::Standby,
+                // With faults in place of a state nothing says that it runs: its exhaust burns, and it is answered.
+                _ if faults_only && ecu == Ecu::Amt => Order::Doubt(percent(0)),
+                _ => Order::Run(percent(0)),
+            };
+            assert_eq!(scenario.order(), expected, "{ecu:?} {faults_only} {action:?}");
+            assert_eq!(scenario.limits().len(), 1, "told once");
+            let wire = if action == Action::Standby { Wire::Standby } else { Wire::Run(0) };
+            assert_eq!(scenario.wire(), wire, "{ecu:?} {faults_only} {action:?}");
+        }
+    }
+}
+
+/// An engine that its limit shut down has failed: the others are told. One that never ran has not.
+#[test]
+fn an_engine_that_its_limit_shut_down_has_failed() {
+    for ecu in BOTH {
+        for (says, failed) in [(Says::Running, true), (Says::Starting, false)] {
+            let config = ecu.with(|s| s.limits.ecu_fault = Action::Standby);
+            let mut scenario = Scenario::ready(ecu, config);
+            scenario.command(run(0)).unwrap();
+            scenario.says(Says::Starting);
+            scenario.says(says);
+            burns(&mut scenario);
+            scenario.values.fault = 2;
+            scenario.fly(run(50), Origin::Rc, SECOND);
+            assert_eq!(scenario.order(), Order::Standby);
+            assert_eq!(scenario.bench.machine.failed(), failed, "{ecu:?} {says:?}");
+            assert_eq!(scenario.telemetry().failed, failed);
+        }
+    }
+}
+
+/// The very first shaft speed may be the odd one.
+#[test]
+fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
+    let config = Ecu::Amt.with(|s| s.limits.implausible.action = Action::Standby);
+    let before = Scenario::started_with(Ecu::Amt, config, percent(60));
+    let mut scenario = before.reset(config);
+    scenario.pass(EVERY / 2);
+    scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+    scenario.fly(run(60), Origin::Rc, 2 * SECOND);
+    assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))));
+    // The control: two of them are.
+    for _ in 0..2 {
+        scenario.pass(1000);
+        scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+    }
+    assert_eq!(scenario.limits(), [LimitKind::Implausible]);
+}

@@ -1,0 +1,21 @@
+//! The tests of the library: codecs, links, engines, and random worlds against the invariants of the supervision.
+//!
+//! One binary, so that one change is linked once. `cargo test -p jetlink --test it amt_link::` runs one part.
+
+mod amt_link;
+mod channel;
+mod codec_props;
+mod config;
+mod engine_commands;
+mod engine_governor;
+mod engine_life;
+mod engine_probes;
+mod engine_sources;
+mod engine_start;
+mod engine_stop;
+mod engine_watch;
+mod reading_points;
+mod supervision;
+mod support;
+mod vectors;
+mod zk_link;

@@ -1,0 +1,218 @@
+//! What random worlds have found, each as the shortest schedule that shows it.
+
+use crate::support::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, Wire, percent, run, tenths};
+use embassy_time::Duration;
+use jetlink::channel::Channel;
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
+use jetlink::event::LossStage;
+use jetlink::limit::{Action, Limit};
+use jetlink::line::Line;
+use jetlink::units::{Celsius, Throttle};
+
+/// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
+#[test]
+fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started_with(
+            ecu,
+            ecu.with(|s| s.ages.mavlink = Duration::from_millis(500)),
+            percent(80),
+        );
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 800);
+        // RC is silent from here on; its age limit of 0.5 s, then 2 s. First MAVLink waits, then the bench.
+        scenario.fly(run(10), Origin::Mavlink, 1_500_000);
+        assert_eq!(scenario.tenths(), 800);
+        scenario.fly(run(10), Origin::Bench, 1_200_000);
+        assert_eq!(scenario.tenths(), 100, "{ecu:?}");
+    }
+}
+
+/// A source that was lost and speaks again does not rule yet, so its new demand is not the one that is held when
+/// the ruling source falls silent.
+#[test]
+fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
+    for ecu in BOTH {
+        let mut scenario =
+            Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
+        scenario.fly(run(30), Origin::Rc, SECOND);
+        // RC is lost for longer than a gap that is none; the bench waits to take over.
+        scenario.fly(run(10), Origin::Bench, 1_600_000);
+        assert_eq!(scenario.tenths(), 300, "{ecu:?}");
+        // RC speaks again, with another demand, and both fall silent.
+        assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
+        for _ in 0..30 {
+            scenario.pass(PERIOD);
+            assert!(scenario.tenths() <= 300, "{ecu:?}: {}", scenario.tenths());
+        }
+    }
+}
+
+/// A source that flaps may not start an engine against a steady one below it.
+#[test]
+fn a_source_that_is_not_there_yet_starts_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.fly(Command::Standby, Origin::Bench, 2 * SECOND);
+        assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        assert_eq!(scenario.order(), Order::Standby);
+        // Beside it: it has said standby for a second, and starts it.
+        scenario.says(Says::Standby);
+        scenario.fly(Command::Standby, Origin::Rc, 1_200_000);
+        assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// At the fail-safe throttle of a limit a source may still ask for less.
+#[test]
+fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| {
+            s.limits.over_temperature =
+                Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
+            s.loss.throttle = Throttle::from_percent(20).unwrap();
+        });
+        let mut scenario = Scenario::started_with(ecu, config, percent(80));
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 800);
+        scenario.values.egt = 720;
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.tenths(), 200);
+        scenario.command(run(5)).unwrap();
+        assert_eq!(scenario.tenths(), 50, "{ecu:?}");
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.tenths(), 50, "it only lowers");
+    }
+}
+
+/// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
+/// that is kept is released by it.
+#[test]
+fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
+    let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
+    let config = EngineConfig::amt("a", 0, Line::new(2400), None);
+    let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+    memory.store(&stored, config.fingerprint());
+    let channel = Channel::new(&config, Some((memory, Reset::Warm)));
+    let handle = channel.handle();
+    assert_eq!(handle.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
+    assert_eq!(handle.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
+    // It counts as one more reset without a source.
+    let kept = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+    assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
+}
+
+/// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
+#[test]
+fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.slew.up = Some(100));
+        let mut scenario = Scenario::started_with(ecu, config, percent(0));
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        let (kept, now) = (scenario.bench.machine.record(), scenario.tenths());
+        assert!(now < 150, "{ecu:?}: {now}");
+        // 10 % a second, and a frame every 50 ms (ZK) or set (AMT).
+        let sent = (now - 10..=now).map(|value| Order::Run(tenths(value)));
+        assert!(sent.clone().any(|order| order == kept.order), "{ecu:?}: {:?}, {now} in force", kept.order);
+    }
+}
+
+/// A start that a reset cuts short is over, and its source's stick never was on the wire.
+#[test]
+fn start_cut_short_by_a_reset_does_not_go_on() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        // Below half of idle.
+        scenario.values.rpm = Some(2000);
+        scenario.says(Says::Starting);
+        scenario.fly(run(72), Origin::Rc, SECOND);
+        assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
+        let mut after = scenario.reset(ecu.config());
+        assert_eq!(after.order(), Order::Listen, "{ecu:?}");
+        after.fly(run(72), Origin::Rc, SECOND);
+        assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
+        // Beside it: an engine that has reached running goes on.
+        scenario.values.rpm = None;
+        scenario.says(Says::Running);
+        let mut after = scenario.reset(ecu.config());
+        after.pass(SECOND);
+        assert!(after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
+    }
+}
+
+/// A demand that had not come to pass when its source fell silent does not come to pass any more: neither because the
+/// engine comes to run, nor by a slew.
+#[test]
+fn a_lost_demand_never_rises() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        scenario.fly(run(56), Origin::Rc, SECOND);
+        scenario.pass(SECOND);
+        assert_eq!(scenario.telemetry().loss, LossStage::Hold);
+        scenario.says(Says::Running);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+
+        let config = ecu.with(|s| s.slew.up = Some(100));
+        let mut scenario = Scenario::started_with(ecu, config, percent(0));
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.pass(500_000);
+        let lost_at = scenario.tenths();
+        assert!((100..200).contains(&lost_at), "{ecu:?}: {lost_at}");
+        scenario.pass(900_000);
+        assert_eq!(scenario.tenths(), lost_at, "{ecu:?}");
+    }
+}
+
+/// What a source says after a reset, before its engine is confirmed, is newer than what was retained.
+#[test]
+fn word_said_in_doubt_after_a_reset_overrides_the_retained_demand() {
+    for ecu in BOTH {
+        let retained = || {
+            let kept =
+                RetainedState { armed: true, ..RetainedState::new(Order::Run(percent(33)), Origin::Mavlink) };
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
+            scenario.introduce();
+            assert_eq!(scenario.order(), Order::Doubt(percent(33)), "{ecu:?}: nothing is confirmed yet");
+            scenario
+        };
+        for (said, words, then) in
+            [(run(8), 1, Order::Run(percent(8))), (Command::Standby, 2, Order::Standby)]
+        {
+            let mut scenario = retained();
+            for _ in 0..words {
+                scenario.command_from(said, Origin::Mavlink).unwrap();
+            }
+            scenario.says(Says::Running);
+            assert_eq!(scenario.order(), then, "{ecu:?}");
+        }
+        // Beside it: with nothing said the retained one goes on.
+        let mut scenario = retained();
+        scenario.says(Says::Running);
+        assert_eq!(scenario.order(), Order::Run(percent(33)), "{ecu:?}");
+    }
+}
+
+/// The exhaust counts as cool after two values in a row: an AMT frame has no checksum.
+#[test]
+fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.values.egt = 300;
+        scenario.fly(Command::Standby, Origin::Rc, SECOND);
+        let odd = Values { egt: 26, ..scenario.values };
+        scenario.odd(Says::Standby, odd);
+        let answer = scenario.command(run(0));
+        assert!(matches!(answer, Err(Rejected::Start(Interlock::TooHot(_)))), "{ecu:?}: {answer:?}");
+        // The control: two of them do.
+        scenario.values.egt = 26;
+        scenario.fly(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}

@@ -1,0 +1,410 @@
+//! One engine of either kind as a scenario: what its ECU says, what is commanded, what goes out. Times are in
+//! microseconds; everything is exact to the tick.
+
+use crate::support::bench::{Bench, us};
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::Engine;
+use jetlink::engine::config::Supervision;
+use jetlink::engine::retained::RetainedState;
+use jetlink::event::Event;
+use jetlink::limit::{LimitKind, LimitViolation};
+use jetlink::line::Line;
+use jetlink::telemetry::Telemetry;
+use jetlink::units::{Rpm, Throttle};
+
+/// What an ECU can say in plain words.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Says {
+    Stopped,
+    Standby,
+    Starting,
+    Running,
+    Cooling,
+    /// A state without a name.
+    Unknown,
+}
+
+impl Says {
+    /// The shaft turns.
+    const fn turns(self) -> bool {
+        !matches!(self, Self::Stopped | Self::Standby)
+    }
+}
+
+pub const ALL: [Says; 6] =
+    [Says::Stopped, Says::Standby, Says::Starting, Says::Running, Says::Cooling, Says::Unknown];
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Ecu {
+    Amt,
+    Zk,
+}
+
+pub const BOTH: [Ecu; 2] = [Ecu::Amt, Ecu::Zk];
+
+/// Shaft speed of an engine that turns, above half of idle: 10 000 rpm for the AMT engine.
+pub const TURNING: u32 = 12_000;
+/// What the ZK engine gives as its idle speed, below that, and its maximum.
+pub const ZK_IDLE: u32 = ZK_IDLE_THOUSANDS as u32 * 1000;
+pub const ZK_MAX: u32 = ZK_MAX_THOUSANDS as u32 * 1000;
+const ZK_IDLE_THOUSANDS: u8 = 5;
+const ZK_MAX_THOUSANDS: u8 = 160;
+
+/// The values of a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Values {
+    /// AMT: in steps of 500.
+    pub rpm: Option<u32>,
+    /// °C.
+    pub egt: i32,
+    /// AMT: the throttle that the ECU obeys, in half percents.
+    pub half_percents: u8,
+    /// AMT: bits, sent in an error set. ZK: a code.
+    pub fault: u8,
+}
+
+impl Ecu {
+    pub fn config(self) -> EngineConfig {
+        match self {
+            Self::Amt => EngineConfig::amt("a", 0, Line::new(9600), Some(amt::codec::Engine::Olympus)),
+            Self::Zk => EngineConfig::zk("z", 0, Line::new(9600), Rate::Hz20),
+        }
+    }
+
+    pub fn with(self, change: impl FnOnce(&mut Supervision)) -> EngineConfig {
+        let mut config = self.config();
+        change(&mut config.supervision);
+        config
+    }
+
+    pub fn frame(self, says: Says, values: Values) -> Vec<u8> {
+        use amt_frames::{AUTO_STOP, EMERGENCY, RUN};
+        let rpm = values.rpm.unwrap_or(if says.turns() { TURNING } else { 0 });
+        match self {
+            Self::Amt => {
+                let egt = u8::try_from((values.egt + 50) * 10 / 46).expect("EGT fits");
+                if values.fault != 0 {
+                    return vec![0xFF, 0x00, values.fault, egt, values.half_percents, 0];
+                }
+                let (state, switch) = match says {
+                    Says::Stopped => (amt_frames::NO_CLEARANCE, EMERGENCY),
+                    Says::Standby => (amt_frames::CLEARANCE, AUTO_STOP),
+                    Says::Starting => (amt_frames::STARTING, RUN),
+                    Says::Running => (amt_frames::FULL_OPERATION, RUN),
+                    Says::Cooling => (amt_frames::NO_CLEARANCE, AUTO_STOP),
+                    Says::Unknown => (0b11111, RUN),
+                };
+                let rpm = u8::try_from(rpm / 500).expect("rpm fits");
+                vec![0xFF, state << 3 | switch, rpm, egt, values.half_percents, 0]
+            }
+            Self::Zk => {
+                let (state, switch) = match says {
+                    Says::Stopped => (0, 0),
+                    Says::Standby => (1, 1),
+                    Says::Starting => (3, 2),
+                    Says::Running => (11, 2),
+                    Says::Cooling => (12, 1),
+                    Says::Unknown => (31, 2),
+                };
+                let [high, low] = u16::try_from(values.egt + 50).expect("EGT fits").to_be_bytes();
+                let fault = values.fault;
+                let rest = [state | (fault & 7) << 5, switch << 5 | high << 2 | fault >> 3, low];
+                zk_frames::status(1, rpm, rest).to_vec()
+            }
+        }
+    }
+}
+
+#[derive(Clone)]
+pub struct Scenario {
+    pub ecu: Ecu,
+    pub bench: Bench<Engine>,
+    pub says: Option<Says>,
+    pub values: Values,
+    /// No other engine of the group is starting.
+    pub others_allow_start: bool,
+    next_frame: u64,
+}
+
+/// Between two frames of the ECU.
+pub const EVERY: u64 = 50_000;
+/// Between two commands of a source.
+pub const PERIOD: u64 = 100_000;
+pub const SECOND: u64 = 1_000_000;
+/// From idle to full at the slowest slew that can be set, 1 % a second.
+const RISES_WITHIN: u64 = 101 * SECOND;
+
+impl Scenario {
+    pub fn new(ecu: Ecu) -> Self {
+        Self::with(ecu, ecu.config())
+    }
+
+    /// A ZK ECU has introduced itself.
+    pub fn with(ecu: Ecu, config: EngineConfig) -> Self {
+        let mut scenario = Self::nothing_heard(ecu, config);
+        scenario.introduce();
+        scenario
+    }
+
+    pub fn nothing_heard(ecu: Ecu, config: EngineConfig) -> Self {
+        Self {
+            ecu,
+            bench: Bench::new(Engine::new(&config), config.line),
+            says: None,
+            values: Values { rpm: None, egt: 26, half_percents: 0, fault: 0 },
+            others_allow_start: true,
+            next_frame: EVERY,
+        }
+    }
+
+    /// A ZK ECU gives its version 5, its rate, its maximum and its idle speed, each twice, with the shaft speed that goes
+    /// with what it reports otherwise.
+    pub fn introduce(&mut self) {
+        self.introduce_version(5);
+    }
+
+    pub fn introduce_version(&mut self, version: u8) {
+        if self.ecu == Ecu::Zk {
+            for _ in 0..2 {
+                let rpm = self.rpm();
+                // The idle speed first: what half of it is would be a guess otherwise.
+                self.bench.receive(&zk_frames::status(8, rpm, [ZK_IDLE_THOUSANDS, 0, 0]));
+                self.bench.receive(&zk_frames::status(6, rpm, [ZK_MAX_THOUSANDS, 0, version << 2]));
+            }
+        }
+    }
+
+    /// The shaft speed that the ECU reports.
+    fn rpm(&self) -> u32 {
+        let turns = self.says.is_some_and(Says::turns);
+        self.values.rpm.unwrap_or(if turns { TURNING } else { 0 })
+    }
+
+    /// The same engine after a reset, with what was kept; its ECU knows nothing of it.
+    pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<RetainedState>) -> Self {
+        let mut scenario = Self::nothing_heard(ecu, config);
+        let mut machine = Engine::new(&config);
+        machine.start(us(0), kept);
+        scenario.bench.machine = machine;
+        scenario.bench.events();
+        scenario.bench.frames();
+        scenario.bench.drain();
+        scenario
+    }
+
+    /// The same node after a reset now, with what it kept; its ECU goes on.
+    pub fn reset(&self, config: EngineConfig) -> Self {
+        let mut scenario = Self::after_reset(self.ecu, config, Some(self.bench.machine.record()));
+        (scenario.says, scenario.values) = (self.says, self.values);
+        scenario.introduce();
+        scenario
+    }
+
+    /// From now on the ECU reports this, and has reported it four times: enough to end the life of an engine.
+    pub fn says(&mut self, says: Says) -> &mut Self {
+        self.says = Some(says);
+        self.pass(4 * EVERY)
+    }
+
+    /// From now on the ECU says nothing.
+    pub fn silent(&mut self) -> &mut Self {
+        self.says = None;
+        self
+    }
+
+    /// Time passes; the ECU speaks every 50 ms.
+    pub fn pass(&mut self, micros: u64) -> &mut Self {
+        let end = self.bench.now() + micros;
+        self.to(end)
+    }
+
+    pub fn to(&mut self, end: u64) -> &mut Self {
+        if let Some(says) = self.says {
+            self.next_frame = self.next_frame.max(self.bench.now() + 1);
+            while self.next_frame <= end {
+                self.bench.rx(self.next_frame, &self.ecu.frame(says, self.values));
+                self.next_frame += EVERY;
+            }
+        }
+        self.bench.run_to(end);
+        self
+    }
+
+    /// One frame now, other than what the ECU says.
+    pub fn odd(&mut self, says: Says, values: Values) {
+        self.bench.receive(&self.ecu.frame(says, values));
+    }
+
+    /// Time passes while a source repeats its command; the first comes now.
+    pub fn fly(&mut self, command: Command, origin: Origin, micros: u64) -> &mut Self {
+        let end = self.bench.now() + micros;
+        while self.bench.now() < end {
+            let _ = self.command_from(command, origin);
+            let next = (self.bench.now() + PERIOD).min(end);
+            self.to(next);
+        }
+        self
+    }
+
+    pub fn command(&mut self, command: Command) -> Result<Accepted, Rejected> {
+        self.command_from(command, Origin::Rc)
+    }
+
+    pub fn command_from(&mut self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+        let free = self.others_allow_start;
+        self.bench.act(|engine, now| engine.command(now, command, origin, free))
+    }
+
+    /// What would be answered to a command now.
+    pub fn would_answer(&self, command: Command) -> Result<Accepted, Rejected> {
+        self.clone().command(command)
+    }
+
+    pub fn now(&self) -> u64 {
+        self.bench.now()
+    }
+
+    pub fn telemetry(&self) -> Telemetry {
+        self.bench.machine.telemetry(us(self.bench.now()))
+    }
+
+    pub fn order(&self) -> Order {
+        self.telemetry().ordered.order
+    }
+
+    /// The throttle ordered, in tenths of a percent.
+    pub fn tenths(&self) -> u16 {
+        match self.order() {
+            Order::Run(Demand::Throttle(throttle)) => throttle.tenths(),
+            other => panic!("a throttle, not {other:?}"),
+        }
+    }
+
+    /// Armed, in standby, and everything is ready for a start by RC.
+    pub fn ready(ecu: Ecu, config: EngineConfig) -> Self {
+        let mut scenario = Self::with(ecu, config);
+        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        scenario
+    }
+
+    /// The two words of standby that shut down an engine that runs.
+    pub fn shut_down(&mut self) -> Result<Accepted, Rejected> {
+        self.shut_down_from(Origin::Rc)
+    }
+
+    pub fn shut_down_from(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
+        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::OneMore));
+        self.pass(PERIOD);
+        self.command_from(Command::Standby, origin)
+    }
+
+    /// Runs under RC, with this demand in force as of now.
+    pub fn started(ecu: Ecu, demand: Demand) -> Self {
+        Self::started_with(ecu, ecu.config(), demand)
+    }
+
+    pub fn started_with(ecu: Ecu, config: EngineConfig, demand: Demand) -> Self {
+        let mut scenario = Self::ready(ecu, config);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+        for says in [Says::Starting, Says::Running] {
+            scenario.says(says);
+            scenario.command(Command::Run(demand)).unwrap();
+        }
+        // It rises at a rate.
+        let latest = scenario.now() + RISES_WITHIN;
+        while scenario.order() != Order::Run(demand) {
+            assert!(scenario.now() < latest, "{:?}", scenario.order());
+            scenario.pass(PERIOD);
+            scenario.command(Command::Run(demand)).unwrap();
+        }
+        scenario.bench.frames();
+        scenario.bench.events();
+        scenario
+    }
+
+    /// What the ECU is told now, as its frames say it.
+    pub fn wire(&mut self) -> Wire {
+        self.bench.frames();
+        self.pass(4 * EVERY);
+        self.sent().pop().expect("something goes out")
+    }
+
+    /// What the ECU was told since the last call. ID 0 and what is no switch or demand are left out.
+    pub fn sent(&mut self) -> Vec<Wire> {
+        let ecu = self.ecu;
+        self.bench.bytes().into_iter().filter_map(|bytes| Wire::read(ecu, &bytes)).collect()
+    }
+
+    /// The limits that were told since the last call; other events are dropped.
+    pub fn limits(&mut self) -> Vec<LimitKind> {
+        self.passed().into_iter().map(|passed| passed.what).collect()
+    }
+
+    pub fn passed(&mut self) -> Vec<LimitViolation> {
+        self.bench
+            .event_kinds()
+            .into_iter()
+            .filter_map(|event| if let Event::Limit(passed) = event { Some(passed) } else { None })
+            .collect()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Wire {
+    Stop,
+    Standby,
+    /// Tenths of a percent.
+    Run(u16),
+    Ctf,
+    Pwm,
+    RpmControl,
+}
+
+impl Wire {
+    fn read(ecu: Ecu, bytes: &[u8]) -> Option<Self> {
+        Some(match ecu {
+            Ecu::Amt => match bytes[1] {
+                0x11 => Self::Stop,
+                0x12 => Self::Standby,
+                0x14 => Self::Run(u16::from(bytes[2] - 32) * 5),
+                0x91 => Self::Ctf,
+                other => panic!("OPS {other:#04x}"),
+            },
+            Ecu::Zk => match bytes[1] >> 2 {
+                // ID 1
+                0b0100 => Self::Pwm,
+                0b0101 => Self::Stop,
+                0b0110 => Self::Standby,
+                0b0111 => Self::Run(u16::from(bytes[1] & 3) << 8 | u16::from(bytes[2])),
+                // ID 6 with an RPM_X, ID 7
+                0b1_1000..0b1_1100 if bytes[2] >> 2 != 0 => Self::RpmControl,
+                0b1_1100..0b10_0000 => Self::RpmControl,
+                // ID 0, a rate, the switch alone
+                _ => return None,
+            },
+        })
+    }
+}
+
+pub fn percent(percent: u8) -> Demand {
+    Demand::Throttle(Throttle::from_percent(percent).unwrap())
+}
+
+pub fn tenths(tenths: u16) -> Demand {
+    Demand::Throttle(Throttle::from_tenths(tenths).unwrap())
+}
+
+/// Run, in whole percent.
+pub fn run(whole: u8) -> Command {
+    Command::Run(percent(whole))
+}
+
+pub fn rpm(rpm: u32) -> Demand {
+    Demand::Rpm(Rpm::new(rpm))
+}

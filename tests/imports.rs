@@ -1,0 +1,372 @@
+//! Imports go one way: in no package do files import one another in a circle.
+//!
+//! A node is a file. An edge is every `use`, every re-export and every inline path, outside `#[cfg(test)]`, that names
+//! something in another file of the same package. A `mod` line is none: it says where a file is, not what its parent
+//! needs.
+
+use proc_macro2::{TokenStream, TokenTree};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use syn::{Attribute, Item, UseTree, visit::Visit};
+
+/// A module's place: the idents from the package's root.
+type Module = Vec<String>;
+
+/// The modules of one crate, and the file of each.
+#[derive(Default)]
+struct Crate {
+    /// Names by which its files call its root: `crate`, and where a binary uses its own library, the library's name.
+    files: BTreeMap<Module, PathBuf>,
+    /// The source of each file, without its tests.
+    items: BTreeMap<PathBuf, Vec<(Module, Vec<Item>)>>,
+}
+
+impl Crate {
+    fn read(root: &Path) -> Self {
+        let mut this = Self::default();
+        this.file(root, Vec::new(), root.parent().unwrap());
+        this
+    }
+
+    /// Reads a file, and the files of its modules, which lie in `folder`.
+    fn file(&mut self, path: &Path, module: Module, folder: &Path) {
+        let text =
+            std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let file = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        self.module(path, module, folder, file.items);
+    }
+
+    fn module(&mut self, path: &Path, module: Module, folder: &Path, items: Vec<Item>) {
+        self.files.insert(module.clone(), path.into());
+        let mut own = Vec::new();
+        for item in items {
+            match item {
+                Item::Mod(inner) if !is_test(&inner.attrs) => {
+                    let name = inner.ident.to_string();
+                    let mut child = module.clone();
+                    child.push(name.clone());
+                    match inner.content {
+                        Some((_, items)) => self.module(path, child, &folder.join(&name), items),
+                        None => {
+                            let place = at(&inner.attrs).map(|file| path.parent().unwrap().join(file));
+                            let flat = folder.join(format!("{name}.rs"));
+                            let deep = folder.join(&name).join("mod.rs");
+                            let place = place.unwrap_or(if flat.exists() { flat } else { deep });
+                            self.file(&place, child, &folder.join(&name));
+                        }
+                    }
+                }
+                Item::Mod(_) => {}
+                item if is_test(attributes(&item)) => {}
+                item => own.push(item),
+            }
+        }
+        self.items.entry(path.into()).or_default().push((module, own));
+    }
+
+    /// Which files import which.
+    fn edges(&self) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
+        let mut edges: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
+        for (file, modules) in &self.items {
+            for (module, items) in modules {
+                let mut found =
+                    Paths { crate_: self, module, names: BTreeMap::new(), targets: BTreeSet::new() };
+                // What a `use` brings in is known before any path that begins with it.
+                for item in items {
+                    if let Item::Use(item) = item {
+                        found.tree(&item.tree, &mut Vec::new());
+                    }
+                }
+                for item in items {
+                    found.visit_item(item);
+                }
+                let targets = found.targets.into_iter().filter(|target| target != file);
+                edges.entry(file.clone()).or_default().extend(targets);
+            }
+        }
+        edges
+    }
+}
+
+/// The paths in one module.
+struct Paths<'a> {
+    crate_: &'a Crate,
+    module: &'a Module,
+    /// Modules that a `use` has given a name here.
+    names: BTreeMap<String, Module>,
+    targets: BTreeSet<PathBuf>,
+}
+
+impl Paths<'_> {
+    /// The module that a path begins with, as far as it names modules.
+    fn resolve(&self, path: &[String]) -> Option<Module> {
+        let (first, mut rest) = path.split_first()?;
+        let mut at = match first.as_str() {
+            "crate" => Vec::new(),
+            "self" => self.module.clone(),
+            "super" => self.module.split_last()?.1.to_vec(),
+            name => match self.names.get(name) {
+                Some(module) => module.clone(),
+                None => {
+                    let child = [self.module.as_slice(), &[name.to_string()]].concat();
+                    self.crate_.files.contains_key(&child).then_some(child)?
+                }
+            },
+        };
+        while let Some((next, more)) = rest.split_first() {
+            let deeper = match next.as_str() {
+                "super" => at.split_last()?.1.to_vec(),
+                name => [at.as_slice(), &[name.to_string()]].concat(),
+            };
+            if !self.crate_.files.contains_key(&deeper) {
+                break;
+            }
+            (at, rest) = (deeper, more);
+        }
+        Some(at)
+    }
+
+    fn path(&mut self, path: &[String]) {
+        if path.len() > 1
+            && let Some(module) = self.resolve(path)
+            && let Some(file) = self.crate_.files.get(&module)
+        {
+            self.targets.insert(file.clone());
+        }
+    }
+
+    fn tree(&mut self, tree: &UseTree, before: &mut Vec<String>) {
+        match tree {
+            UseTree::Path(path) => {
+                before.push(path.ident.to_string());
+                self.tree(&path.tree, before);
+                before.pop();
+            }
+            UseTree::Name(name) => self.named(&name.ident.to_string(), &name.ident.to_string(), before),
+            UseTree::Rename(name) => self.named(&name.ident.to_string(), &name.rename.to_string(), before),
+            UseTree::Glob(_) => {
+                before.push("*".into());
+                self.path(before);
+                before.pop();
+            }
+            UseTree::Group(group) => {
+                for tree in &group.items {
+                    self.tree(tree, before);
+                }
+            }
+        }
+    }
+
+    fn named(&mut self, name: &str, here: &str, before: &[String]) {
+        let mut path = before.to_vec();
+        if name != "self" {
+            path.push(name.into());
+        }
+        let here = if name == "self" { path.last().cloned().unwrap_or_default() } else { here.to_string() };
+        if let Some(module) = self.resolve(&path) {
+            // `use super::codec` names a module; `use super::codec::Frame` something in one.
+            if module.last().is_some_and(|last| path.last() == Some(last)) {
+                self.names.insert(here, module);
+            }
+            path.push("*".into());
+            self.path(&path);
+        }
+    }
+
+    /// The paths in what a macro is given.
+    fn tokens(&mut self, tokens: TokenStream) {
+        let mut path: Vec<String> = Vec::new();
+        let mut colons = 0;
+        for token in tokens {
+            match token {
+                TokenTree::Ident(ident) => {
+                    if colons != 2 {
+                        self.path(&std::mem::take(&mut path));
+                    }
+                    path.push(ident.to_string());
+                    colons = 0;
+                }
+                TokenTree::Punct(punct) if punct.as_char() == ':' => colons += 1,
+                token => {
+                    self.path(&std::mem::take(&mut path));
+                    colons = 0;
+                    if let TokenTree::Group(group) = token {
+                        self.tokens(group.stream());
+                    }
+                }
+            }
+        }
+        self.path(&path);
+    }
+}
+
+impl<'ast> Visit<'ast> for Paths<'_> {
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let idents: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        self.path(&idents);
+        syn::visit::visit_path(self, path);
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        self.tree(&item.tree, &mut Vec::new());
+    }
+
+    fn visit_macro(&mut self, found: &'ast syn::Macro) {
+        self.tokens(found.tokens.clone());
+    }
+
+    fn visit_attribute(&mut self, _: &'ast Attribute) {}
+
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        if !is_test(&item.attrs) {
+            syn::visit::visit_item_fn(self, item);
+        }
+    }
+}
+
+fn attributes(item: &Item) -> &[Attribute] {
+    match item {
+        Item::Const(item) => &item.attrs,
+        Item::Enum(item) => &item.attrs,
+        Item::Fn(item) => &item.attrs,
+        Item::Impl(item) => &item.attrs,
+        Item::Macro(item) => &item.attrs,
+        Item::Static(item) => &item.attrs,
+        Item::Struct(item) => &item.attrs,
+        Item::Use(item) => &item.attrs,
+        _ => &[],
+    }
+}
+
+fn is_test(attributes: &[Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        attribute.path().is_ident("test")
+            || attribute.path().is_ident("cfg")
+                && attribute.parse_args::<syn::Ident>().is_ok_and(|name| name == "test")
+    })
+}
+
+/// The file that `#[path = "..."]` names.
+fn at(attributes: &[Attribute]) -> Option<String> {
+    attributes.iter().find(|attribute| attribute.path().is_ident("path")).and_then(|attribute| {
+        let value = attribute.meta.require_name_value().ok()?;
+        match &value.value {
+            syn::Expr::Lit(syn::ExprLit { lit: syn::Lit::Str(text), .. }) => Some(text.value()),
+            _ => None,
+        }
+    })
+}
+
+/// The first circle that is found: its files, in the order in which each imports the next.
+fn circle(edges: &BTreeMap<PathBuf, BTreeSet<PathBuf>>) -> Option<Vec<PathBuf>> {
+    fn walk(
+        file: &PathBuf,
+        edges: &BTreeMap<PathBuf, BTreeSet<PathBuf>>,
+        way: &mut Vec<PathBuf>,
+        done: &mut BTreeSet<PathBuf>,
+    ) -> Option<Vec<PathBuf>> {
+        if let Some(start) = way.iter().position(|before| before == file) {
+            return Some(way[start..].to_vec());
+        }
+        if !done.insert(file.clone()) {
+            return None;
+        }
+        way.push(file.clone());
+        let found = edges.get(file).into_iter().flatten().find_map(|next| walk(next, edges, way, done));
+        way.pop();
+        found
+    }
+    let mut done = BTreeSet::new();
+    edges.keys().find_map(|file| walk(file, edges, &mut Vec::new(), &mut done))
+}
+
+/// Fails with the circle, file by file.
+fn assert_one_way(root: &Path) {
+    let edges = Crate::read(root).edges();
+    if let Some(circle) = circle(&edges) {
+        let files: Vec<String> = circle.iter().map(|file| file.display().to_string()).collect();
+        panic!("{} imports in a circle:\n  {}", root.display(), files.join("\n  imports "));
+    }
+}
+
+fn root(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(file)
+}
+
+#[test]
+fn no_package_has_a_circle_of_imports() {
+    let roots = [
+        "jetlink/src/lib.rs",
+        "src/lib.rs",
+        "src/main.rs",
+        "boards/src/lib.rs",
+        "sim/src/lib.rs",
+        "host/src/main.rs",
+        "qemu/src/main.rs",
+        "xtask/src/main.rs",
+        "emulation/src/lib.rs",
+    ];
+    let found: Vec<String> = roots
+        .iter()
+        .filter_map(|file| {
+            let edges = Crate::read(&root(file)).edges();
+            let circle = circle(&edges)?;
+            let files: Vec<String> = circle.iter().map(|file| file.display().to_string()).collect();
+            Some(format!("{file}:\n  {}", files.join("\n  imports ")))
+        })
+        .collect();
+    assert!(found.is_empty(), "imports in a circle\n{}", found.join("\n"));
+}
+
+#[test]
+fn every_kind_of_import_is_seen() {
+    let edges = Crate::read(&root("jetlink/src/lib.rs")).edges();
+    let imports = |from: &str, to: &str| {
+        edges
+            .get(&root(&format!("jetlink/src/{from}")))
+            .is_some_and(|files| files.contains(&root(&format!("jetlink/src/{to}"))))
+    };
+    assert!(imports("ecu/zk/link.rs", "ecu/zk/codec.rs"), "use super::");
+    assert!(imports("command.rs", "limit.rs"), "use crate::");
+    assert!(imports("ecu/mod.rs", "ecu/zk/codec.rs"), "a path without a use");
+    assert!(!imports("limit.rs", "command.rs"));
+}
+
+#[test]
+fn planted_circle_is_found() {
+    for (what, a, b) in [
+        ("use", "use crate::b::B; pub struct A(B);", "use super::a::A; pub struct B;"),
+        ("re-export", "pub use crate::b::B; pub struct A;", "pub struct B; pub fn f(_: crate::a::A) {}"),
+        ("inline path", "pub fn f() { crate::b::f() }", "pub fn f() { super::a::f() }"),
+        (
+            "macro",
+            "pub fn f() { assert!(crate::b::f()) }",
+            "pub fn f() -> bool { println!(\"{}\", crate::a::X); true }",
+        ),
+        ("module by name", "use crate::b; pub fn f() { b::f() }", "use crate::a; pub fn f() { a::f() }"),
+    ] {
+        let folder =
+            std::env::temp_dir().join(format!("jetlink-imports-{}-{}", std::process::id(), what.len()));
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("lib.rs"), "mod a;\nmod b;\n").unwrap();
+        std::fs::write(folder.join("a.rs"), a).unwrap();
+        std::fs::write(folder.join("b.rs"), b).unwrap();
+        let found = std::panic::catch_unwind(|| assert_one_way(&folder.join("lib.rs")));
+        // Without the way back there is none.
+        std::fs::write(folder.join("b.rs"), "pub struct B; pub fn f() -> bool { true }").unwrap();
+        assert_one_way(&folder.join("lib.rs"));
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(found.is_err(), "{what}");
+    }
+}
+
+#[test]
+fn imports_of_tests_do_not_count() {
+    let folder = std::env::temp_dir().join(format!("jetlink-imports-{}-tests", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("lib.rs"), "mod a;\nmod b;\n").unwrap();
+    std::fs::write(folder.join("a.rs"), "use crate::b::B; pub struct A(B);").unwrap();
+    std::fs::write(folder.join("b.rs"), "pub struct B; #[cfg(test)] mod tests { use crate::a::A; }").unwrap();
+    assert_one_way(&folder.join("lib.rs"));
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,96 @@
+//! What goes out while nobody can know whether an engine lives: nothing that could start one, and all that may.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Ask, Kind, MS, SECOND, Spans, Switch, Told, Word};
+
+/// Damaged frames stand for frames for this long.
+const DAMAGED_MAX: u64 = 10 * SECOND;
+/// A speed goes out in turn with ID 0, and anything else at every second slot: in so many slots one of them is a speed.
+const SPEED_SLOTS: u64 = 8;
+
+impl Case<'_> {
+    /// Where the node must be in doubt: no frame of the ECU for longer than a gap, or damaged ones for too long. It ends with
+    /// the frame from which on it may be known again.
+    fn doubts(&self) -> Spans {
+        let h = self.h;
+        let gaps = self.blind.iter().filter(|(from, to)| to - from > self.gap());
+        let gaps = gaps.map(|(from, to)| (from + self.gap(), to));
+        let damaged = h.ruined.iter().filter(|(from, to)| to - from > DAMAGED_MAX + self.gap());
+        let damaged = damaged.map(|(from, to)| (from + DAMAGED_MAX + self.gap(), to));
+        // Of ZK two reports of the state have to come, and it comes once in a round.
+        let confirms = match h.rules.kind {
+            Kind::Amt => 0,
+            Kind::Zk(_) => ((h.rules.round - 1) * h.rules.period).saturating_sub(20 * MS),
+        };
+        let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
+        // After a reset, too.
+        let resets = h.resets.iter().map(|reset| (reset.up, reset.up + confirms));
+        Spans::from(&spans).union(&Spans::from(&resets.collect::<Vec<_>>()))
+    }
+
+    /// In doubt nothing is sent that could start an engine.
+    pub(super) fn doubt(&mut self) {
+        let h = self.h;
+        let doubts = self.doubts();
+        self.verdict.count("doubts", doubts.iter().count() as u64);
+        let mut reported = 0;
+        for frame in &h.frames {
+            let at = frame.at;
+            if frame.told.switch() != Some(Switch::Run) || at < reported || !doubts.contains(at) {
+                continue;
+            }
+            let from = doubts.last_before(at).map_or(at, |(from, _)| from);
+            // A frame that nobody sent, or a start that was granted since.
+            let forged =
+                h.forged.iter().any(|forged| (from.saturating_sub(2 * self.gap())..at).contains(forged));
+            let started = h.said(from, at).iter().any(|said| matches!(said.word, Word::Standby));
+            let started = started && h.rules.link_stable < at - from;
+            if !forged && !started {
+                let text = format!("run, and nothing has confirmed the engine since {}", seconds(from));
+                self.verdict.finding(Rule::Doubt, at, text);
+                reported = at + 10 * SECOND;
+            }
+        }
+        self.speed_in_doubt();
+    }
+
+    /// A ZK ECU in rpm mode goes on to get the speed, as long as somebody says run.
+    fn speed_in_doubt(&mut self) {
+        let h = self.h;
+        let slots = SPEED_SLOTS * h.rules.period + 100 * MS;
+        let gaps: Vec<_> = h.mute.at_least(self.gap() + slots + SECOND).iter().collect();
+        for (from, to) in gaps {
+            let rpm = |at| matches!(self.voices.run_in_control(at), Some((_, Ask::Rpm(_))));
+            // In rpm mode for a while before, with an engine that lives.
+            let frames = h.frames_within(from.saturating_sub(3 * SECOND), from);
+            let by_rpm = frames.iter().any(|frame| matches!(frame.told, Told::Rpm(_)))
+                && frames.iter().any(|frame| matches!(frame.told, Told::Mode(Some(Switch::Run), 1..)))
+                && !frames.iter().any(|frame| matches!(frame.told, Told::Full(..)));
+            if h.version(from) < 4 || !by_rpm || !self.known_to_run(from) {
+                continue;
+            }
+            let mut at = from + self.gap() + slots + SECOND;
+            while at < to {
+                let since = from.saturating_sub(3 * SECOND);
+                let disturbed = self.down.touches(since, at)
+                    || h.noise.touches(since, at)
+                    || h.unpowered.touches(since, at)
+                    || h.versions.iter().any(|(when, _)| (since..at).contains(when))
+                    || self.stopped.touches(since, at);
+                let said = h.said(since, at).iter();
+                let other = said.clone().any(|said| !matches!(said.word, Word::Run(Ask::Rpm(_)) | Word::Arm));
+                if disturbed || other || !rpm(at) {
+                    break;
+                }
+                self.verdict.count("speeds in doubt", 1);
+                if !h.frames_within(at - slots, at).iter().any(|frame| matches!(frame.told, Told::Rpm(_))) {
+                    let text =
+                        format!("nothing is heard since {}, and no speed is on the wire", seconds(from));
+                    self.verdict.finding(Rule::HeldDown, at, text);
+                    break;
+                }
+                at += SECOND;
+            }
+        }
+    }
+}

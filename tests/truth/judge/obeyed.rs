@@ -1,0 +1,166 @@
+//! What pilots say of the switch comes to pass: an engine that is shut down goes out, and a start that is asked for as
+//! documented begins.
+
+use super::{Case, Rule, seconds};
+use crate::history::{MS, SECOND, Spans, Switch, Word};
+use sim::turbine::Phase;
+
+/// From a word to a turbine without fire, with every wire whole.
+const OBEYS: u64 = 1500 * MS;
+/// A start that is asked for is on the wire by then.
+const GRANTED: u64 = SECOND;
+/// Everything that keeps an engine from a start is out of the way for so long before it.
+const READY: u64 = 8 * SECOND;
+
+impl Case<'_> {
+    /// Times in which nothing that the node sends can be relied on to reach the ECU.
+    fn unreachable(&self) -> Spans {
+        let h = self.h;
+        let cut = h.deaf.union(&h.noise_to_ecu).union(&h.unpowered.longer(h.rules.boot));
+        // How the ECU is given its switch has to be found out anew.
+        let cut = cut.union(&self.down.longer(2 * self.two_states()));
+        // An AMT ECU gets replies only, and a node that begins anew has to find out whom it speaks to.
+        let cut = if self.is_amt() { cut.union(&h.mute).union(&h.noise) } else { cut };
+        cut.longer(h.rules.listen + SECOND)
+    }
+
+    pub(super) fn goes_out(&mut self) {
+        let h = self.h;
+        let cut = self.unreachable();
+        let mut ends: Vec<(u64, &str)> = Vec::new();
+        for (from, to) in self.stopped.iter() {
+            if to > from + OBEYS {
+                ends.push((from + OBEYS, "an emergency stop"));
+            }
+        }
+        for said in h.said.iter().filter(|said| said.word == Word::ShutDown) {
+            ends.push((said.at + OBEYS, "the order to shut down"));
+        }
+        for at in self.standbys() {
+            ends.push((at, "standby"));
+        }
+        ends.sort_unstable();
+        let mut reported = 0;
+        for (at, what) in ends {
+            // What was begun since is another matter.
+            let lit = self.live.last_before(at).filter(|(from, to)| at < *to && *from + OBEYS <= at);
+            let ignited = h.marks.iter().any(|(when, _)| (at - OBEYS..=at).contains(when));
+            let pwm = h.pwm.touches(at.saturating_sub(2 * SECOND), at);
+            if at < reported || lit.is_none() || ignited || pwm || cut.touches(at - OBEYS, at) || at >= h.end
+            {
+                continue;
+            }
+            self.verdict.finding(
+                Rule::Obeyed,
+                at,
+                format!("the engine burns {} after {what}", seconds(OBEYS)),
+            );
+            reported = at + 10 * SECOND;
+        }
+        self.verdict
+            .count("shutdowns", h.said.iter().filter(|said| said.word == Word::ShutDown).count() as u64);
+    }
+
+    /// Instants by which an engine has to be out, because whoever speaks has said nothing but standby for long enough,
+    /// whoever else was in control before.
+    fn standbys(&self) -> Vec<u64> {
+        let h = self.h;
+        let rules = &h.rules;
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let long =
+            age + rules.recover_after + rules.takeover + rules.hold + rules.lower_standby_after + OBEYS;
+        let mut ends = Vec::new();
+        // Since when nobody has said anything else.
+        let mut since = None;
+        for said in h.said.iter().filter(|said| said.word.is_heard()) {
+            let (at, source) = (said.at, said.source);
+            if said.word != Word::Standby {
+                since = None;
+                continue;
+            }
+            let from = *since.get_or_insert(at);
+            let Some(speaks) = self.voices.speaks_since(source, at) else { continue };
+            // Whoever has been alone for long is in control.
+            let alone = h.said(from.saturating_sub(long), at).iter().all(|other| other.source == source)
+                && !self.down.touches(from.saturating_sub(60 * SECOND), at);
+            let waits =
+                if alone { from.max(speaks + rules.recover_after) + OBEYS } else { from.max(speaks) + long };
+            if at > waits && !self.down.touches(from, at) {
+                ends.push(at);
+                since = Some(at);
+            }
+        }
+        ends
+    }
+
+    /// A start that is asked for as documented begins.
+    pub(super) fn granted(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        // Another engine may start, or a limit be passed.
+        if rules.start_wait > 0 || rules.limit_fault.is_some() || rules.limit_change.is_some() {
+            return;
+        }
+        let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).union(&h.deaf);
+        let hidden = hidden.union(&self.stopped).union(&self.live).union(&self.faults);
+        let mut before = [None; 4];
+        for said in h.said.iter().filter(|said| said.word.is_heard() || said.word == Word::Nothing) {
+            let first = before[said.source].replace(said.word) == Some(Word::Standby);
+            let Word::Run(ask) = said.word else { continue };
+            let at = said.at;
+            if !first || !self.is_idle(ask) || at < READY + rules.link_stable || at + GRANTED > h.end {
+                continue;
+            }
+            let since = at - READY;
+            let settled = self
+                .voices
+                .speaks_since(said.source, at)
+                .is_some_and(|from| at >= from + rules.recover_after + rules.takeover + SECOND);
+            let lately = h.said(since, at + GRANTED);
+            // It says standby, then run at idle, and nobody else anything but standby, below it and all the time.
+            let mut heard = lately.iter().filter(|word| word.word.is_heard());
+            let clear = heard.all(|word| match word.word {
+                Word::Standby if word.source == said.source => word.at < at,
+                Word::Standby => word.source > said.source && self.says_standby_since(word.source, since, at),
+                Word::Run(ask) => word.source == said.source && word.at >= at && self.is_idle(ask),
+                _ => false,
+            });
+            let quiet = !lately.iter().any(|word| matches!(word.word, Word::Disarm | Word::Release));
+            let armed = self.voices.armed(since) && self.voices.armed(at);
+            let samples = h.samples(since, at);
+            let cold = samples.iter().all(|sample| {
+                sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0
+            });
+            let services = h.said(at.saturating_sub(60 * SECOND), at).iter();
+            let services =
+                services.clone().any(|said| matches!(said.word, Word::Service(_) | Word::Pwm | Word::Ctf));
+            let still = samples.last().is_some_and(|sample| self.is_amt() || sample.rpm < 10_000.0);
+            if !(settled && clear && quiet && armed && cold && still)
+                || services
+                || samples.is_empty()
+                || hidden.touches(since, at + GRANTED)
+                || h.pwm.touches(since, at + GRANTED)
+            {
+                continue;
+            }
+            self.verdict.count("starts that have to be granted", 1);
+            if !h.frames_within(at, at + GRANTED).iter().any(|frame| frame.told.switch() == Some(Switch::Run))
+            {
+                let text = format!(
+                    "source {} says standby and then run at idle, and no run is on the wire",
+                    said.source
+                );
+                self.verdict.finding(Rule::Granted, at + GRANTED, text);
+            }
+        }
+    }
+
+    /// Whether a source has said standby since then, and nothing else, and was heard before.
+    fn says_standby_since(&self, source: usize, since: u64, at: u64) -> bool {
+        let words = self.voices.until(source, at);
+        let words = &words[words.partition_point(|(when, _)| when + self.voices.age(source) < since)..];
+        words.first().is_some_and(|(when, _)| *when <= since)
+            && words.iter().all(|(_, word)| *word == Word::Standby)
+            && self.voices.speaks_since(source, at).is_some_and(|from| from <= since)
+    }
+}
