@@ -261,6 +261,19 @@ fn set_up_set_with_any_text() {
     assert_eq!(found[0]["raw"], "ff05f7e83e392eb13520313430363137".to_owned() + "20");
 }
 
+/// Those that the documentation uses: made by the rig.
+#[test]
+fn the_captures_of_the_documentation_hold_frames_and_nothing_else() {
+    for (protocol, name) in [("amt", "amt-simulated.bin"), ("zk", "zk-simulated.bin")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/captures").join(name);
+        let found = decode(&["--protocol", protocol, path.to_str().unwrap()], &[]);
+        assert_eq!(found.status, 0);
+        assert!(found.stderr.contains("\n0 bytes skipped\n"), "{}", found.stderr);
+        let running = if protocol == "amt" { "full-operation" } else { "running" };
+        assert!(objects(&found).iter().any(|object| object["state"] == running), "{name}");
+    }
+}
+
 /// Status and standard output stay as they are; the last line of standard error says what the other protocol would find.
 #[test]
 fn the_wrong_protocol_is_hinted_at() {

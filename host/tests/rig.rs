@@ -222,6 +222,69 @@ fn the_plot_is_well_formed_and_names_all() {
     assert!(std::fs::metadata(long).unwrap().len() < 500_000);
 }
 
+/// The texts of a picture, and whether it is well-formed.
+fn texts(path: &std::path::Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
+    for node in xml.descendants().filter(|node| node.has_tag_name("text")) {
+        let size: u32 = node.attribute("font-size").expect("a size").parse().expect("pixels");
+        assert!(size >= 13, "too small to be read: {node:?}");
+    }
+    let nodes = xml.descendants().filter(|node| node.is_text());
+    nodes.filter_map(|node| node.text()).map(|text| text.trim().to_owned()).collect()
+}
+
+/// Draws a run.
+fn drawn(name: &str, args: &[&str]) -> (PathBuf, Vec<String>) {
+    let path = file(name);
+    let output = fast(&[args, &["--plot", path.to_str().unwrap()]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", out(&output));
+    let texts = texts(&path);
+    (path, texts)
+}
+
+#[test]
+fn a_picture_marks_what_happened_and_what_is_not_known() {
+    let has = |texts: &[String], what: &str| {
+        assert!(texts.iter().any(|text| text.starts_with(what)), "{what}: {texts:?}");
+    };
+    let (path, texts) = drawn("cut.svg", &["--faults", "cut=left@60s+8s,flame-out=centre@120s"]);
+    for what in [
+        "line cut",
+        "link lost",
+        "line joined",
+        "nothing received",
+        "flame out",
+        "limit: flame-out",
+        "throttle",
+    ] {
+        has(&texts, what);
+    }
+    // What was not new any more.
+    let svg = std::fs::read_to_string(path).unwrap();
+    assert!(svg.lines().any(|line| line.contains("stroke-dasharray") && line.contains("1f5fb4")));
+    let (_, texts) = drawn("fault-sets.svg", &["--scenario", "fault-clears"]);
+    has(&texts, "fault sets: no rpm");
+    let (path, texts) = drawn("six-hours.svg", &["--duration", "6h", "--engine", "ecu=zk"]);
+    has(&texts, "long run: each point is ");
+    let svg = std::fs::read_to_string(path).unwrap();
+    assert!(svg.contains("<polygon") && svg.len() < 500_000, "{}", svg.len());
+    let (_, texts) = drawn("rpm-alone.svg", &["--engine", "ecu=zk,mode=rpm"]);
+    has(&texts, "throttle: none, the demand is in rpm");
+}
+
+/// Draw them again with `cargo rig --fast --plot docs/rig.svg` and `... --plot docs/rig-dark.svg --dark`.
+#[test]
+fn the_pictures_of_the_readme_are_what_the_rig_draws() {
+    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    for (name, args) in [("rig.svg", &[][..]), ("rig-dark.svg", &["--dark"])] {
+        let (path, _) = drawn(name, args);
+        let committed = std::fs::read_to_string(docs.join(name)).unwrap();
+        assert!(std::fs::read_to_string(path).unwrap() == committed, "docs/{name} is another picture");
+        assert!(committed.len() < 150_000);
+    }
+}
+
 #[test]
 fn a_file_that_cannot_be_written_is_told() {
     for option in ["--csv", "--plot"] {

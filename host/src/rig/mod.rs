@@ -129,17 +129,31 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
     let title = match order.setup.scenario {
         Some(scenario) => format!("{}: {}", scenario.name, scenario.line),
+        None if order.tour => {
+            format!(
+                "Four simulated engines; the source of left falls silent for 6 s (seed {})",
+                order.setup.seed
+            )
+        }
         None => format!("jetlink rig, seed {}", order.setup.seed),
     };
     let subjects = order.setup.engines.iter().map(|engine| Subject {
         caption: engine.caption(),
         max_rpm: simulated::parameters(engine).max_rpm,
+        egt_limit: engine
+            .config
+            .supervision
+            .limits
+            .over_temperature
+            .at
+            .map(|limit| f64::from(limit.tenths()) / 10.0),
         by_rpm: engine.by_rpm(),
     });
+    let plot = |path| Plot::create(path, subjects.collect(), title, args.dark);
     let files = Files {
         names: names.clone(),
         csv: args.csv.as_deref().map(Csv::create).transpose()?,
-        plot: args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?,
+        plot: args.plot.as_deref().map(plot).transpose()?,
         capture: args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?,
     };
     let out =

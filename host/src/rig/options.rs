@@ -120,6 +120,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<String>,
 
+    /// Draw the plot for a dark page
+    #[arg(long, requires = "plot")]
+    pub dark: bool,
+
     /// Write the raw bytes of each line, a file for each engine and direction, into this folder
     #[arg(long, value_name = "DIR")]
     pub capture: Option<String>,

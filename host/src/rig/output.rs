@@ -104,11 +104,6 @@ impl Whole {
         Ok(Self { path: path.to_owned(), part })
     }
 
-    /// The path, as it was given.
-    pub fn path(&self) -> &str {
-        &self.path
-    }
-
     /// Writes it.
     pub fn finish(mut self, text: &str) -> Result<(), String> {
         let part = self.part.take();

@@ -42,6 +42,10 @@ pub struct Point {
     pub rpm: Option<Band>,
     /// EGT in °C; `None` as above.
     pub egt: Option<Band>,
+    /// The shaft speed is not new any more.
+    pub rpm_old: bool,
+    /// Nor is the EGT.
+    pub egt_old: bool,
     /// Its source says nothing.
     pub silent: bool,
     /// The ECU is received.
@@ -68,6 +72,8 @@ impl Point {
             stage: sample.stage,
             rpm: sample.rpm.map(|rpm| Band::of(rpm.into())),
             egt: sample.egt.map(Band::of),
+            rpm_old: sample.rpm_old,
+            egt_old: sample.egt_old,
             silent: sample.silent,
             link: sample.link == jetlink::report::LinkState::Up,
             fault: sample.faults.is_some_and(|faults| !faults.is_empty()),
@@ -96,6 +102,8 @@ impl Point {
             demand_rpm: both(self.demand_rpm, next.demand_rpm),
             sent_throttle: both(self.sent_throttle, next.sent_throttle),
             sent_rpm: both(self.sent_rpm, next.sent_rpm),
+            rpm_old: self.rpm_old && next.rpm_old,
+            egt_old: self.egt_old && next.egt_old,
             silent: self.silent || next.silent,
             link: self.link && next.link,
             fault: self.fault || next.fault,
@@ -144,6 +152,11 @@ impl Record {
         self.engines.get(engine).map_or(&[], Vec::as_slice)
     }
 
+    /// How many samples make one point: more than one where a long run was thinned.
+    pub const fn samples_a_point(&self) -> u32 {
+        self.each
+    }
+
     /// Those since this time, in seconds.
     pub fn since(&self, engine: usize, t: f64) -> &[Point] {
         let points = self.points(engine);
@@ -171,6 +184,8 @@ mod tests {
             stage: Stage::Steps,
             rpm: Some(Band::of(f64::from(i % 100))),
             egt: (i != 7).then_some(Band::of(500.0)),
+            rpm_old: false,
+            egt_old: false,
             silent: false,
             link: true,
             fault: false,

@@ -20,6 +20,9 @@ pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 /// An older value is not what the engine does now.
 const FRESH: Duration = Duration::from_secs(2);
 
+/// Between two values of one kind, where all goes well: a ZK ECU at 20 Hz gives its EGT every 0.45 s.
+const NEW: Duration = Duration::from_millis(700);
+
 /// Whether a value is young enough to be shown and judged by.
 pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
     value.age(now) <= FRESH
@@ -58,6 +61,10 @@ pub struct Sample {
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
     pub egt: Option<f64>,
+    /// The shaft speed is there, and not new any more.
+    pub rpm_old: bool,
+    /// So is the EGT.
+    pub egt_old: bool,
     /// Throttle that the ECU obeys, in percent.
     pub throttle: Option<f64>,
     /// What the ECU reports to be wrong.
@@ -87,6 +94,8 @@ impl Sample {
             state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
             rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
             egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
+            rpm_old: report.rpm.is_some_and(|rpm| rpm.age(at) > NEW),
+            egt_old: report.egt.is_some_and(|egt| egt.age(at) > NEW),
             throttle: report
                 .throttle
                 .filter(|throttle| is_fresh(throttle, at))

@@ -40,6 +40,9 @@ impl Files {
                 if let Some(csv) = &mut self.csv {
                     csv.note(note);
                 }
+                if let Some(plot) = &mut self.plot {
+                    plot.note(note);
+                }
             }
             Message::Mark { at, label } => {
                 if let Some(plot) = &mut self.plot {
