@@ -20,6 +20,8 @@ const BETWEEN: f64 = 16.0;
 pub const HEIGHT: f64 = CAPTION + LANE * 4.0 + CURVES + BETWEEN + STRIP + BETWEEN + RIBBON + 24.0;
 /// The smallest text.
 const SMALL: u32 = 13;
+/// In pixels.
+const SHORTEST_GAP: f64 = 4.0;
 /// Room above the highest value.
 const HEADROOM: f64 = 1.08;
 
@@ -118,9 +120,12 @@ impl Panel<'_> {
                 continue;
             }
             svg.rect((from, top + 34.0), (to - from, CURVES - 34.0), self.palette.gap);
-            let text = "nothing received";
-            if to - from > width(text, SMALL) {
-                svg.text((from + 4.0, top + CURVES - 6.0), SMALL, Anchor::Start, self.palette.ink, text);
+            // What is too short to be seen is not named either.
+            if to - from > SHORTEST_GAP {
+                let text = "nothing received";
+                let at_end = from + width(text, SMALL) > self.sides.1;
+                let (x, anchor) = if at_end { (to, Anchor::End) } else { (from + 3.0, Anchor::Start) };
+                svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
             }
         }
     }
