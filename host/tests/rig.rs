@@ -263,7 +263,7 @@ fn a_picture_marks_what_happened_and_what_is_not_known() {
     // What was not new any more.
     let svg = std::fs::read_to_string(path).unwrap();
     assert!(svg.lines().any(|line| line.contains("stroke-dasharray") && line.contains("1f5fb4")));
-    let (_, texts) = drawn("fault-sets.svg", &["--scenario", "fault-clears"]);
+    let (_, texts) = drawn("fault-sets.svg", &["--scenario", "brown-out"]);
     has(&texts, "fault sets: no rpm");
     let (path, texts) = drawn("six-hours.svg", &["--duration", "6h", "--engine", "ecu=zk"]);
     has(&texts, "long run: each point is ");
