@@ -113,7 +113,7 @@ fn main() -> ! {
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
-    defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::retained::ENGINES.0, reset))))
+    defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::engines::RETAINED.0, reset))))
 }
 
 /// Logs what is on each port.

@@ -14,8 +14,10 @@ use jetlink::ecu::{Faults, Service, amt};
 use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::report::{LinkState, NotSent, Phase};
-use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error, parse_command};
-use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise, FramingAs};
+use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error};
+use sim::any::Protocol;
+use sim::control;
+use sim::wire::{Babble, Direction, Entry, Faults as Noise, FramingAs};
 
 fn bench(baud: u32, seed: u64) -> Bench<AmtEcu> {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
@@ -27,23 +29,13 @@ fn stats(bench: &Bench<AmtEcu>) -> Stats {
     bench.plug.ecu(|ecu| ecu.stats)
 }
 
-/// The control messages that the node put on the wire, before any fault, as the simulation reads them. The log
-/// may begin or end inside a message. Panics on bytes that are no message.
-fn messages(log: &[Entry]) -> Vec<(u64, sim::amt::AmtCommand)> {
-    let sent: Vec<_> = log
-        .iter()
-        .filter(|entry| entry.direction == Direction::ToEcu && entry.fate != Fate::Added)
-        .skip_while(|entry| entry.byte != 0xFF)
-        .collect();
-    let (whole, _) = sent.as_chunks::<5>();
-    whole
-        .iter()
-        .map(|bytes| {
-            let raw: Vec<u8> = bytes.iter().map(|entry| entry.byte).collect();
-            let message = parse_command(&raw).unwrap_or_else(|bad| panic!("{raw:02x?} on the wire: {bad:?}"));
-            (bytes[0].start, message)
-        })
-        .collect()
+/// The messages that the node put on the wire.
+fn messages(record: &[Entry]) -> Vec<(u64, sim::amt::AmtCommand)> {
+    let amt = |(at, command)| match command {
+        control::Command::Amt(message) => (at, message),
+        control::Command::Zk(_) => unreachable!("read as AMT"),
+    };
+    bench::control_frames(Protocol::Amt, record).into_iter().map(amt).collect()
 }
 
 /// AMT-11: one reply to every frame, in its window, at every baud rate; the ECU's own measure of the margin.

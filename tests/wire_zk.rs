@@ -14,8 +14,10 @@ use jetlink::event::{Event, LossStage};
 use jetlink::line::Line;
 use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::units::{Hectopascals, Millivolts};
-use sim::wire::{Babble, Direction, Entry, Fate, Faults as Noise};
-use sim::zk::{Action as SimAction, Rate as SimRate, Stats, Sw, ZkCommand, ZkConfig, ZkEcu, parse_command};
+use sim::any::Protocol;
+use sim::control;
+use sim::wire::{Babble, Entry, Faults as Noise};
+use sim::zk::{Action as SimAction, Rate as SimRate, Stats, Sw, ZkCommand, ZkConfig, ZkEcu};
 
 /// An engine whose ECU still has another rate than the one configured.
 fn bench_on(line: Line, rate: Rate, version: u8, change: impl FnOnce(&mut ZkConfig)) -> Bench<ZkEcu> {
@@ -33,26 +35,13 @@ fn stats(bench: &Bench<ZkEcu>) -> Stats {
     bench.plug.ecu(|ecu| ecu.stats)
 }
 
-/// The commands that the node put on the wire, before any fault, as the simulation reads them. The log may begin
-/// or end inside a command. Panics on bytes that are no command.
-fn commands(log: &[Entry]) -> Vec<(u64, ZkCommand)> {
-    let sent: Vec<_> =
-        log.iter().filter(|entry| entry.direction == Direction::ToEcu && entry.fate != Fate::Added).collect();
-    // 0xFF can be data, too; a pause between commands tells where one begins.
-    let first = sent
-        .iter()
-        .enumerate()
-        .position(|(i, entry)| i == 0 && entry.byte == 0xFF || i > 0 && entry.start > sent[i - 1].end + 1_000)
-        .unwrap_or(sent.len());
-    let (whole, _) = sent[first..].as_chunks::<4>();
-    whole
-        .iter()
-        .map(|bytes| {
-            let raw = [bytes[0].byte, bytes[1].byte, bytes[2].byte, bytes[3].byte];
-            let command = parse_command(&raw).unwrap_or_else(|bad| panic!("{raw:02x?} on the wire: {bad:?}"));
-            (bytes[0].start, command)
-        })
-        .collect()
+/// The commands that the node put on the wire.
+fn commands(record: &[Entry]) -> Vec<(u64, ZkCommand)> {
+    let zk = |(at, command)| match command {
+        control::Command::Zk(command) => (at, command),
+        control::Command::Amt(_) => unreachable!("read as ZK"),
+    };
+    bench::control_frames(Protocol::Zk, record).into_iter().map(zk).collect()
 }
 
 /// ZK-10, ZK-11, ZK-12: a command at every turn and a status for it, at every baud rate, with one stop bit and

@@ -3,8 +3,8 @@
 //! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/CubeOrange/hwdef.inc` and `hwdef-bl.inc`. Older bootloaders
 //! (`hwdef-bl.dat` of 2019) listen on UART7 only, and leave the other TX pins floating.
 
-use crate::Before::{Floats, Listens};
-use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
+use crate::board::Before::{Floats, Listens};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
 
 pub static BOARD: Board = Board {
     name: "cube-orange",

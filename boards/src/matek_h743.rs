@@ -4,8 +4,8 @@
 //! -SLIM, -MINI and -WLITE; PX4 has a board file for each, and those of -WING, -SLIM and -WLITE give the UARTs the same pins
 //! (`boards/matek/h743*/nuttx-config/include/board.h`; that of -MINI was not at hand). The pads bear the number of the UART.
 
-use crate::Before::{Floats, Listens};
-use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI};
+use crate::board::Before::{Floats, Listens};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI};
 
 pub static BOARD: Board = Board {
     name: "matek-h743",

@@ -4,8 +4,8 @@
 //! `hwdef/NucleoH743/hwdef.dat`. Arduino's numbers of the pins: Mbed OS, `TARGET_NUCLEO_H743ZI2/PinNames.h`. The ports keep
 //! off the pins of Ethernet (PA1, PA2, PA7, PB13, PC1, PC4, PC5) and of the LEDs (PB0, PE1, PB14).
 
-use crate::Before::Floats;
-use crate::{Board, Clock, Led, Level, Port, STM32H743ZI};
+use crate::board::Before::Floats;
+use crate::board::{Board, Clock, Led, Level, Port, STM32H743ZI};
 
 pub static BOARD: Board = Board {
     name: "nucleo-h743zi2",

@@ -4,8 +4,8 @@
 //! bootloader: the same place for the application and the same number (PX4, `boards/px4/fmu-v6c/src/hw_config.h`). It listens
 //! on TELEM1 and leaves the other TX pins floating; what stands here is ArduPilot's, which is the worse one.
 
-use crate::Before::{DrivenLow, Listens};
-use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
+use crate::board::Before::{DrivenLow, Listens};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
 
 pub static BOARD: Board = Board {
     name: "pixhawk-6c",

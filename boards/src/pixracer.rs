@@ -7,8 +7,8 @@
 //! leaves HAL_GPIO_LED_ON at its default, 0. Only its bootloader has HAL_LED_ON 1 (`hwdef-bl.dat`): there the LEDs are on
 //! where they should be off.
 
-use crate::Before::{Floats, Listens};
-use crate::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, high, low};
+use crate::board::Before::{Floats, Listens};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, high, low};
 
 pub static BOARD: Board = Board {
     name: "pixracer",

@@ -4,6 +4,8 @@ use boards::{BOARDS, Before, Board, Clock};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
+const SIZES: &str = include_str!("../../docs/size.md");
+const FAULT_FORM: &str = include_str!("../../.github/ISSUE_TEMPLATE/1-fault.yml");
 const DOCS: &str = include_str!("../../docs/boards.md");
 
 /// The rows are there, one below the other.
@@ -148,5 +150,13 @@ fn section(board: &Board) -> String {
 fn the_docs_have_every_port() {
     for board in BOARDS {
         has(DOCS, "docs/boards.md", &section(board));
+    }
+}
+
+#[test]
+fn the_page_of_sizes_and_the_issue_form_have_every_board() {
+    for board in BOARDS {
+        has(SIZES, "docs/size.md (.ci/size --record)", &format!("\n| {} |", board.name));
+        has(FAULT_FORM, ".github/ISSUE_TEMPLATE/1-fault.yml", &format!("\n        - {}\n", board.title));
     }
 }

@@ -4,10 +4,11 @@
 use crate::board::Board;
 use crate::image::Image;
 use crate::wire::Far;
-use sim::amt::{self, AmtConfig, AmtEcu};
+use sim::amt;
+use sim::any::AnyConfig;
 use sim::line::Line;
 use sim::turbine::Parameters;
-use sim::zk::{Rate, ZkConfig, ZkEcu};
+use sim::zk::Rate;
 
 /// Which protocol an ECU speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,26 +35,23 @@ pub struct Engine {
 impl Engine {
     /// Its ECU. A ZK ECU comes up at 20 Hz, whatever the firmware wants.
     pub fn ecu(&self) -> Box<dyn Far> {
-        match self.protocol {
-            Protocol::Amt(engine) => Box::new(AmtEcu::new(AmtConfig::new(engine).on(self.line))),
-            Protocol::Zk(_, version) => Box::new(ZkEcu::new(ZkConfig::new(version).on(self.line))),
-        }
+        Box::new(self.config().ecu())
     }
 
     /// The same, with a turbine that is started within 5 s: to have engines that run, soon.
     pub fn quick_ecu(&self) -> Box<dyn Far> {
-        let quick =
-            |turbine| Parameters { ignition_s: 0.5, preheat_s: 0.5, ramp_s: 2.0, learn_s: 0.5, ..turbine };
+        let mut config = self.config();
+        let turbine = config.turbine_mut();
+        *turbine = Parameters { ignition_s: 0.5, preheat_s: 0.5, ramp_s: 2.0, learn_s: 0.5, ..*turbine };
+        Box::new(config.ecu())
+    }
+
+    fn config(&self) -> AnyConfig {
         match self.protocol {
-            Protocol::Amt(engine) => {
-                let config = AmtConfig::new(engine).on(self.line);
-                Box::new(AmtEcu::new(AmtConfig { turbine: quick(config.turbine), ..config }))
-            }
-            Protocol::Zk(_, version) => {
-                let config = ZkConfig::new(version).on(self.line);
-                Box::new(ZkEcu::new(ZkConfig { turbine: quick(config.turbine), ..config }))
-            }
+            Protocol::Amt(engine) => AnyConfig::amt(engine),
+            Protocol::Zk(_, version) => AnyConfig::zk(version),
         }
+        .on(self.line)
     }
 }
 

@@ -11,6 +11,7 @@ use std::fmt::Debug;
 use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
+use sim::any::AnyEcu;
 use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::line::{Line, StopBits};
 
@@ -134,6 +135,7 @@ impl Wire {
     /// If it is of another kind.
     pub fn ecu<E: Far>(&self) -> &E {
         let ecu: &dyn Any = &*self.ecu;
+        let ecu = ecu.downcast_ref().map_or(ecu, AnyEcu::inner);
         ecu.downcast_ref().expect("the ECU on this port is of another kind")
     }
 
@@ -142,7 +144,10 @@ impl Wire {
     /// # Panics
     /// If it is of another kind.
     pub fn ecu_mut<E: Far>(&mut self) -> &mut E {
-        let ecu: &mut dyn Any = &mut *self.ecu;
+        let mut ecu: &mut dyn Any = &mut *self.ecu;
+        if ecu.is::<AnyEcu>() {
+            ecu = ecu.downcast_mut::<AnyEcu>().expect("it is one").inner_mut();
+        }
         ecu.downcast_mut().expect("the ECU on this port is of another kind")
     }
 

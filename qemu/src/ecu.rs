@@ -8,11 +8,10 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
 use jetlink::ecu::amt::codec::Engine as AmtEngine;
 use jetlink::line::StopBits;
-use sim::amt::{AmtConfig, AmtEcu};
+use sim::any::{AnyConfig, AnyEcu};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
 use sim::line::Line;
 use sim::turbine::{Parameters, Phase};
-use sim::zk::{ZkConfig, ZkEcu};
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -33,44 +32,12 @@ pub enum Turbine {
     Quick,
 }
 
-/// A simulated ECU of either kind.
-pub enum Simulated {
-    /// AMT.
-    Amt(Box<AmtEcu>),
-    /// ZK.
-    Zk(Box<ZkEcu>),
-}
-
-impl Simulated {
-    fn phase(&self) -> Phase {
-        match self {
-            Self::Amt(ecu) => ecu.turbine().phase(),
-            Self::Zk(ecu) => ecu.turbine().phase(),
-        }
-    }
-
-    /// Good messages so far, and what was none: broken frames and bytes outside of any.
-    fn last_rx(&self) -> (u64, u64) {
-        match self {
-            Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
-            Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
-        }
-    }
-
-    fn ecu(&mut self) -> &mut dyn Ecu {
-        match self {
-            Self::Amt(ecu) => &mut **ecu,
-            Self::Zk(ecu) => &mut **ecu,
-        }
-    }
-}
-
 /// An ECU, the port it hangs on, and what became of it.
 pub struct Attached {
     /// The engine's row in the table of engines.
     pub engine: EngineConfig,
     /// The ECU.
-    pub ecu: Simulated,
+    pub ecu: AnyEcu,
     line: Line,
     caption: String,
     /// The turbine's phases, as they came.
@@ -90,25 +57,23 @@ impl Attached {
                 StopBits::Two => sim::line::StopBits::Two,
             },
         };
-        let (ecu, kind) = match &engine.ecu {
+        let (mut config, kind) = match &engine.ecu {
             EcuConfig::Amt(config) => {
                 let kind = amt_engine(config.engine);
-                let mut config = AmtConfig::new(kind).on(line);
-                if turbine == Turbine::Quick {
-                    config.turbine = quick(config.turbine);
-                    config.reply_window = WIDE_WINDOW;
-                }
-                (Simulated::Amt(Box::new(AmtEcu::new(config))), format!("AMT {kind:?}"))
+                (AnyConfig::amt(kind), format!("AMT {kind:?}"))
             }
             EcuConfig::Zk(_) => {
                 let version = if row.is_multiple_of(2) { 5 } else { 4 };
-                let mut config = ZkConfig::new(version).on(line);
-                if turbine == Turbine::Quick {
-                    config.turbine = quick(config.turbine);
-                }
-                (Simulated::Zk(Box::new(ZkEcu::new(config))), format!("ZK version {version}"))
+                (AnyConfig::zk(version), format!("ZK version {version}"))
             }
         };
+        if turbine == Turbine::Quick {
+            *config.turbine_mut() = quick(*config.turbine());
+            if let AnyConfig::Amt(config) = &mut config {
+                config.reply_window = WIDE_WINDOW;
+            }
+        }
+        let ecu = config.on(line).ecu();
         let caption = format!("{}, {kind}, {} baud", engine.name, line.baud);
         Self { engine: *engine, ecu, line, caption, phases: Vec::new(), odd: 0 }
     }
@@ -135,9 +100,9 @@ impl Attached {
     }
 
     fn hear(&mut self, now: Nanos, byte: u8) {
-        let (_, before) = self.ecu.last_rx();
-        self.ecu.ecu().heard(now, Ok::<u8, LineFault>(byte));
-        let (good, after) = self.ecu.last_rx();
+        let (_, before) = self.ecu.received();
+        self.ecu.heard(now, Ok::<u8, LineFault>(byte));
+        let (good, after) = self.ecu.received();
         if good > 0 && after > before {
             self.odd += after - before;
             println!(
@@ -260,7 +225,7 @@ impl Wire {
     fn next(&mut self) -> Nanos {
         let queues = [self.to_firmware.front(), self.from_firmware.front()];
         let first = queues.into_iter().flatten().map(|(at, _)| *at).min().unwrap_or(Nanos::MAX);
-        first.min(self.attached.ecu.ecu().next_wake())
+        first.min(self.attached.ecu.next_wake())
     }
 
     /// A byte left the firmware: it starts on the line as soon as the line is free.
@@ -275,12 +240,12 @@ impl Wire {
             self.told = self.told.max(end);
             self.attached.hear(self.told, byte);
         }
-        if self.attached.ecu.ecu().next_wake() > now {
+        if self.attached.ecu.next_wake() > now {
             return;
         }
         self.told = self.told.max(now);
         let mut frame = Vec::new();
-        self.attached.ecu.ecu().advance(self.told, &mut frame);
+        self.attached.ecu.advance(self.told, &mut frame);
         self.attached.note_phase(self.told);
         for (count, byte) in (1..).zip(&frame) {
             self.to_firmware.push_back((self.told + self.attached.line.byte_ns(count), *byte));

@@ -1,8 +1,9 @@
 //! Whether the trial went well, by the firmware's log and by what the ECUs counted themselves.
 
-use crate::ecu::{Attached, Simulated, WIDE_WINDOW};
+use crate::ecu::{Attached, WIDE_WINDOW};
 use crate::log::Lines;
 use jetlink_fw::config::ENGINES;
+use sim::any::AnyEcu;
 use sim::ecu::MILLIS;
 use sim::turbine::Phase;
 
@@ -59,14 +60,14 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
     check(attached.phases.contains(&Phase::Running), "its turbine never ran");
     check(attached.phases.last() == Some(&Phase::Standby), "its turbine is not in standby at the end");
     match &attached.ecu {
-        Simulated::Amt(ecu) => {
+        AnyEcu::Amt(ecu) => {
             let stats = &ecu.stats;
             check(stats.unsolicited == 0, "replies that it did not ask for");
             check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine by itself");
             check(stats.late + stats.none <= UNANSWERED, "too many sets without a reply in time");
             check(stats.frames.total() > 100, "hardly any sets");
         }
-        Simulated::Zk(ecu) => {
+        AnyEcu::Zk(ecu) => {
             let stats = &ecu.stats;
             check(stats.reserved_bits == 0, "reserved bits that are not 0");
             check(stats.ignored == Default::default(), "commands that do not fit its version or state");
@@ -81,7 +82,7 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
 pub fn summary(attached: &Attached) -> String {
     let name = attached.engine.name;
     match &attached.ecu {
-        Simulated::Amt(ecu) => {
+        AnyEcu::Amt(ecu) => {
             let stats = &ecu.stats;
             let slowest = stats.worst_margin.map_or(0, |margin| WIDE_WINDOW.saturating_sub(margin));
             format!(
@@ -93,7 +94,7 @@ pub fn summary(attached: &Attached) -> String {
                 slowest as f64 / MILLIS as f64
             )
         }
-        Simulated::Zk(ecu) => {
+        AnyEcu::Zk(ecu) => {
             let stats = &ecu.stats;
             format!(
                 "{name}: {} status frames, {} commands, {:.1} to {:.1} ms apart (host and all)",

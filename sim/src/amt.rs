@@ -26,7 +26,7 @@ use crate::line::Line;
 use crate::log::CommandLog;
 use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
 
-pub use self::command::{AmtCommand, BadCommand, Ops, parse_command};
+pub use self::command::{AmtCommand, BadCommand, HEAD, LENGTH, Ops, parse_command};
 use self::command::{Heard, Receiver};
 pub use self::telemetry::{Engine, Status};
 use self::telemetry::{Values, Voltages};

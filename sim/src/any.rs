@@ -1,9 +1,104 @@
-//! The ECU of either kind behind one face.
+//! The ECU of either kind behind one face, and what it is made from.
 
-use crate::amt::AmtEcu;
+use core::any::Any;
+
+use crate::amt::{self, AmtConfig, AmtEcu};
 use crate::ecu::{Ecu, LineFault, Nanos};
-use crate::turbine::Turbine;
-use crate::zk::ZkEcu;
+use crate::line::Line;
+use crate::turbine::{Parameters, Phase, Turbine};
+use crate::zk::{ZkConfig, ZkEcu};
+
+/// Which protocol an ECU speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// AMT.
+    Amt,
+    /// ZK.
+    Zk,
+}
+
+/// What an ECU of either kind is made from.
+#[derive(Clone, Debug)]
+pub enum AnyConfig {
+    /// AMT.
+    Amt(AmtConfig),
+    /// ZK.
+    Zk(ZkConfig),
+}
+
+impl AnyConfig {
+    /// The AMT ECU of this engine at 2400 baud.
+    pub fn amt(engine: amt::Engine) -> Self {
+        Self::Amt(AmtConfig::new(engine))
+    }
+
+    /// A ZK ECU of this protocol version.
+    pub fn zk(version: u8) -> Self {
+        Self::Zk(ZkConfig::new(version))
+    }
+
+    /// Its protocol.
+    pub const fn protocol(&self) -> Protocol {
+        match self {
+            Self::Amt(_) => Protocol::Amt,
+            Self::Zk(_) => Protocol::Zk,
+        }
+    }
+
+    /// The same on another line.
+    #[must_use]
+    pub fn on(self, line: Line) -> Self {
+        match self {
+            Self::Amt(config) => Self::Amt(config.on(line)),
+            Self::Zk(config) => Self::Zk(config.on(line)),
+        }
+    }
+
+    /// The same with a log of so many obeyed commands.
+    #[must_use]
+    pub fn with_log(self, log: usize) -> Self {
+        match self {
+            Self::Amt(config) => Self::Amt(AmtConfig { log, ..config }),
+            Self::Zk(config) => Self::Zk(ZkConfig { log, ..config }),
+        }
+    }
+
+    /// The figures of its turbine.
+    pub const fn turbine(&self) -> &Parameters {
+        match self {
+            Self::Amt(config) => &config.turbine,
+            Self::Zk(config) => &config.turbine,
+        }
+    }
+
+    /// The same, to change them.
+    pub const fn turbine_mut(&mut self) -> &mut Parameters {
+        match self {
+            Self::Amt(config) => &mut config.turbine,
+            Self::Zk(config) => &mut config.turbine,
+        }
+    }
+
+    /// The ECU, not yet under power.
+    pub fn ecu(self) -> AnyEcu {
+        match self {
+            Self::Amt(config) => AmtEcu::new(config).into(),
+            Self::Zk(config) => ZkEcu::new(config).into(),
+        }
+    }
+}
+
+impl From<AmtConfig> for AnyConfig {
+    fn from(config: AmtConfig) -> Self {
+        Self::Amt(config)
+    }
+}
+
+impl From<ZkConfig> for AnyConfig {
+    fn from(config: ZkConfig) -> Self {
+        Self::Zk(config)
+    }
+}
 
 /// An ECU of either kind.
 #[derive(Debug)]
@@ -28,6 +123,43 @@ impl AnyEcu {
         match self {
             Self::Amt(ecu) => ecu.turbine_mut(),
             Self::Zk(ecu) => ecu.turbine_mut(),
+        }
+    }
+
+    /// Its protocol.
+    pub const fn protocol(&self) -> Protocol {
+        match self {
+            Self::Amt(_) => Protocol::Amt,
+            Self::Zk(_) => Protocol::Zk,
+        }
+    }
+
+    /// What the turbine does.
+    pub fn phase(&self) -> Phase {
+        self.turbine().phase()
+    }
+
+    /// Control frames that were good so far, and what was none: damaged frames, and bytes outside of any.
+    pub const fn received(&self) -> (u64, u64) {
+        match self {
+            Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
+            Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
+        }
+    }
+
+    /// The [`AmtEcu`] or [`ZkEcu`] in it.
+    pub fn inner(&self) -> &dyn Any {
+        match self {
+            Self::Amt(ecu) => &**ecu,
+            Self::Zk(ecu) => &**ecu,
+        }
+    }
+
+    /// The same, to change something about it.
+    pub fn inner_mut(&mut self) -> &mut dyn Any {
+        match self {
+            Self::Amt(ecu) => &mut **ecu,
+            Self::Zk(ecu) => &mut **ecu,
         }
     }
 }

@@ -10,7 +10,8 @@
 //! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
-//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them.
+//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and what it is made from.
+//! - [`control`]: the frames from the host to an ECU, found on a line and read.
 //! - [`log`]: what an ECU has obeyed, and when.
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]
@@ -18,6 +19,7 @@
 pub mod amt;
 pub mod any;
 pub mod clock;
+pub mod control;
 pub mod ecu;
 pub mod line;
 pub mod log;

@@ -35,7 +35,9 @@ use crate::line::Line;
 use crate::log::CommandLog;
 use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
 
-pub use self::command::{Action, BadCommand, Sw, ZkCommand, crc8, parse_command, reserved_bits};
+pub use self::command::{
+    Action, BadCommand, HEAD, LENGTH, Sw, ZkCommand, crc8, parse_command, reserved_bits,
+};
 use self::command::{Heard, Receiver};
 use self::status::Values;
 pub use self::status::{LAST_ID, error, since_version, state};

@@ -4,7 +4,9 @@
 //! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
 //! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
 
-use super::{Oscillator, ResetCause, chip, retained::RetainedWord};
+use super::chip;
+use super::retained::RetainedWord;
+use super::state::{Oscillator, ResetCause};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::pac::{
     gpio::{

@@ -14,7 +14,7 @@ mod semihosting;
 mod uart;
 
 use self::uart::Port;
-use super::{Board, ENGINE_EXECUTOR, Oscillator, ResetCause};
+use super::state::{ENGINE_EXECUTOR, Oscillator, Ready, ResetCause};
 use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 use cortex_m_rt::exception;
 use embassy_executor::SendSpawner;
@@ -108,6 +108,9 @@ static __INTERRUPTS: [Handler; 32] = {
     table
 };
 
+/// The board, ready for the firmware.
+pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
+
 /// Starts the clock and opens the ports that have a line. To be called once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     super::stack::paint();
@@ -116,7 +119,7 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     // SAFETY: the executor's interrupt is still off, and no critical section relies on priorities.
     unsafe { core.NVIC.set_priority(EXECUTOR_INTERRUPT, EXECUTOR_PRIORITY) };
     let mut port = 0;
-    Board {
+    Ready {
         reset_cause: ResetCause::Unknown, // QEMU does not have the board's register for it
         oscillator: Oscillator::Crystal,
         ports: lines.map(|line| {

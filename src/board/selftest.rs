@@ -9,7 +9,9 @@
 //! It resets the board twice and so is for a bench. No image writes option bytes, and neither does this one.
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 
-use super::{Oscillator, ResetCause, chip, early, retained::RetainedWord};
+use super::retained::RetainedWord;
+use super::state::{Oscillator, ResetCause};
+use super::{chip, early};
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::{DWT, MPU, SCB};
 use embassy_stm32::pac::{gpio::Gpio, iwdg::vals::Pr};
@@ -106,7 +108,7 @@ pub async fn report(starting: u32, oscillator: Oscillator) -> ! {
 
 /// The block to paste.
 async fn block(starting: u32, oscillator: Oscillator) {
-    defmt::info!("selftest: begin, jetlink {=str} on {=str}", env!("CARGO_PKG_VERSION"), super::NAME);
+    defmt::info!("selftest: begin, jetlink {=str} on {=str}", env!("CARGO_PKG_VERSION"), super::table::NAME);
     chip::facts::chip();
     oscillators(oscillator);
     let before = (DWT::cycle_count(), Instant::now());

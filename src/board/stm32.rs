@@ -1,6 +1,7 @@
 //! What boards with an STM32 share: LED, watchdog, the engines' executor. They log over RTT.
 
-use super::{ENGINE_EXECUTOR, chip, early};
+use super::state::ENGINE_EXECUTOR;
+use super::{chip, early};
 use defmt_rtt as _; // the logger
 use embassy_executor::SendSpawner;
 use embassy_stm32::{

@@ -4,7 +4,7 @@
 #[cfg(feature = "selftest")]
 pub mod facts;
 
-use super::{ENGINE_EXECUTOR, Oscillator, ResetCause};
+use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use embassy_stm32::{
     Config,
     interrupt, // the module and the attribute

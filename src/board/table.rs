@@ -14,11 +14,10 @@ macro_rules! board {
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
     ) => {
-        use super::{
-            Board, Led, Watchdog, chip, early,
-            port::{EcuPort, ecu_uarts, open},
-            stm32::Drive,
-        };
+        use super::port::{EcuPort, ecu_uarts, open};
+        use super::state::Ready;
+        use super::stm32::{Drive, Led, Watchdog};
+        use super::{chip, early};
         use embassy_stm32::{gpio::Level, pac::{self, gpio::Gpio}, rcc::{Hse, HseMode}, time::mhz};
         use jetlink::line::Line;
 
@@ -63,6 +62,9 @@ macro_rules! board {
             )*
         }
 
+        /// The board, ready for the firmware.
+        pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
+
         /// Starts the clocks and opens the ports that have a line. To be called once.
         pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
@@ -77,7 +79,7 @@ macro_rules! board {
                 // SAFETY: `init` is called once, and opens each port once.
                 line.map(|line| unsafe { opener(line) })
             });
-            Board {
+            Ready {
                 reset_cause: early.cause,
                 oscillator: early.oscillator,
                 ports: core::array::from_fn(|_| ports.next().flatten()),

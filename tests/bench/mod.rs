@@ -1,5 +1,5 @@
 //! One engine on a bench: the library's channel and runner on one end of a simulated wire, a simulated ECU on the
-//! other, in virtual time. Nothing in here knows what the bytes mean.
+//! other, in virtual time. What the bytes mean is up to the simulation's reader.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use embassy_futures::select::{Either, select};
@@ -12,9 +12,11 @@ use jetlink::line::{Line, StopBits};
 use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Rpm, Throttle};
+use sim::any::Protocol;
 use sim::clock;
-use sim::ecu::Ecu;
-use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use sim::control::{self, Found, Reader};
+use sim::ecu::{Ecu, Nanos};
+use sim::wire::{Entry, Plug, Settings, WireRx, WireTx, connect_with};
 use std::cell::RefCell;
 use std::future::Future;
 
@@ -131,6 +133,25 @@ pub fn sim_line(line: Line) -> sim::line::Line {
         StopBits::One => sim::line::Line::n1(line.baud),
         StopBits::Two => sim::line::Line::n2(line.baud),
     }
+}
+
+/// The control frames that the node put on the wire, before any fault: when each began, and what it commands. The record may begin or
+/// end inside a frame.
+///
+/// # Panics
+/// On bytes that are no control frame.
+pub fn control_frames(protocol: Protocol, record: &[Entry]) -> Vec<(Nanos, control::Command)> {
+    let mut reader = Reader::strict(protocol, 1_000);
+    let found: Vec<_> = record.iter().filter_map(|entry| reader.entry(entry)).collect();
+    let begins_inside = matches!(found.first(), Some(Found::Fragment { .. }));
+    let whole = found[usize::from(begins_inside)..].iter().map(|found| match found {
+        Found::Frame(frame) => match frame.command {
+            Ok(command) => (frame.start, command),
+            Err(bad) => panic!("{:02x?} on the wire: {bad:?}", frame.bytes()),
+        },
+        Found::Fragment { bytes, .. } => panic!("{bytes:02x?} on the wire: part of a frame"),
+    });
+    whole.collect()
 }
 
 /// One command, by whatever source: a test speaks for all of them.

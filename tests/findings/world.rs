@@ -1,7 +1,7 @@
 //! Pilots, a node, and simulated ECUs on its wires, in virtual time. A pilot is a stream of one command; a test says who
 //! says what, lets time pass, and looks at the wire and the turbines.
 
-use crate::wire::{Frame, Reader};
+use crate::wire::{self, Frame};
 use embassy_time::{Duration, Timer};
 use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
@@ -14,8 +14,9 @@ use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Rpm, Throttle};
 use sim::amt::{AmtConfig, AmtEcu};
-use sim::any::AnyEcu;
+use sim::any::{AnyConfig, AnyEcu};
 use sim::clock;
+use sim::control::Reader;
 use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::{Phase, Turbine};
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
@@ -50,7 +51,7 @@ pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineCon
     let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
     let mut ecu = AmtConfig::new(sim::amt::Engine::Olympus);
     change(&mut config, &mut ecu);
-    (config, AmtEcu::new(ecu).into())
+    (config, AnyConfig::Amt(ecu).ecu())
 }
 
 /// An engine with a ZK ECU of this protocol version at 9600 baud.
@@ -58,7 +59,7 @@ pub fn zk(version: u8, change: impl FnOnce(&mut EngineConfig, &mut ZkConfig)) ->
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
     let mut ecu = ZkConfig::new(version);
     change(&mut config, &mut ecu);
-    (config, ZkEcu::new(ecu).into())
+    (config, AnyConfig::Zk(ecu).ecu())
 }
 
 struct Pilot {
@@ -101,7 +102,7 @@ impl<const N: usize> World<N> {
     /// A node that is held in reset.
     fn with_memory(engines: [(EngineConfig, AnyEcu); N], memory: &'static [RetainedMemory; N]) -> Self {
         let configs = std::array::from_fn(|n| engines[n].0);
-        let readers = std::array::from_fn(|n| Reader::new(matches!(engines[n].1, AnyEcu::Amt(_))));
+        let readers = std::array::from_fn(|n| Reader::new(engines[n].1.protocol()));
         let mut halves = Vec::new();
         let plugs = engines.map(|(config, ecu)| {
             let line = sim::line::Line::n1(config.line.baud);
@@ -273,7 +274,7 @@ impl<const N: usize> World<N> {
             });
             clock::run_for(all, Duration::from_micros(step));
             for ((plug, reader), sent) in self.plugs.iter().zip(&mut self.readers).zip(&mut self.sent) {
-                reader.read(&plug.take_log(), sent);
+                wire::read(reader, &plug.take_log(), sent);
             }
         }
     }

@@ -1,6 +1,7 @@
 //! What really happened to one engine: what its pilots said, what was on its wire, the power of its ECU, what its turbine
 //! did. Nothing in it comes from the node. All times are in microseconds.
 
+pub use sim::control::Switch;
 use sim::turbine::Phase;
 
 /// A millisecond.
@@ -68,15 +69,6 @@ pub struct Said {
     pub at: u64,
     pub source: usize,
     pub word: Word,
-}
-
-/// What a control frame says of the engine's switch.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Switch {
-    Pwm,
-    Stop,
-    Standby,
-    Run,
 }
 
 /// What a control frame says.

@@ -291,6 +291,25 @@ fn a_withdrawn_start_does_not_ignite() {
     story(Word::Arm).passes();
 }
 
+/// Nor does a standby take effect that is below a source which is in control and says run.
+#[test]
+fn a_start_is_withdrawn_by_its_own_source_unless_a_higher_one_is_in_control() {
+    let story = |higher: bool| {
+        let story =
+            if higher { ready(ZK5).says(0, 4.2, 13.9, Word::Run(Ask::Throttle(0))) } else { ready(ZK5) };
+        story
+            .says(PILOT, 4.0, 8.0, Word::Run(Ask::Throttle(0)))
+            .says(PILOT, 8.0, 13.9, Word::Standby)
+            .wire(4.0, 13.0, IDLE)
+            .wire(13.0, 14.0, STANDBY)
+            .mark(11.0, Mark::Ignition)
+            .turbine(5.0, 11.0, Phase::Standby, 0.0, 15.0)
+            .turbine(11.0, 14.0, Phase::Ignition, 5000.0, 20.0)
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+}
+
 #[test]
 fn an_emergency_stop_disarms_until_who_said_armed_says_disarmed() {
     let story = |disarm: bool| {
@@ -655,7 +674,21 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     };
     story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).passes();
     story(&[(40.2, Word::ShutDown)]).passes();
+    // Decided a slot before another word came.
+    story(&[(40.05, Word::Standby), (40.25, Word::Standby), (40.29, Word::Run(Ask::Throttle(0)))]).passes();
     story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    // One word of a higher source that has yet to take over, and is silent again.
+    let word = |at, until| {
+        let story = flight(ZK5, 40.0).says(0, 20.0, at, Word::Nothing);
+        story
+            .says(0, at, until, Word::Run(Ask::Throttle(500)))
+            .says(PILOT, 40.0, 45.0, Word::Standby)
+            .wire(40.0, 40.6, HALF)
+            .wire(40.6, 45.0, STANDBY)
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+    };
+    word(40.0, 40.01).passes();
+    word(37.0, 40.01).breaks(&[Rule::ShutDown]);
     story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[]).breaks(&[Rule::ShutDown]);
 }

@@ -103,7 +103,7 @@ impl Seat {
         let (rx, tx, plug) = connect_with(setup.ecu(), Settings::new(setup.line, seed));
         plug.record(true);
         let seat = Self {
-            reader: Reader::new(setup.rules.kind == Kind::Amt),
+            reader: Reader::new(setup.protocol()),
             history: History::new(setup.rules),
             plug,
             pilots: Vec::new(),

@@ -14,9 +14,9 @@ use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, StopBits};
 use jetlink::units::{Celsius, Rpm, Throttle};
-use sim::amt::{AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
-use sim::any::AnyEcu;
-use sim::zk::{ZkConfig, ZkEcu, ZkTemper};
+use sim::amt::{AmtConfig, AmtTemper, InFlight, Status};
+use sim::any::{AnyConfig, AnyEcu, Protocol};
+use sim::zk::{ZkConfig, ZkTemper};
 
 /// One engine: how the node is configured for it, and what its ECU is.
 #[derive(Clone, Debug)]
@@ -24,13 +24,7 @@ pub struct Setup {
     pub config: EngineConfig,
     pub rules: Rules,
     pub line: sim::line::Line,
-    ecu: Ecu,
-}
-
-#[derive(Clone, Debug)]
-enum Ecu {
-    Amt(AmtConfig),
-    Zk(ZkConfig),
+    ecu: AnyConfig,
 }
 
 impl Setup {
@@ -45,7 +39,7 @@ impl Setup {
             ..AmtConfig::new(sim::amt::Engine::Olympus)
         };
         let config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
-        Self::of(config, Ecu::Amt(ecu), sim::line::Line::n1(2400), 2)
+        Self::of(config, AnyConfig::Amt(ecu), sim::line::Line::n1(2400), 2)
     }
 
     /// The same for ZK, of this version.
@@ -59,13 +53,13 @@ impl Setup {
         let ecu = ZkConfig { temper, log: 16, ..ZkConfig::new(version) };
         Self::of(
             EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20),
-            Ecu::Zk(ecu),
+            AnyConfig::Zk(ecu),
             sim::line::Line::n1(9600),
             2,
         )
     }
 
-    fn of(config: EngineConfig, ecu: Ecu, line: sim::line::Line, count: usize) -> Self {
+    fn of(config: EngineConfig, ecu: AnyConfig, line: sim::line::Line, count: usize) -> Self {
         let rules = rules(&config, &ecu, count);
         Self { config, rules, line, ecu }
     }
@@ -76,19 +70,21 @@ impl Setup {
     }
 
     pub fn ecu(&self) -> AnyEcu {
-        match &self.ecu {
-            Ecu::Amt(config) => AmtEcu::new(config.clone()).into(),
-            Ecu::Zk(config) => ZkEcu::new(config.clone()).into(),
-        }
+        self.ecu.clone().ecu()
+    }
+
+    /// The protocol of the ECU.
+    pub const fn protocol(&self) -> Protocol {
+        self.ecu.protocol()
     }
 
     /// Another one of the kind: the same engine on a ZK ECU of this version.
     pub fn another(&self, version: u8) -> AnyEcu {
         match &self.ecu {
-            Ecu::Amt(config) => AmtEcu::new(config.clone()).into(),
-            Ecu::Zk(config) => {
+            AnyConfig::Amt(_) => self.ecu(),
+            AnyConfig::Zk(config) => {
                 let fresh = ZkConfig::new(version);
-                ZkEcu::new(ZkConfig { version, ids: fresh.ids, ..config.clone() }).into()
+                AnyConfig::Zk(ZkConfig { version, ids: fresh.ids, ..config.clone() }).ecu()
             }
         }
     }
@@ -109,13 +105,13 @@ impl Setup {
 
     pub fn name(&self) -> String {
         let what = match &self.ecu {
-            Ecu::Amt(ecu) => format!(
+            AnyConfig::Amt(ecu) => format!(
                 "AMT at {} baud, serial delay {} ms, {:?}",
                 ecu.line.baud,
                 ecu.serial_delay / 1_000_000,
                 ecu.temper
             ),
-            Ecu::Zk(ecu) => {
+            AnyConfig::Zk(ecu) => {
                 format!("ZK {} at {} baud and {:?}, {:?}", ecu.version, ecu.line.baud, ecu.rate, ecu.temper)
             }
         };
@@ -189,7 +185,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usiz
     supervision.when_other_fails = spare;
     let amt = rng.percent(45);
     let (mut config, ecu) = if amt { amt_setup(rng, port) } else { zk_setup(rng, port) };
-    if rng.percent(8) && (amt || matches!(&ecu, Ecu::Zk(ecu) if ecu.version < 4)) {
+    if rng.percent(8) && (amt || matches!(&ecu, AnyConfig::Zk(ecu) if ecu.version < 4)) {
         supervision.governor = Some(Governor::DEFAULT);
     }
     config.supervision = supervision;
@@ -200,7 +196,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usiz
     Setup::of(config, ecu, line, count)
 }
 
-fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
+fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let line = Line::new(rng.pick(&[2400, 2400, 2400, 9600, 115_200]));
     let engine = rng.pick(&[None, Some(Engine::Olympus)]);
     let mut config = EngineConfig::amt("amt", port, line, engine);
@@ -233,10 +229,10 @@ fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
         loss_is_an_error: rng.percent(20),
         ..AmtConfig::new(sim::amt::Engine::Olympus).on(sim::line::Line::n1(line.baud))
     };
-    (config, Ecu::Amt(ecu))
+    (config, AnyConfig::Amt(ecu))
 }
 
-fn zk_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
+fn zk_setup(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let rate = rng.pick(&[Rate::Hz20, Rate::Hz20, Rate::Hz20, Rate::Hz50, Rate::Hz100]);
     let bauds: &[u32] = match rate {
         Rate::Hz20 => &[2400, 9600, 9600, 115_200],
@@ -275,23 +271,23 @@ fn zk_setup(rng: &mut Rng, port: u8) -> (EngineConfig, Ecu) {
         },
         ..ZkConfig::new(version).on(sim_line)
     };
-    (config, Ecu::Zk(ecu))
+    (config, AnyConfig::Zk(ecu))
 }
 
 /// What the judge may know of the settings.
-fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
+fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
     let all = &config.supervision;
     let micros = |time: Duration| time.as_micros();
     let (kind, period, round, gives_up_after, boot, turbine, start_throttle) = match (ecu, &config.ecu) {
-        (Ecu::Amt(ecu), EcuConfig::Amt(amt)) => {
+        (AnyConfig::Amt(ecu), EcuConfig::Amt(amt)) => {
             let tenths = u32::from(amt.start_throttle.tenths());
             (Kind::Amt, ecu.period, 1, ecu.serial_delay, ecu.boot, ecu.turbine, tenths)
         }
-        (Ecu::Zk(ecu), _) => {
+        (AnyConfig::Zk(ecu), _) => {
             let round = ecu.ids.len() as u64;
             (Kind::Zk(ecu.version), ecu.rate.period(), round, ecu.control_loss, ecu.boot, ecu.turbine, 0)
         }
-        (Ecu::Amt(_), EcuConfig::Zk(_)) => unreachable!("the ECU is of the kind that is configured"),
+        (AnyConfig::Amt(_), EcuConfig::Zk(_)) => unreachable!("the ECU is of the kind that is configured"),
     };
     let limit = |action: Action| match action {
         Action::Report => None,
@@ -327,10 +323,10 @@ fn rules(config: &EngineConfig, ecu: &Ecu, count: usize) -> Rules {
         governor: all.governor.is_some(),
         pump_bound: micros(all.service_time),
         gives_up_after: gives_up_after / 1000,
-        gives_up_on_empty: matches!(ecu, Ecu::Zk(ecu) if !ecu.temper.empty_keeps_control),
+        gives_up_on_empty: matches!(ecu, AnyConfig::Zk(ecu) if !ecu.temper.empty_keeps_control),
         stale: match ecu {
-            Ecu::Amt(ecu) => ecu.temper.last_state_first.into(),
-            Ecu::Zk(ecu) => ecu.temper.last_state_first.into(),
+            AnyConfig::Amt(ecu) => ecu.temper.last_state_first.into(),
+            AnyConfig::Zk(ecu) => ecu.temper.last_state_first.into(),
         },
         boot: boot / 1000 + 2 * MS,
         idle_rpm: turbine.idle_rpm,

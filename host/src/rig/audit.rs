@@ -1,6 +1,6 @@
 //! Holds every frame that the node puts on a line against what its pilot has commanded.
 //!
-//! The bytes are those at the node's transmitter, before any fault, and the simulation reads them, not
+//! The bytes are those at the node's transmitter, before any fault, and the simulation reads them (`sim::control`), not
 //! jetlink. A frame has to be what an order in force when it was made allows, by the rules that jetlink
 //! documents:
 //!
@@ -20,6 +20,8 @@ use super::engines::{Ecu as Kind, Engine};
 use super::simulated::{cadence, parameters};
 use jetlink::command::{Demand, Order};
 use sim::amt::Ops;
+use sim::any::Protocol;
+use sim::control::{self, Command, Found, Reader, Switch};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
@@ -160,8 +162,6 @@ struct Level {
 /// Watches one line.
 #[derive(Clone, Debug)]
 pub struct Audit {
-    kind: Kind,
-    length: usize,
     cadence: Option<Nanos>,
     rate_action: Option<Action>,
     idle_rpm: u32,
@@ -170,9 +170,9 @@ pub struct Audit {
     factor: u8,
     /// What was ordered and from when, the oldest that still matters first.
     orders: VecDeque<(Nanos, Allowed)>,
-    frame: Vec<u8>,
+    reader: Reader,
+    /// The first bit of the last frame.
     frame_start: Nanos,
-    frame_end: Nanos,
     /// What was begun before belongs to a node that is no more.
     reset_at: Nanos,
     /// The last demand on the wire.
@@ -218,11 +218,6 @@ impl Audit {
         let parameters = parameters(engine);
         let cadence = cadence(engine);
         Self {
-            kind: engine.ecu,
-            length: match engine.ecu {
-                Kind::Amt(_) => 5,
-                Kind::Zk { .. } => 4,
-            },
             cadence,
             rate_action: cadence.map(|cadence| match cadence / MILLIS {
                 50 => Action::Rate20,
@@ -238,9 +233,14 @@ impl Audit {
             on_wire: None,
             stop_at: None,
             spoken: None,
-            frame: Vec::new(),
+            reader: Reader::strict(
+                match engine.ecu {
+                    Kind::Amt(_) => Protocol::Amt,
+                    Kind::Zk { .. } => Protocol::Zk,
+                },
+                LONGEST_GAP,
+            ),
             frame_start: 0,
-            frame_end: 0,
             reset_at: 0,
             level: None,
             rises_until: None,
@@ -307,7 +307,7 @@ impl Audit {
 
     /// The node was reset: it may say again what it said before, and nothing else, until something is ordered.
     pub fn reset(&mut self, at: Nanos) {
-        self.frame.clear();
+        self.reader.restart();
         self.reset_at = at;
         // The node hears nothing meanwhile.
         (self.heard.gap, self.heard.whole) = (Some(at), None);
@@ -394,79 +394,59 @@ impl Audit {
     }
 
     fn byte(&mut self, entry: &Entry) {
-        if !self.frame.is_empty() && entry.start > self.frame_end + LONGEST_GAP {
-            let fragment = core::mem::take(&mut self.frame);
-            self.find(self.frame_start, fragment, "a part of a frame");
-        }
-        if self.frame.is_empty() {
-            self.frame_start = entry.start;
-        }
-        self.frame.push(entry.byte);
-        self.frame_end = entry.end;
-        if self.frame.len() == self.length {
-            let frame = core::mem::take(&mut self.frame);
-            self.whole(frame);
+        match self.reader.entry(entry) {
+            Some(Found::Frame(frame)) => self.whole(&frame),
+            Some(Found::Fragment { start, bytes }) => self.find(start, bytes, "a part of a frame"),
+            None => {}
         }
     }
 
-    fn whole(&mut self, frame: Vec<u8>) {
+    fn whole(&mut self, frame: &control::Frame) {
         self.frames += 1;
         self.frames_unheard += u64::from(!self.ecu_spoke);
-        let start = self.frame_start;
+        let start = frame.start;
+        self.frame_start = start;
         self.heard.find_gap(start);
         if let Some(gap) = self.heard.gap
             && self.gap_seen.replace(gap) != Some(gap)
         {
             self.may_rise(gap + RISE_WITHIN);
         }
-        self.measure_cadence(start, &frame);
-        let meant = match self.kind {
-            Kind::Amt(_) => sim::amt::parse_command(&frame)
-                .map(|command| {
-                    let said = amt_said(command);
-                    let allowed = self.any_order(said, |order| self.amt_allows(order, command));
-                    (allowed, format!("{command:?}"), said)
-                })
-                .map_err(|error| format!("no command: {error:?}")),
-            Kind::Zk { .. } => <&[u8; 4]>::try_from(frame.as_slice())
-                .map_err(|_| "no command".to_owned())
-                .and_then(|bytes| {
-                    sim::zk::parse_command(bytes).map_err(|error| format!("no command: {error:?}"))
-                })
-                .map(|command| {
-                    let said = self.zk_said(command);
-                    let allowed = self.any_order(said, |order| self.zk_allows(order, command));
-                    (allowed, format!("{command:?}"), said)
-                }),
+        self.measure_cadence(start, frame);
+        let command = match frame.command {
+            Ok(command) => command,
+            Err(bad) => return self.find(start, frame.bytes().to_vec(), &format!("no command: {bad:?}")),
         };
-        if let Ok((_, _, said)) = meant {
-            if said == Said::Stop && self.on_wire != Some(Said::Stop) {
-                self.stop_at = Some(start);
-            }
-            if said != Said::Nothing {
-                self.on_wire = Some(said);
-            }
-            self.note_level(said);
-            let spoken = Spoken { from: start, to: self.frame_end, said };
-            self.spoken.iter_mut().for_each(|all| all.push(spoken));
+        let said = self.said(command);
+        let allowed = self.any_order(said, |order| match command {
+            Command::Amt(command) => self.amt_allows(order, command),
+            Command::Zk(command) => self.zk_allows(order, command),
+        });
+        if said == Said::Stop && self.on_wire != Some(Said::Stop) {
+            self.stop_at = Some(start);
         }
-        match meant {
-            Ok((true, ..)) => {}
-            Ok((false, what, _)) | Err(what) => self.find(start, frame, &what),
+        if said != Said::Nothing {
+            self.on_wire = Some(said);
+        }
+        self.note_level(said);
+        let spoken = Spoken { from: start, to: frame.end, said };
+        self.spoken.iter_mut().for_each(|all| all.push(spoken));
+        if !allowed {
+            self.find(start, frame.bytes().to_vec(), &format!("{command:?}"));
         }
     }
 
     /// From turn to turn. What may go out ahead of its turn does not count, and leaves the turns where they are: the
     /// first frame of an emergency stop, and the frame right behind a switch, when the way of commanding changes.
-    fn measure_cadence(&mut self, start: Nanos, frame: &[u8]) {
+    fn measure_cadence(&mut self, start: Nanos, frame: &control::Frame) {
         let Some(cadence) = self.cadence else { return };
-        let command = <&[u8; 4]>::try_from(frame).ok().and_then(|frame| sim::zk::parse_command(frame).ok());
+        let command = frame.command.ok();
         let switched_at = core::mem::replace(
             &mut self.switched_at,
-            matches!(command, Some(ZkCommand::Switch { .. })).then_some(start),
+            matches!(command, Some(Command::Zk(ZkCommand::Switch { .. }))).then_some(start),
         );
         let begins_stop = self.on_wire != Some(Said::Stop)
-            && command.is_some_and(|command| self.zk_said(command) == Said::Stop);
+            && command.is_some_and(|command| self.said(command) == Said::Stop);
         let behind_switch = switched_at.is_some_and(|at| start < at + LONGEST_GAP);
         let Some(last) = self.last_turn else {
             self.last_turn = Some(start);
@@ -497,14 +477,15 @@ impl Audit {
             })
     }
 
-    fn zk_said(&self, command: ZkCommand) -> Said {
-        match command {
-            ZkCommand::Control { sw: Sw::Stop, .. } | ZkCommand::Switch { sw: Sw::Stop, .. } => Said::Stop,
-            ZkCommand::Control { sw: Sw::Standby, .. } | ZkCommand::Switch { sw: Sw::Standby, .. } => {
-                Said::Standby
+    /// What a frame says; a speed with the RPM_X that this engine needs, which may follow it.
+    fn said(&self, command: Command) -> Said {
+        match (command.switch(), command) {
+            (Some(Switch::Stop), _) => Said::Stop,
+            (Some(Switch::Standby), _) => Said::Standby,
+            (Some(Switch::Run), _) => command.throttle_tenths().map_or(Said::Nothing, Said::Run),
+            (_, Command::Zk(ZkCommand::Rpm(code))) => {
+                Said::RunRpm(u32::from(code) * u32::from(self.factor) * 10)
             }
-            ZkCommand::Control { sw: Sw::Run, throttle } => Said::Run(throttle),
-            ZkCommand::Rpm(code) => Said::RunRpm(u32::from(code) * u32::from(self.factor) * 10),
             _ => Said::Nothing,
         }
     }
@@ -602,15 +583,6 @@ impl Audit {
             let what = format!("{what}, while what was allowed was {order:?}");
             self.findings.push(Finding { at, bytes, what });
         }
-    }
-}
-
-const fn amt_said(command: sim::amt::AmtCommand) -> Said {
-    match command.ops {
-        Ops::EmergencyStop => Said::Stop,
-        Ops::AutoStop => Said::Standby,
-        Ops::Run => Said::Run(command.throttle_half_percent as u16 * 5),
-        _ => Said::Nothing,
     }
 }
 

@@ -5,12 +5,10 @@ use embassy_time::Duration;
 use jetlink::ecu::EcuConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::StopBits;
-use sim::amt::{AmtConfig, AmtEcu};
-use sim::any::AnyEcu;
+use sim::any::{AnyConfig, AnyEcu};
 use sim::ecu::Nanos;
 use sim::line::Line;
 use sim::turbine::Parameters;
-use sim::zk::{ZkConfig, ZkEcu};
 
 /// Obeyed commands that an ECU keeps; the rig looks at the line instead.
 const COMMANDS_KEPT: usize = 0;
@@ -38,14 +36,13 @@ pub struct EcuCounts {
 
 /// The ECU of this engine, not yet under power.
 pub fn ecu(engine: &Engine) -> AnyEcu {
-    let line = line(engine);
+    config(engine).on(line(engine)).with_log(COMMANDS_KEPT).ecu()
+}
+
+fn config(engine: &Engine) -> AnyConfig {
     match engine.ecu {
-        Kind::Amt(kind) => {
-            AmtEcu::new(AmtConfig { log: COMMANDS_KEPT, ..AmtConfig::new(kind).on(line) }).into()
-        }
-        Kind::Zk { version, .. } => {
-            ZkEcu::new(ZkConfig { log: COMMANDS_KEPT, ..ZkConfig::new(version).on(line) }).into()
-        }
+        Kind::Amt(kind) => AnyConfig::amt(kind),
+        Kind::Zk { version, .. } => AnyConfig::zk(version),
     }
 }
 
@@ -89,10 +86,7 @@ pub fn line(engine: &Engine) -> Line {
 
 /// The figures of this engine's turbine.
 pub fn parameters(engine: &Engine) -> Parameters {
-    match engine.ecu {
-        Kind::Amt(kind) => AmtConfig::new(kind).turbine,
-        Kind::Zk { version, .. } => ZkConfig::new(version).turbine,
-    }
+    *config(engine).turbine()
 }
 
 /// How often the node is to send to this ECU; `None` where it only answers (AMT).

@@ -9,7 +9,7 @@ mod config;
 mod engine_commands;
 mod engine_governor;
 mod engine_life;
-mod engine_probes;
+mod engine_rules;
 mod engine_sources;
 mod engine_start;
 mod engine_stop;

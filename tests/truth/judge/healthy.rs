@@ -130,7 +130,13 @@ impl Case<'_> {
             {
                 continue;
             }
-            if self.reason_to_stop(frame.at) || self.exempt_at(frame.at, frame.at) {
+            // What goes out now may have been decided a slot ago, whatever was said since.
+            let decided = frame.at.saturating_sub(h.rules.period);
+            let mut words = h.said(decided, frame.at).iter().map(|said| said.at);
+            let reason = self.reason_to_stop(frame.at)
+                || self.reason_to_stop(decided)
+                || words.any(|at| self.reason_to_stop(at));
+            if reason || self.exempt_at(frame.at, frame.at) {
                 continue;
             }
             let who = match self.voices.in_control(frame.at) {
@@ -159,7 +165,8 @@ impl Case<'_> {
             let words = self.voices.until(source, *when).iter().rev();
             let runs = words.take_while(|(_, word)| matches!(word, Word::Run(_)));
             let since = runs.last().map_or(*when, |(since, _)| *since);
-            (0..source).filter_map(lost).all(|lost| *when >= lost && *when >= since + rules.takeover)
+            // Nor is it before it has taken over, from a lower one either.
+            *when >= since + rules.takeover && (0..source).filter_map(lost).all(|lost| *when >= lost)
         })
     }
 

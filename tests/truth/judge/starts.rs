@@ -52,7 +52,15 @@ impl Case<'_> {
                     // A stray word of a source that was away changes nothing; of a higher one it has to take effect.
                     let spoken =
                         self.voices.speaks_since(source, at).is_some_and(|since| at >= since + recovered);
-                    withdraw(&mut starts, &|of| of == source || changed && spoken && source < of);
+                    // Below a source that has been in control for a while and says run it does not take effect.
+                    let behind = (0..source).any(|higher| {
+                        matches!(self.voices.fresh(higher, at), Some(Word::Run(_)))
+                            && self
+                                .voices
+                                .speaks_since(higher, at)
+                                .is_some_and(|since| at >= since + recovered)
+                    });
+                    withdraw(&mut starts, &|of| of == source && !behind || changed && spoken && source < of);
                     for start in starts.iter_mut().filter(|_| changed) {
                         start.waits_until = start.waits_until.min(at);
                     }

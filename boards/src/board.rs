@@ -1,0 +1,238 @@
+//! What describes a board: chip, clock, bootloader, ports, pins.
+
+/// A board.
+#[derive(Debug)]
+pub struct Board {
+    /// Name in commands: `board-<name>` is its feature, `cargo flash-<name>` flashes it.
+    pub name: &'static str,
+    /// Name for people, also in the log.
+    pub title: &'static str,
+    /// Other boards that the same image fits.
+    pub also: &'static [&'static str],
+    /// Chip.
+    pub chip: &'static Chip,
+    /// Clock at the chip's oscillator pins.
+    pub clock: Clock,
+    /// Bootloader that the board is sold with, or can be given.
+    pub bootloader: Option<Bootloader>,
+    /// ECU ports by number, from 0.
+    pub ports: &'static [Port],
+    /// Port kept for MAVLink, with no ECU on it.
+    pub telemetry: Port,
+    /// Status LED.
+    pub led: Led,
+    /// Pins that are driven from the start on.
+    pub hold: &'static [Hold],
+}
+
+/// A chip, and how the firmware divides its memory.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Chip {
+    /// ST's name, without the package.
+    pub name: &'static str,
+    /// Feature of embassy-stm32 that selects it.
+    pub feature: &'static str,
+    /// Name in probe-rs.
+    pub probe_rs: &'static str,
+    /// Family, as far as the firmware makes a difference.
+    pub family: Family,
+    /// Flash, in one piece.
+    pub flash: Region,
+    /// RAM for statics and stack.
+    pub ram: Region,
+    /// RAM that is retained over a reset, left alone by start-up and by bootloaders.
+    pub retained: Region,
+}
+
+/// A family of chips, each with its own file in `src/board/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// STM32F427.
+    F4,
+    /// STM32H743.
+    H7,
+}
+
+/// A piece of memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// First address.
+    pub start: u32,
+    /// Length in KiB.
+    pub kib: u32,
+}
+
+/// STM32H743: 2 MiB of flash, 512 KiB of AXI SRAM in one piece.
+///
+/// Not used: ITCM 64K at 0x00000000, DTCM 128K at 0x20000000 (no DMA reaches them), SRAM1 to SRAM4. `retained` is where
+/// bootloaders have nothing: ArduPilot's have their RAM in DTCM (0x20000000), formerly in SRAM1 (0x30000000); PX4's begins at
+/// the start of the AXI SRAM and probably ends its heap in its last 1 KiB; so the last 7 KiB are left free, too.
+///
+/// Its core has an LDO regulator and no SMPS, so there is no supply to choose; embassy-stm32 turns the LDO on
+/// (`rcc/h.rs` of 0.6.0, `pwr_h7rm0433`).
+pub(crate) const STM32H743VI: Chip = Chip {
+    name: "STM32H743",
+    feature: "stm32h743vi",
+    probe_rs: "STM32H743VITx",
+    family: Family::H7,
+    flash: Region { start: 0x0800_0000, kib: 2048 },
+    ram: Region { start: 0x2400_0000, kib: 504 },
+    retained: Region { start: 0x2407_E000, kib: 1 },
+};
+
+/// The same in a package of 144 pins.
+pub(crate) const STM32H743ZI: Chip =
+    Chip { feature: "stm32h743zi", probe_rs: "STM32H743ZITx", ..STM32H743VI };
+
+/// STM32F427: 2 MiB of flash, 192 KiB of SRAM (SRAM1 to SRAM3) in one piece.
+///
+/// Not used: CCM 64K at 0x10000000 (no DMA reaches it). `retained` is where bootloaders have nothing: ArduPilot's begins at the
+/// start of the SRAM and needs a few KiB; PX4's has its stack at the top, of 128 KiB or of all; so the last 7 KiB are left
+/// free, too.
+pub(crate) const STM32F427VI: Chip = Chip {
+    name: "STM32F427",
+    feature: "stm32f427vi",
+    probe_rs: "STM32F427VITx",
+    family: Family::F4,
+    flash: Region { start: 0x0800_0000, kib: 2048 },
+    ram: Region { start: 0x2000_0000, kib: 184 },
+    retained: Region { start: 0x2002_E000, kib: 1 },
+};
+
+/// What clocks a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// A crystal of so many MHz.
+    Crystal(u32),
+    /// A clock of so many MHz that comes from elsewhere; the chip's oscillator is bypassed.
+    External(u32),
+}
+
+impl Clock {
+    /// Frequency in MHz.
+    pub const fn mhz(self) -> u32 {
+        match self {
+            Self::Crystal(mhz) | Self::External(mhz) => mhz,
+        }
+    }
+}
+
+/// A bootloader that an image can be linked behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bootloader {
+    /// Whose it is.
+    pub of: &'static str,
+    /// Number by which it knows the board (APJ_BOARD_ID).
+    pub board_id: u16,
+    /// Offset of the application in the flash, in KiB (FLASH_BOOTLOADER_LOAD_KB).
+    pub load_kib: u32,
+    /// End of the flash that is not the application's, in KiB (FLASH_RESERVE_END_KB).
+    pub reserved_kib: u32,
+}
+
+/// A serial port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// ArduPilot's name, or what is printed on a board that ArduPilot does not count on.
+    pub name: &'static str,
+    /// UART.
+    pub uart: &'static str,
+    /// Receiving pin.
+    pub rx: &'static str,
+    /// Sending pin.
+    pub tx: &'static str,
+    /// Where to find it on the board.
+    pub label: &'static str,
+    /// What the bootloader does with TX.
+    pub before: Before,
+    /// Pin that keeps an inverter of the board out of the line.
+    pub inverter: Option<Hold>,
+}
+
+/// What a port does while the bootloader runs. Without a bootloader it floats until the firmware sets its pull-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Before {
+    /// TX is an input without a pull-up.
+    Floats,
+    /// TX is driven low: a break, for as long as the bootloader runs.
+    DrivenLow,
+    /// The port is the bootloader's: TX idles high, what comes in at RX is taken for an upload, and may be answered.
+    Listens,
+}
+
+impl Port {
+    /// A port without an inverter.
+    pub(crate) const fn new(
+        name: &'static str,
+        uart: &'static str,
+        [tx, rx]: [&'static str; 2],
+        label: &'static str,
+        before: Before,
+    ) -> Self {
+        Self { name, uart, rx, tx, label, before, inverter: None }
+    }
+
+    /// The same with an inverter, which this pin keeps out of the line.
+    pub(crate) const fn inverter(self, hold: Hold) -> Self {
+        Self { inverter: Some(hold), ..self }
+    }
+}
+
+/// A pin that is driven from the start on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hold {
+    /// Pin.
+    pub pin: &'static str,
+    /// Level.
+    pub level: Level,
+    /// The signal, and why.
+    pub why: &'static str,
+}
+
+pub(crate) const fn low(pin: &'static str, why: &'static str) -> Hold {
+    Hold { pin, level: Level::Low, why }
+}
+
+pub(crate) const fn high(pin: &'static str, why: &'static str) -> Hold {
+    Hold { pin, level: Level::High, why }
+}
+
+/// A level of a pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "they say it")]
+pub enum Level {
+    Low,
+    High,
+}
+
+/// A status LED.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Led {
+    /// Pin.
+    pub pin: &'static str,
+    /// Level at which it lights.
+    pub lit: Level,
+    /// Whether the pin only pulls low: the LED hangs on a supply that the pin should not be driven against.
+    pub open_drain: bool,
+    /// Colour and marking.
+    pub label: &'static str,
+}
+
+impl Board {
+    /// The flash of an image: all of it, or what the bootloader leaves.
+    ///
+    /// Nothing if there is no bootloader to link behind.
+    pub fn flash(&self, behind_bootloader: bool) -> Option<Region> {
+        let Region { start, kib } = self.chip.flash;
+        if !behind_bootloader {
+            return Some(self.chip.flash);
+        }
+        let Bootloader { load_kib, reserved_kib, .. } = self.bootloader?;
+        Some(Region { start: start + load_kib * 1024, kib: kib - load_kib - reserved_kib })
+    }
+
+    /// All pins that are driven from the start on, those of inverters among them.
+    pub fn held(&self) -> impl Iterator<Item = Hold> {
+        self.hold.iter().copied().chain(self.ports.iter().filter_map(|port| port.inverter))
+    }
+}

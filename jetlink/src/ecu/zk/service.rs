@@ -1,0 +1,277 @@
+//! What takes the place of the demand in a send slot of a ZK ECU: the status rate, a service command, the atmospheric
+//! pressure, and the end of a service that opened the pump. Each is a state that carries what ends it.
+
+use super::codec::{Action, Control, Rate};
+use super::config::Service;
+use crate::ecu::Service as AnyService;
+use crate::event::Event;
+use crate::link::Outbox;
+use crate::report::{Reading, Report, Timed};
+use crate::units::Hectopascals;
+use embassy_time::{Duration, Instant};
+
+/// Between two attempts to set the status rate.
+const RATE_RETRY: Duration = Duration::from_secs(1);
+/// Attempts to set the status rate until it is given up.
+const RATE_ATTEMPTS: u8 = 5;
+/// For the ECU to show what a service command set: every status ID comes round well within this.
+const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
+/// Attempts of a service command that the ECU confirms.
+const SERVICE_ATTEMPTS: u8 = 3;
+/// Frames of a close command for the pump; it ends sooner where the ECU reports a pump without voltage.
+const CLOSE_PUMP_FRAMES: u8 = 10;
+/// From the frame that closes the pump to a voltage that shows it.
+const PUMP_CLOSES_WITHIN: Duration = Duration::from_millis(100);
+/// Between two pressures (ZK-14).
+const PRESSURE_EVERY: Duration = Duration::from_secs(1);
+/// An older pressure is not sent: none is better than a stale one (ZK-14).
+const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
+
+/// Where a service command stands.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum ServiceCommand {
+    None,
+    /// Goes out in the next slot that is free for it.
+    Waiting {
+        service: Service,
+        attempts_left: u8,
+    },
+    /// The unlock is going out; the command follows at once.
+    Unlocking {
+        service: Service,
+        attempts_left: u8,
+    },
+    /// The command is going out.
+    Sending {
+        service: Service,
+        attempts_left: u8,
+    },
+    /// Until status ID 5 shows it.
+    Confirming {
+        service: Service,
+        attempts_left: u8,
+        until: Instant,
+    },
+}
+
+impl ServiceCommand {
+    pub const fn waiting(service: Service) -> Self {
+        Self::Waiting { service, attempts_left: SERVICE_ATTEMPTS }
+    }
+
+    pub const fn is_pending(&self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    /// An unlock is going out, or was sent: the command follows at once.
+    pub const fn unlocks(&self) -> bool {
+        matches!(self, Self::Unlocking { .. })
+    }
+
+    pub fn cancel(&mut self, outbox: &mut Outbox) {
+        let (Self::Waiting { service, .. }
+        | Self::Unlocking { service, .. }
+        | Self::Sending { service, .. }
+        | Self::Confirming { service, .. }) = *self
+        else {
+            return;
+        };
+        *self = Self::None;
+        outbox.event(Event::ServiceFailed(AnyService::Zk(service)));
+    }
+
+    /// What an unlock was sent for, right behind it (ZK-13).
+    pub const fn unlocked(&mut self) -> Option<Control> {
+        let Self::Unlocking { service, attempts_left } = *self else { return None };
+        *self = Self::Sending { service, attempts_left };
+        Some(service.control())
+    }
+
+    /// Its next frame, if it is due.
+    pub fn frame(&mut self, now: Instant, outbox: &mut Outbox) -> Option<Control> {
+        if let Self::Confirming { service, attempts_left, until } = *self
+            && now >= until
+        {
+            *self = Self::Waiting { service, attempts_left };
+        }
+        let Self::Waiting { service, attempts_left } = *self else { return None };
+        let Some(attempts_left) = attempts_left.checked_sub(1) else {
+            self.cancel(outbox);
+            return None;
+        };
+        if service.needs_unlock() {
+            *self = Self::Unlocking { service, attempts_left };
+            return Some(Control::Unlock);
+        }
+        *self = Self::Sending { service, attempts_left };
+        Some(service.control())
+    }
+
+    pub fn sent(&mut self, now: Instant, outbox: &mut Outbox) {
+        let Self::Sending { service, attempts_left } = *self else { return };
+        outbox.event(Event::ServiceSent(AnyService::Zk(service)));
+        // Nothing in the status confirms an action.
+        *self = if service.needs_unlock() {
+            Self::Confirming { service, attempts_left, until: now + CONFIRM_WITHIN }
+        } else {
+            Self::None
+        };
+    }
+
+    /// What did not go out is tried again, from the unlock on.
+    pub const fn not_sent(&mut self) {
+        if let Self::Unlocking { service, attempts_left } | Self::Sending { service, attempts_left } = *self {
+            *self = Self::Waiting { service, attempts_left };
+        }
+    }
+
+    /// ZK-13: what an unlocked command set is confirmed by status ID 5.
+    pub fn confirm(&mut self, report: &Report, outbox: &mut Outbox) {
+        let Self::Confirming { service, .. } = *self else { return };
+        let shown = match service {
+            Service::IgnitionPump(voltage) => {
+                report.ignition_pump.is_some_and(|shown| shown.value == voltage.millivolts())
+            }
+            Service::Curve(curve) => report.curve_increase.is_some_and(|shown| shown.value == curve.get()),
+            Service::Action(_) => true,
+        };
+        if shown {
+            *self = Self::None;
+            outbox.event(Event::ServiceConfirmed(AnyService::Zk(service)));
+        }
+    }
+}
+
+/// Where the setting of the status rate stands (ZK-11).
+#[derive(Clone, Copy, Debug)]
+pub(super) enum RateSetting {
+    /// Status ID 6 has not shown it yet.
+    NotKnown,
+    Confirmed,
+    Asking {
+        attempts_left: u8,
+        next_at: Instant,
+    },
+    GivenUp,
+}
+
+impl RateSetting {
+    /// It is set from now on.
+    pub const fn asking(now: Instant) -> Self {
+        Self::Asking { attempts_left: RATE_ATTEMPTS, next_at: now }
+    }
+
+    /// Status ID 6 shows a rate.
+    pub fn compare(&mut self, now: Instant, wanted: Rate, reported: Option<Rate>, outbox: &mut Outbox) {
+        if reported == Some(wanted) {
+            if !matches!(self, Self::Confirmed) {
+                outbox.event(Event::RateConfirmed(wanted));
+            }
+            *self = Self::Confirmed;
+        } else if matches!(self, Self::NotKnown | Self::Confirmed) {
+            *self = Self::asking(now);
+        }
+    }
+
+    /// The command that sets it, if it is due.
+    pub fn frame(&mut self, now: Instant, wanted: Rate, outbox: &mut Outbox) -> Option<Control> {
+        let Self::Asking { attempts_left, next_at } = *self else { return None };
+        if now < next_at {
+            return None;
+        }
+        let Some(attempts_left) = attempts_left.checked_sub(1) else {
+            *self = Self::GivenUp;
+            outbox.event(Event::RateNotConfirmed(wanted));
+            return None;
+        };
+        *self = Self::Asking { attempts_left, next_at: now + RATE_RETRY };
+        Some(Control::Action(wanted.action()))
+    }
+}
+
+/// The end of a service that opened the pump.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PumpClosing {
+    None,
+    /// The next slot but this one is for the command: never before the first frame of a stop.
+    Waiting {
+        frames_left: u8,
+        since: Option<Instant>,
+    },
+    /// This slot is.
+    Due {
+        frames_left: u8,
+        since: Option<Instant>,
+    },
+}
+
+impl PumpClosing {
+    pub const fn begin() -> Self {
+        Self::Waiting { frames_left: CLOSE_PUMP_FRAMES, since: None }
+    }
+
+    pub const fn is_pending(&self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    /// The command, in every second slot at most. Whatever the version: a pump that runs outweighs a command that is not
+    /// known.
+    pub fn frame(&mut self, now: Instant, pump: Option<Timed<Reading>>) -> Option<Control> {
+        let (Self::Waiting { frames_left, since } | Self::Due { frames_left, since }) = *self else {
+            return None;
+        };
+        // A voltage that was measured before it could have been closed says nothing.
+        let closed = since.is_some_and(|since| {
+            pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= since + PUMP_CLOSES_WITHIN)
+        });
+        if closed {
+            *self = Self::None;
+            return None;
+        }
+        if matches!(self, Self::Waiting { .. }) {
+            *self = Self::Due { frames_left, since };
+            return None;
+        }
+        *self = match frames_left - 1 {
+            0 => Self::None,
+            frames_left => Self::Waiting { frames_left, since: since.or(Some(now)) },
+        };
+        Some(Control::Action(Action::ClosePump))
+    }
+}
+
+/// The atmospheric pressure, for an ECU that asks for it (ZK-14).
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Pressure {
+    NotKnown,
+    Known {
+        pressure: Timed<Hectopascals>,
+        /// When the next may go out.
+        next_at: Instant,
+    },
+}
+
+impl Pressure {
+    pub const fn set(&mut self, now: Instant, pressure: Hectopascals) {
+        let next_at = match *self {
+            Self::NotKnown => now,
+            Self::Known { next_at, .. } => next_at,
+        };
+        *self = Self::Known { pressure: Timed::new(pressure, now), next_at };
+    }
+
+    /// The command, if it is due: once a second while the ECU asks and a fresh pressure is known.
+    pub fn frame(&self, now: Instant, report: &Report) -> Option<Control> {
+        let Self::Known { pressure, next_at } = *self else { return None };
+        let asked = report.pressure_requested.is_some_and(|asked| asked.value);
+        (asked && now >= next_at && pressure.age(now) <= PRESSURE_MAX_AGE)
+            .then_some(Control::Pressure(pressure.value))
+    }
+
+    /// It goes out.
+    pub fn taken(&mut self, now: Instant) {
+        if let Self::Known { next_at, .. } = self {
+            *next_at = now + PRESSURE_EVERY;
+        }
+    }
+}

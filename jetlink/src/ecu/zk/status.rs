@@ -1,0 +1,274 @@
+//! What a ZK ECU reports: its status frames into the report, debounced where something depends on them.
+
+use super::codec::{ErrorCode, Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
+use super::mode::knows;
+use crate::ecu::Faults;
+use crate::event::Event;
+use crate::link::{Debounced, Outbox, Sign, Stage};
+use crate::report::{EcuState, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed};
+use crate::units::{Rpm, Throttle};
+use embassy_time::Instant;
+
+/// A shaft that turns slower than this share of the maximum is not running, where no idle speed is known.
+const HALF_IDLE_SHARE: u32 = 10;
+/// The same where no maximum is known either. Below 4000 rpm the reading of a shaft at rest is noise (field note).
+const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
+
+/// What is believed of an ECU. Two reports have to agree before anything changes; all but the rate is forgotten with the link.
+#[derive(Clone, Debug)]
+pub(super) struct Believed {
+    identity: Debounced<(Version, Rpm)>,
+    /// Identities that agreed in a row since the link came up.
+    identities: u8,
+    idle: Debounced<Rpm>,
+    /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
+    rate: Debounced<Option<Rate>>,
+    phase: Debounced<Phase>,
+    switch: Debounced<ReportedSwitch>,
+    error: Debounced<ErrorCode>,
+}
+
+impl Believed {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            identity: Debounced::new(None),
+            identities: 0,
+            idle: Debounced::new(None),
+            rate: Debounced::new(None),
+            phase: Debounced::new(None),
+            switch: Debounced::new(None),
+            error: Debounced::new(None),
+        }
+    }
+
+    /// The link is lost. Whoever comes back may have restarted, or be another ECU.
+    pub fn forget(&mut self, report: &mut Report) {
+        *self = Self { rate: self.rate, ..Self::new() };
+        (report.phase, report.version, report.max_rpm, report.idle_rpm, report.rate) =
+            (None, None, None, None, None);
+    }
+
+    /// The version that two reports agree on since the link came up: what decides which commands the ECU gets.
+    pub fn version(&self, report: &Report) -> Option<Version> {
+        report.version.map(|version| version.value).filter(|_| self.identities >= 2)
+    }
+
+    /// The status rate.
+    pub fn rate(&self) -> Option<Rate> {
+        self.rate.get().flatten()
+    }
+
+    /// It reports an engine at rest.
+    pub fn at_rest(&self) -> bool {
+        self.phase.get().is_some_and(Phase::is_stopped)
+    }
+
+    /// One frame.
+    pub fn see(
+        &mut self,
+        now: Instant,
+        frame: &StatusFrame,
+        status: &Status,
+        report: &mut Report,
+        outbox: &mut Outbox,
+    ) {
+        let version = report.version.map(|version| version.value);
+        let voltage = |byte: VoltageByte| {
+            Some(Timed::new(Reading { raw: byte.0, voltage: byte.millivolts(version) }, now))
+        };
+        report.rpm = Some(Timed::new(frame.rpm(), now));
+        match *status {
+            Status::Engine { state, error, egt, switch } => {
+                report.egt = Some(Timed::new(egt, now));
+                let switch = reported(switch);
+                if self.switch.first_or_see(switch) {
+                    report.switch = Some(Timed::new(switch, now));
+                }
+                self.state(now, state, report, outbox);
+                self.faults(now, error, report, outbox);
+            }
+            Status::Voltages { radio, power, pump } => {
+                report.radio = voltage(radio);
+                report.supply = voltage(power);
+                report.pump = voltage(pump);
+            }
+            Status::Throttle { percent, pressure } => {
+                if let Ok(throttle) = Throttle::from_percent(percent) {
+                    report.throttle = Some(Timed::new(throttle, now));
+                }
+                report.pressure = Some(Timed::new(pressure, now));
+            }
+            Status::Load { current, thrust } => {
+                report.current = Some(Timed::new(current, now));
+                // ZK-7: thrust from version 2.
+                if knows(version, 2) {
+                    report.thrust = Some(Timed::new(thrust, now));
+                }
+            }
+            Status::Settings { ignition_pump, increase, decrease } => {
+                report.ignition_pump = Some(Timed::new(ignition_pump, now));
+                report.curve_increase = Some(Timed::new(increase, now));
+                report.curve_decrease = Some(Timed::new(decrease, now));
+            }
+            Status::Identity { max_rpm, max_pump, version, rate } => {
+                let max_pump = Reading { raw: max_pump.0, voltage: max_pump.millivolts(Some(version)) };
+                report.pump_max = Some(Timed::new(max_pump, now));
+                self.identity(now, version, max_rpm, report, outbox);
+                report.rate = rate.map(|rate| Timed::new(rate, now));
+                self.rate.first_or_see(rate);
+            }
+            Status::Fuel { flow, total } => {
+                report.fuel_flow = Some(Timed::new(flow, now));
+                report.fuel_total = Some(Timed::new(total, now));
+            }
+            Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+                if self.idle.first_or_see(idle_rpm) {
+                    report.idle_rpm = Some(Timed::new(idle_rpm, now));
+                }
+                // ZK-7: the rest of this frame from version 4.
+                if knows(version, 4) {
+                    report.pressure_requested = Some(Timed::new(pressure_requested, now));
+                    report.closed_loop = Some(Timed::new(closed_loop, now));
+                    report.startup = Some(Timed::new(startup, now));
+                }
+            }
+            Status::Temperature { ecu } => report.ecu_temperature = Some(Timed::new(ecu, now)),
+            Status::Unknown => {
+                // ZK-15: a frame, not noise.
+                report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
+            }
+        }
+    }
+
+    fn identity(
+        &mut self,
+        now: Instant,
+        version: Version,
+        max_rpm: Rpm,
+        report: &mut Report,
+        outbox: &mut Outbox,
+    ) {
+        let same = self.identity.get() == Some((version, max_rpm));
+        if !self.identity.first_or_see((version, max_rpm)) {
+            return;
+        }
+        // Two that agree, be it the first two or two against what was known.
+        self.identities = if same { self.identities.saturating_add(1) } else { 1 };
+        if !same && report.version.is_some() {
+            self.identities = 2;
+        }
+        report.max_rpm = Some(Timed::new(max_rpm, now));
+        let before = report.version.replace(Timed::new(version, now));
+        if before.is_none_or(|before| before.value != version) {
+            outbox.event(Event::VersionKnown(version));
+        }
+    }
+
+    fn state(&mut self, now: Instant, state: State, report: &mut Report, outbox: &mut Outbox) {
+        let ecu_state = EcuState { code: state.code(), name: state.name() };
+        report.state = Some(Timed::new(ecu_state, now));
+        let phase = phase_of(state);
+        let before = self.phase.get();
+        // A frame that says otherwise does not make the phase any newer.
+        if self.phase.first_or_see(phase) {
+            report.phase = Some(Timed::new(phase, now));
+            if before != Some(phase) {
+                outbox.event(Event::Phase(phase));
+            }
+        }
+    }
+
+    fn faults(&mut self, now: Instant, error: ErrorCode, report: &mut Report, outbox: &mut Outbox) {
+        if !self.error.first_or_see(error) {
+            return;
+        }
+        let faults = Faults::Zk(error);
+        let before = report.faults.replace(Timed::new(faults, now));
+        if before.map_or(!faults.is_empty(), |before| before.value != faults) {
+            outbox.event(Event::Faults(faults));
+        }
+    }
+}
+
+/// What one frame says about the life of the engine.
+pub(super) fn sign_of(frame: &StatusFrame, status: &Status, report: &Report) -> Sign {
+    let turning = frame.rpm() >= half_idle(report);
+    match status {
+        Status::Engine { state, .. } => {
+            Sign::State { stage: stage_of(*state), turning: Some(turning), throttle: None }
+        }
+        _ => Sign::Shaft { turning },
+    }
+}
+
+/// Half of the engine's idle speed, as far as it is known.
+fn half_idle(report: &Report) -> Rpm {
+    let idle = report.idle_rpm.map(|idle| idle.value.get()).filter(|idle| *idle > 0);
+    let max = report.max_rpm.map(|max| max.value.get()).filter(|max| *max > 0);
+    match (idle, max) {
+        (Some(idle), _) => Rpm::new(idle / 2),
+        (None, Some(max)) => Rpm::new(max / HALF_IDLE_SHARE),
+        (None, None) => HALF_IDLE_UNKNOWN,
+    }
+}
+
+pub(super) fn reported(switch: SwitchStatus) -> ReportedSwitch {
+    match switch {
+        SwitchStatus::Stop => ReportedSwitch::Stop,
+        SwitchStatus::Standby => ReportedSwitch::Standby,
+        SwitchStatus::Run => ReportedSwitch::Run,
+        SwitchStatus::Unknown(code) => ReportedSwitch::Unknown(code),
+    }
+}
+
+/// How far the engine is.
+const fn stage_of(state: State) -> Stage {
+    match state {
+        State::Stop
+        | State::Standby
+        | State::Cooling
+        | State::TestGlowPlug
+        | State::TestMainValve
+        | State::TestIgnitionValve
+        | State::TestPump
+        | State::TestStarter
+        | State::FuelExhaustAir => Stage::Rest,
+        // The numbers give no order: an ECU may preheat before it ignites.
+        State::IgnitionMinThrottle | State::Ignition | State::Preheat => Stage::Ignition,
+        State::FuelRamp => Stage::FuelRamp,
+        State::LearningMax
+        | State::LearningMin
+        | State::LearningIdle
+        | State::RunningMin
+        | State::RunningPumpLimit
+        | State::Running => Stage::Running,
+        State::Restart => Stage::Restart,
+        State::Unknown(_) => Stage::Unknown,
+    }
+}
+
+/// The ECU's state in plain words.
+const fn phase_of(state: State) -> Phase {
+    match state {
+        State::Stop => Phase::Stopped,
+        State::Standby => Phase::Standby,
+        State::Cooling => Phase::Cooling,
+        State::IgnitionMinThrottle | State::Ignition | State::Preheat | State::FuelRamp | State::Restart => {
+            Phase::Starting
+        }
+        State::LearningMax
+        | State::LearningMin
+        | State::LearningIdle
+        | State::RunningMin
+        | State::RunningPumpLimit
+        | State::Running => Phase::Running,
+        State::TestGlowPlug
+        | State::TestMainValve
+        | State::TestIgnitionValve
+        | State::TestPump
+        | State::TestStarter
+        | State::FuelExhaustAir => Phase::Service,
+        State::Unknown(_) => Phase::Unknown,
+    }
+}

@@ -1,0 +1,100 @@
+//! Link state.
+
+use super::*;
+
+/// Up after two frames, lost by the timer at exactly `lost_after` behind the last one, up again after two.
+#[test]
+fn link_up_after_two_frames_and_lost_to_the_tick() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    assert_eq!((bench.machine.state(), bench.deadline()), (LinkState::Silent, Some(1_000_000)));
+    bench.rx(100_000, &frame);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Silent, vec![]));
+    bench.rx(225_000, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.events()[0], (225_000, Event::LinkUp));
+    bench.run_to(300_000);
+    assert_eq!(bench.deadline(), Some(1_225_000));
+    bench.timeout_at(1_224_999);
+    assert_eq!(
+        (bench.machine.state(), bench.event_kinds()),
+        (LinkState::Up, vec![]),
+        "early calls do nothing"
+    );
+    bench.timeout_at(1_225_000);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    assert_eq!(bench.machine.last_rx(), Some(us(225_000)));
+    bench.run_to(60_000_000);
+    assert_eq!(bench.event_kinds(), [], "once");
+    bench.rx(60_000_000, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Lost);
+    bench.rx(60_125_000, &frame);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+}
+
+/// Two frames that are more than `lost_after` apart do not bring the link up.
+#[test]
+fn two_frames_far_apart_are_not_two_in_a_row() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    for t in [900_000, 2_900_000, 4_900_000, 6_900_000] {
+        bench.rx(t, &frame);
+        assert_ne!(bench.machine.state(), LinkState::Up, "{t}");
+    }
+    bench.rx(7_899_999, &frame);
+    assert_eq!(bench.machine.state(), LinkState::Up);
+}
+
+/// AMT-1: a frame with a line error is answered, but is no sign of an ECU: it neither brings the link up nor keeps
+/// it up.
+#[test]
+fn amt_1_damaged_frames_are_no_sign_of_life() {
+    let frame = normal(CLEARANCE, AUTO_STOP, 0);
+    let mut bench = default();
+    for _ in 0..6 {
+        bench.machine.line_error(LineError::Framing);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, None));
+    reply_to(&mut bench, &frame);
+    let t = bench.now();
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, Some(us(t))));
+    reply_to(&mut bench, &frame);
+    let heard = bench.now();
+    assert_eq!(bench.machine.state(), LinkState::Up);
+    bench.event_kinds();
+    for _ in 0..7 {
+        bench.machine.line_error(LineError::Noise);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(us(heard))));
+    bench.machine.line_error(LineError::Noise);
+    reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    for _ in 0..2 {
+        assert_eq!(bench.machine.state(), LinkState::Lost);
+        reply_to(&mut bench, &frame);
+    }
+    assert_eq!(bench.machine.state(), LinkState::Up);
+}
+
+/// An ECU that is never heard is lost once, too.
+#[test]
+fn an_ecu_never_heard_is_lost_once() {
+    let mut bench = default();
+    bench.run_to(100_000_000);
+    assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
+    assert_eq!(bench.machine.last_rx(), None);
+}
+
+/// AMT-9: the set-up set says that the ECU came out of its power-up.
+#[test]
+fn amt_9_a_restart_of_the_ecu_is_told() {
+    let mut bench = running();
+    reply_to(&mut bench, &setup("9.35 140617 "));
+    let events = bench.event_kinds();
+    assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
+    let report = bench.machine.report();
+    assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
+    assert_eq!(report.amt_setup.unwrap().at, us(bench.now()));
+}

@@ -1,0 +1,496 @@
+//! What a reply commands.
+
+use super::*;
+
+/// AMT-10: each order on the wire.
+#[test]
+fn amt_10_orders_and_their_switch() {
+    let mut bench = running();
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    for (order, ops, half_percents) in [
+        (throttle(0), RUN_OPS, 0),
+        (throttle(1000), RUN_OPS, 200),
+        (throttle(499), RUN_OPS, 99), // never rounded up
+        (Order::Standby, AUTO_OPS, 0),
+        (throttle(5), RUN_OPS, 1),
+        (Order::EmergencyStop, STOP_OPS, 0),
+    ] {
+        bench.order(bench.now(), order).unwrap();
+        assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{order:?}");
+    }
+}
+
+/// While nothing is in force, and while the life of the engine is in doubt, no frame of whatever kind gets a reply: what is
+/// not answered is not started. It counts as no missed reply.
+#[test]
+fn without_an_order_and_in_doubt_no_frame_is_answered() {
+    let demand = Demand::Throttle(Throttle::FULL);
+    for order in [Order::Listen, Order::Doubt(demand)] {
+        for released in [false, true] {
+            let mut bench = default();
+            bench.act(|link, _| link.release(released));
+            bench.order(0, order).unwrap();
+            for data1 in 0..0xFF {
+                if data1 != 0x05 {
+                    assert_eq!(
+                        answer(&mut bench, &[0xFF, data1, 100, 140, 200, 1]),
+                        None,
+                        "{order:?} {data1:#04x}"
+                    );
+                }
+            }
+            assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), None);
+            bench.machine.line_error(LineError::Framing);
+            assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), None);
+            let counters = bench.machine.counters();
+            assert_eq!((counters.frames, counters.sent, counters.replies_missed), (256, 0, 0));
+            // Beside the orders that are answered.
+            for (order, expected) in
+                [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle(0), RUN_OPS)]
+            {
+                bench.order(bench.now(), order).unwrap();
+                assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), Some((expected, 0)));
+            }
+        }
+    }
+}
+
+/// With no order in force an engine that two sets report running, with its shaft turning, goes on at the throttle on which
+/// they agree. The switch that the ECU says it obeys starts nothing.
+#[test]
+fn an_engine_found_running_goes_on_at_its_own_throttle() {
+    let at = |frame: [u8; 6], half_percents: u8| {
+        let mut frame = hot(frame);
+        frame[4] = half_percents;
+        frame
+    };
+    for half_percents in [131, 1, 200] {
+        let mut bench = engine_after(Config::DEFAULT, None);
+        let running = at(normal(FULL_OPERATION, RUN, 100), half_percents);
+        assert_eq!(answer(&mut bench, &running), None, "one set alone may be odd");
+        assert_eq!(answer(&mut bench, &at(running, 60)), None, "they have to agree on the throttle");
+        assert_eq!(answer(&mut bench, &running), None);
+        assert_eq!(answer(&mut bench, &running), Some((RUN_OPS, half_percents)));
+    }
+    // Sets in a row, and what goes out behind each of them.
+    let standby = Some((AUTO_OPS, 0));
+    for (frames, replies) in [
+        // Damaged, it says nothing.
+        (vec![(true, at(normal(FULL_OPERATION, RUN, 100), 80)); 4], vec![None; 4]),
+        // An engine at rest is put to standby, whatever the switch says.
+        (vec![(false, at(normal(CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
+        (vec![(false, at(normal(NO_CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
+        (vec![(false, at(normal(STARTING, RUN, 10), 80)); 2], vec![None, standby]),
+        // A shaft below half of idle is no running engine.
+        (vec![(false, at(normal(FULL_OPERATION, RUN, 19), 80)); 4], vec![None; 4]),
+        (vec![(false, at(normal(FULL_OPERATION, RUN, 20), 80)); 2], vec![None, Some((RUN_OPS, 80))]),
+        // Faults alone say nothing of an engine of which nothing is known.
+        (vec![(false, at(hot(error(0x01)), 80)); 4], vec![None; 4]),
+        (vec![(false, alternate(0x06)); 4], vec![None; 4]),
+    ] {
+        let mut bench = engine_after(Config::DEFAULT, None);
+        for ((damaged, frame), reply) in frames.iter().zip(replies) {
+            bench.run_to(bench.now() + EVERY / 2);
+            if *damaged {
+                bench.machine.line_error(LineError::Framing);
+            }
+            assert_eq!(answer(&mut bench, frame), reply, "{frame:02x?}");
+        }
+    }
+    // An ECU that has just been powered up has an engine at rest.
+    let mut bench = engine_after(Config::DEFAULT, None);
+    assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), standby);
+}
+
+/// There is no checksum: one odd set that says at rest is not answered, and neither ends a run nor keeps the next good set
+/// from its reply.
+#[test]
+fn one_odd_set_withholds_one_reply() {
+    let odd = hot(normal(NO_CLEARANCE, EMERGENCY, 0));
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    let mut bench = flying();
+    for _ in 0..5 {
+        assert_eq!(flown(&mut bench, 800, &odd), None);
+        assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
+        assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
+    }
+    // Beside two in a row, which end it.
+    assert_eq!(flown(&mut bench, 800, &odd), None);
+    assert_eq!(flown(&mut bench, 800, &odd), Some((AUTO_OPS, 0)));
+    for _ in 0..20 {
+        assert_eq!(
+            flown(&mut bench, 800, &good),
+            Some((AUTO_OPS, 0)),
+            "and its source does not start it again"
+        );
+    }
+}
+
+/// An AMT ECU has no speed control.
+#[test]
+fn it_has_no_speed_control() {
+    assert_eq!(default().machine.speed_control(), Err(Rejected::NoSpeedControl));
+}
+
+/// An emergency stop is in the very next reply, also in one that waits behind a transmission.
+#[test]
+fn an_emergency_stop_is_in_the_next_reply() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
+    let t = bench.now();
+    bench.rx(t + 15_000, &frame); // the reply to the first is still going out
+    bench.order(t + 16_000, Order::EmergencyStop).unwrap();
+    bench.run_to(t + 40_000);
+    assert_eq!(bench.bytes(), [control(STOP_OPS, 0)]);
+    for _ in 0..100 {
+        assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0), "and in every other");
+    }
+}
+
+/// The latest order wins even when it comes between a frame and the hand-out of its reply: a command may come from
+/// an interrupt.
+#[test]
+fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
+    let mut bench = running();
+    bench.run_to(bench.now() + EVERY); // the reply before is out
+    let now = us(bench.now());
+    let link = &mut bench.machine;
+    // At once, without the drain that the bench does between two inputs.
+    Link::receive(link, now, &normal(FULL_OPERATION, RUN, 100));
+    link.order(now, Order::EmergencyStop).unwrap();
+    let reply = loop {
+        match Link::poll(link) {
+            Output::Transmit(reply) => break reply,
+            Output::Event(_) => {}
+            Output::Wait(_) => panic!("a reply is due"),
+        }
+    };
+    assert_eq!(reply.as_bytes(), control(STOP_OPS, 0));
+}
+
+/// AMT-13: CTF goes out when asked for by name, told once, until standby or a stop; where nothing is ordered to run it is
+/// refused.
+#[test]
+fn amt_13_ctf_only_by_its_name() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS);
+    bench.act(|link, now| link.service(now, ctf())).unwrap();
+    bench.events();
+    for _ in 0..20 {
+        assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS);
+    }
+    assert_eq!(bench.event_kinds(), [Event::ServiceSent(ctf())]);
+    bench.order(bench.now(), throttle(300)).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS, "a source that streams demands does not call it off");
+    bench.order(bench.now(), Order::Standby).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame), (AUTO_OPS, 0), "a normal stop is never CTF");
+    for (order, ops) in [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS)] {
+        bench.order(bench.now(), order).unwrap();
+        assert_eq!(bench.act(|link, now| link.service(now, ctf())), Err(Rejected::NotOrderedToRun));
+        assert_eq!(ops_thr(&mut bench, &frame), (ops, 0));
+    }
+    bench.order(bench.now(), throttle(300)).unwrap();
+    assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS, "nothing of it is left for the next start");
+}
+
+/// AMT-13: no order, no frame and no silence makes a CTF of itself.
+#[test]
+fn amt_13_no_order_sends_ctf() {
+    for order in [Order::Standby, Order::EmergencyStop, throttle(700)] {
+        let mut bench = running();
+        bench.order(bench.now(), order).unwrap();
+        for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
+            assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
+        }
+    }
+}
+
+/// AMT-14: the link sends "run" with the start throttle until the engine is released, then the demand.
+#[test]
+fn amt_14_the_demand_waits_for_its_release() {
+    for start_percent in [0, 100] {
+        let start_throttle = Throttle::from_percent(start_percent).unwrap();
+        let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
+        bench.order(bench.now(), throttle(250)).unwrap();
+        for state in [CLEARANCE, STARTING, FULL_OPERATION, FULL_OPERATION, 0b10101] {
+            assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, start_percent * 2));
+        }
+        bench.act(|link, _| link.release(true));
+        for state in [FULL_OPERATION, 0b10101, IDLE_CALIBRATION] {
+            assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, 50));
+        }
+        bench.act(|link, _| link.release(false));
+        assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 100)), (RUN_OPS, start_percent * 2));
+    }
+}
+
+/// AMT-14: "run" with the start throttle until two sets of full operation, then the demand, at its rate.
+#[test]
+fn amt_14_start_throttle_until_full_operation() {
+    for start_percent in [0, 100] {
+        let start_throttle = Throttle::from_percent(start_percent).unwrap();
+        let mut bench = started(Config { start_throttle, ..Config::DEFAULT }, 250);
+        let start = start_percent * 2;
+        // state, raw rpm, frames of it, half percents in the reply to the last of them
+        for (state, rpm, frames, half_percents) in [
+            (CLEARANCE, 0, 3, start),
+            (STARTING, 10, 5, start),
+            (STARTED_UP, 30, 5, start),
+            (IDLE_CALIBRATION, 60, 5, start),
+            (FULL_OPERATION, 70, 1, start), // AMT frames have no checksum: one is not believed
+            (FULL_OPERATION, 70, 6, 50),    // 25 % at 50 %/s takes 0.5 s, four frames
+            (0b10000, 200, 5, 50),          // maximum rpm
+            (0b11100, 200, 5, 50),          // the same, as the field has it
+        ] {
+            let mut last = None;
+            for _ in 0..frames {
+                last = flown(&mut bench, 250, &hot(normal(state, RUN, rpm)));
+            }
+            assert_eq!(last, Some((RUN_OPS, half_percents)), "state {state:#07b}, start {start_percent} %");
+        }
+        // The engine is out: that needs a new start.
+        assert_eq!(flown(&mut bench, 250, &hot(normal(NO_CLEARANCE, RUN, 0))), None);
+        assert_eq!(flown(&mut bench, 250, &hot(normal(NO_CLEARANCE, RUN, 0))), Some((AUTO_OPS, 0)));
+    }
+}
+
+/// After a start the demand rises at 50 %/s, and never jumps to where the stick is.
+#[test]
+fn the_demand_rises_at_its_rate_after_a_start() {
+    let mut bench = started(Config::DEFAULT, 800);
+    for (state, rpm) in [(STARTING, 10), (FULL_OPERATION, 70)] {
+        for _ in 0..2 {
+            flown(&mut bench, 800, &hot(normal(state, RUN, rpm)));
+        }
+    }
+    let began = bench.now();
+    let mut before = 0;
+    for _ in 0..20 {
+        let (ops, half_percents) = flown(&mut bench, 800, &hot(normal(FULL_OPERATION, RUN, 70))).unwrap();
+        // 50 %/s is a half percent every 10 ms.
+        let most = ((bench.now() - began) / 10_000).min(160);
+        assert_eq!(ops, RUN_OPS);
+        assert!(u64::from(half_percents) <= most && half_percents >= before, "{half_percents} of {most}");
+        assert!(u64::from(half_percents) + 4 >= most, "no slower either: {half_percents} of {most}");
+        before = half_percents;
+    }
+    assert_eq!(before, 160);
+}
+
+/// AMT-14: one odd set does not drop the throttle of a running engine. Where it says at rest or starting again its reply is
+/// withheld, and two in a row end the run; idle calibration and "started up" in flight are neither.
+#[test]
+fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    for odd in [NO_CLEARANCE, CLEARANCE, STARTING] {
+        let mut bench = flying();
+        let odd = hot(normal(odd, RUN, 0));
+        for _ in 0..5 {
+            assert_eq!(flown(&mut bench, 800, &odd), None, "{odd:02x?}");
+            assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
+        }
+        assert_eq!(flown(&mut bench, 800, &odd), None);
+        assert_eq!(flown(&mut bench, 800, &odd), Some((AUTO_OPS, 0)), "two in a row");
+    }
+    for neither in [STARTED_UP, IDLE_CALIBRATION] {
+        let mut bench = flying();
+        for _ in 0..40 {
+            assert_eq!(
+                flown(&mut bench, 800, &hot(normal(neither, RUN, 60))),
+                Some((RUN_OPS, 160)),
+                "{neither}"
+            );
+        }
+    }
+}
+
+/// AMT-3: a state without a name is kept, and does not drop the throttle of a running engine.
+#[test]
+fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
+    let unknown = hot(normal(0b10101, RUN, 100));
+    let mut bench = flying();
+    for _ in 0..10 {
+        assert_eq!(flown(&mut bench, 800, &unknown), Some((RUN_OPS, 160)));
+    }
+    let report = bench.machine.telemetry(us(bench.now())).report;
+    assert_eq!(report.phase.unwrap().value, Phase::Unknown);
+    let state = report.state.unwrap().value;
+    assert_eq!((state.code, state.name), (0b10101, "unknown"));
+    // But an engine that was never in full operation is not released by one.
+    let mut bench = started(Config::DEFAULT, 800);
+    for _ in 0..10 {
+        assert_eq!(flown(&mut bench, 800, &unknown), Some((RUN_OPS, 0)));
+    }
+}
+
+/// AMT-2: error and alternate sets and unknown kinds say nothing about the state, and drop no throttle of an engine whose
+/// exhaust burns. Faults with a cold exhaust end the run.
+#[test]
+fn amt_2_other_sets_do_not_drop_the_throttle() {
+    let mut bench = flying();
+    for frame in [
+        hot(error(0x20)),
+        hot(error(0x20)),
+        hot(error(0x20)),
+        alternate(0x20),
+        alternate(0x20),
+        [0xFF, 0x0F, 1, 2, 3, 4],
+        hot(error(0x20)),
+        error(0x08), // EGT error: its value says nothing
+        error(0x08),
+        hot(normal(FULL_OPERATION, RUN, 100)),
+    ] {
+        assert_eq!(flown(&mut bench, 800, &frame), Some((RUN_OPS, 160)), "{frame:02x?}");
+    }
+    // It falls by 9.2 °C a set, 74 °C/s.
+    let mut bench = flying();
+    let mut egt = 140;
+    let ended = (0..60).find(|_| {
+        egt -= 2;
+        let mut frame = error(0x20);
+        frame[3] = egt;
+        flown(&mut bench, 800, &frame) == Some((AUTO_OPS, 0))
+    });
+    assert!(ended.is_some_and(|sets| (16..=40).contains(&sets)), "{ended:?}: a fall of 3 s, 8 sets a second");
+}
+
+/// AMT-12: an engine whose ECU falls silent for three sets is in doubt. One that is heard again, running, is answered at
+/// once, with the throttle where it was; after more than its serial delay time it needs two sets.
+#[test]
+fn amt_12_a_gap_is_doubt() {
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    let starting = hot(normal(STARTING, RUN, 10));
+    let silence = |bench: &mut Bench<jetlink::engine::Engine>, micros: u64| {
+        let end = bench.now() + micros - EVERY;
+        bench.run_to(bench.now() + 50_000); // the reply before is out
+        bench.frames();
+        while bench.now() + 100_000 < end {
+            let _ = command(bench, run_at(800));
+            bench.run_to(bench.now() + 100_000);
+        }
+        bench.run_to(end);
+        assert_eq!(bench.frames(), [], "silence is answered with silence");
+    };
+    let doubts = |bench: &mut Bench<_>| bench.event_kinds().contains(&Event::LifeInDoubt);
+    let mut bench = flying();
+    silence(&mut bench, 374_000);
+    assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)));
+    assert!(!doubts(&mut bench));
+    for gap in [376_000, 3_700_000] {
+        let mut bench = flying();
+        silence(&mut bench, gap);
+        assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)), "{gap}");
+        assert!(doubts(&mut bench), "{gap}");
+        // After a gap an engine that starts again is not answered, and the second report ends the life.
+        let mut bench = flying();
+        silence(&mut bench, gap);
+        assert_eq!(answer(&mut bench, &starting), None, "{gap}");
+        assert_eq!(answer(&mut bench, &starting), Some((AUTO_OPS, 0)), "{gap}");
+    }
+    // Beyond the serial delay the order is gone: two sets, and their own throttle.
+    let mut bench = flying();
+    silence(&mut bench, 4_200_000);
+    let mut own = good;
+    own[4] = 90;
+    assert_eq!(answer(&mut bench, &own), None);
+    assert_eq!(answer(&mut bench, &own), Some((RUN_OPS, 90)));
+}
+
+/// AMT-3: what each kind of set says about the life of the engine.
+#[test]
+fn every_set_is_a_sign() {
+    let state = |stage, rpm: u8| Sign::State {
+        stage,
+        turning: Some(rpm >= 20),
+        throttle: Some(Throttle::from_tenths(405).unwrap()),
+    };
+    let throttle = Some(Throttle::from_tenths(405).unwrap());
+    let with_throttle = |mut frame: [u8; 6]| {
+        frame[4] = 81;
+        frame.to_vec()
+    };
+    let mut cases = Vec::new();
+    for (code, stage) in [
+        (NO_CLEARANCE, Stage::Rest),
+        (CLEARANCE, Stage::Clearance),
+        (STARTING, Stage::Starting),
+        (STARTED_UP, Stage::StartedUp),
+        (IDLE_CALIBRATION, Stage::Calibrating),
+        (FULL_OPERATION, Stage::Running),
+        (0b10000, Stage::Running),
+        (0b11100, Stage::Running),
+        (0b01111, Stage::Unknown),
+    ] {
+        for rpm in [0, 19, 20, 254] {
+            cases.push((with_throttle(normal(code, RUN, rpm)), state(stage, rpm)));
+        }
+    }
+    let egt = Some(Celsius::from_tenths(5940));
+    for bits in 1..=0xFEu8 {
+        // B3: EGT error.
+        let egt = egt.filter(|_| bits & 0b1000 == 0);
+        cases.push((with_throttle(hot(error(bits))), Sign::Faulted { throttle, egt }));
+    }
+    cases.push((alternate(0x18).to_vec(), Sign::Stateless));
+    cases.push((vec![0xFF, 0x0B, 1, 2, 3, 4], Sign::Stateless));
+    cases.push((setup("9.35 140617 "), Sign::PowerUp));
+    for (frame, sign) in cases {
+        let mut bench = default();
+        assert_eq!(bench.machine.take_sign(), None);
+        reply_to(&mut bench, &frame);
+        assert_eq!(bench.machine.take_sign(), Some(sign), "{frame:02x?}");
+        assert_eq!(bench.machine.take_sign(), None, "once");
+        bench.machine.line_error(LineError::Noise);
+        reply_to(&mut bench, &frame);
+        assert_eq!(bench.machine.take_sign(), Some(Sign::Damaged), "{frame:02x?}");
+    }
+}
+
+/// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets keep the beat, for 10 s; single bytes and a
+/// steady babble do not.
+#[test]
+fn three_sets_that_fail_are_a_gap() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let gap = |bench: &Bench<AmtLink>| bench.machine.gap_at().map(|at| at.as_micros());
+    let mut bench = default();
+    assert_eq!(gap(&bench), None, "nothing was heard yet");
+    bench.rx(1_000_000, &frame);
+    assert_eq!(gap(&bench), Some(1_375_000));
+    bench.machine.line_error(LineError::Framing);
+    bench.rx(1_125_000, &frame);
+    assert_eq!(gap(&bench), Some(1_500_000), "damaged, it keeps the beat");
+    bench.rx(1_250_000, &[0x12, 0x34, 0x56]);
+    assert_eq!(gap(&bench), Some(1_500_000), "three bytes are no set");
+    for step in 3..200u64 {
+        let t = 1_000_000 + step * EVERY;
+        bench.machine.line_error(LineError::Framing);
+        bench.rx(t, &frame);
+        let beats = if t < 11_000_000 { t } else { 1_000_000 + 79 * EVERY };
+        assert_eq!(gap(&bench), Some(beats + 375_000), "{t}");
+    }
+    bench.act(|link, _| link.gap());
+    assert_eq!(gap(&bench), None, "it is announced once");
+    let t = bench.now() + EVERY;
+    bench.rx(t, &frame);
+    assert_eq!(gap(&bench), Some(t + 375_000));
+    // A steady babble keeps no beat beyond its first burst.
+    for byte in 1..=1000u64 {
+        bench.rx(t + 40_000 + byte * 4_167, &[0x55]);
+    }
+    assert!(gap(&bench).unwrap() < t + 500_000);
+}
+
+/// What an AMT ECU cannot do is refused, and what was ordered before stays on the wire.
+#[test]
+fn refused_orders_change_nothing() {
+    let frame = normal(FULL_OPERATION, RUN, 100);
+    let mut bench = running();
+    let rpm = Order::Run(Demand::Rpm(Rpm::new(30_000)));
+    assert_eq!(bench.order(bench.now(), rpm), Err(Rejected::NoSpeedControl));
+    assert_eq!(bench.order(bench.now(), Order::Pwm), Err(Rejected::NotSupported));
+    let zk = Service::Zk(ZkService::Action(zk::codec::Action::Drain));
+    assert_eq!(bench.act(|link, now| link.service(now, zk)), Err(Rejected::NotSupported));
+    assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
+}

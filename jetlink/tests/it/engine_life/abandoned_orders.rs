@@ -1,0 +1,64 @@
+//! Orders that were given up.
+
+use super::*;
+
+/// Flies at 80 % under RC, which speaks for so long after the ECU fell silent. Gives when it spoke last.
+fn given_up(ecu: Ecu, rc_for: u64, lower: Option<Command>) -> (Scenario, u64) {
+    let mut scenario = Scenario::started(ecu, percent(80));
+    scenario.silent();
+    let end = scenario.now() + rc_for;
+    while scenario.now() < end {
+        scenario.command(run(80)).ok();
+        if let Some(command) = lower {
+            scenario.command_from(command, Origin::Mavlink).ok();
+        }
+        scenario.pass(PERIOD);
+    }
+    (scenario, end - PERIOD)
+}
+
+/// When the order is given up in doubt, the run was still RC's: a lower source's stream of standby waits for the loss of RC
+/// and its time, as it does while the order is in force. RC's own counts at once.
+#[test]
+fn standby_of_a_lower_source_waits_where_the_order_was_given_up() {
+    for ecu in [Ecu::Amt] {
+        let (mut scenario, last) = given_up(ecu, 11 * SECOND, Some(Command::Standby));
+        assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
+        // Default: 5 s after the fail-safe stage began.
+        let due = last + AGE + HOLD + 5 * SECOND;
+        while scenario.now() < due - PERIOD {
+            scenario.fly(Command::Standby, Origin::Mavlink, PERIOD);
+            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {} µs before", due - scenario.now());
+        }
+        scenario.fly(Command::Standby, Origin::Mavlink, 2 * PERIOD);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+
+        let (mut scenario, _) = given_up(ecu, 11 * SECOND, None);
+        scenario.fly(Command::Standby, Origin::Rc, 2 * PERIOD);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: RC's own");
+    }
+}
+
+/// An engine that comes back after its order was given up goes on where the stages of loss are by then. With its source
+/// there it goes on at what the ECU reports.
+#[test]
+fn an_engine_that_comes_back_is_where_its_loss_would_have_taken_it() {
+    // RC is lost at 0.5 s, the hold ends at 1.5 s, and 80 % have fallen by 3.1 s.
+    for (later, expected) in [(SECOND, 80), (2_500_000, 30), (4 * SECOND, 0)] {
+        let (mut scenario, last) = given_up(Ecu::Amt, 5 * SECOND, None);
+        assert_eq!(scenario.order(), Order::Listen);
+        scenario.to(last + later - 2 * EVERY);
+        scenario.values.half_percents = 160;
+        scenario.says = Some(Says::Running);
+        while !matches!(scenario.order(), Order::Run(_)) {
+            scenario.pass(EVERY);
+        }
+        let tenths = scenario.tenths();
+        assert!(tenths.abs_diff(expected * 10) <= 30, "{tenths} after {later} µs");
+    }
+    let (mut scenario, _) = given_up(Ecu::Amt, 9 * SECOND, None);
+    scenario.values.half_percents = 160;
+    scenario.says = Some(Says::Running);
+    scenario.fly(run(80), Origin::Rc, 4 * EVERY);
+    assert_eq!(scenario.tenths(), 800, "RC is there");
+}

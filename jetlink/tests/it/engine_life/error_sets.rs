@@ -1,0 +1,191 @@
+//! AMT with error sets only: the exhaust is the evidence.
+
+use super::*;
+
+/// What becomes of the run.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Run {
+    /// It is answered with the demand.
+    GoesOn,
+    /// The life is over.
+    Over,
+}
+
+#[test]
+fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
+    use Run::{GoesOn, Over};
+    let table: [(&str, u64, u8, Egt, Run); 12] = [
+        ("burns", 30 * SECOND, 1, |_| 500, GoesOn),
+        ("just above the limit", 30 * SECOND, 1, |_| 310, GoesOn),
+        ("just below it", 200_000, 1, |_| 295, Over),
+        ("cold", 200_000, 1, |_| 26, Over),
+        ("falls by 20 °C a second, 2.5 s", 2_500_000, 1, |t| 700 - (t / 50_000) as i32, GoesOn),
+        ("falls by 20 °C a second, 5 s", 5 * SECOND, 1, |t| 700 - (t / 50_000) as i32, Over),
+        ("falls by 10 °C a second", 15 * SECOND, 1, |t| 700 - (t / 100_000) as i32, GoesOn),
+        ("sensor faulty, cold", 30 * SECOND, 1 << 3, |_| 26, GoesOn),
+        ("sensor open", 30 * SECOND, 1, |t| if t > 0 { -50 } else { 500 }, GoesOn),
+        ("sensor shorted", 30 * SECOND, 1, |t| if t > 0 { 1_110 } else { 500 }, GoesOn),
+        ("step down", 30 * SECOND, 1, |t| if t > SECOND { 26 } else { 500 }, GoesOn),
+        ("one odd set", 30 * SECOND, 1, |t| if t / EVERY == 20 { 26 } else { 500 }, GoesOn),
+    ];
+    for (name, time, fault, egt, becomes) in table {
+        let mut scenario = with_faults(time, fault, run(50), egt);
+        let (order, wire) = match becomes {
+            GoesOn => (Order::Doubt(percent(50)), Wire::Run(500)),
+            Over => (Order::Standby, Wire::Standby),
+        };
+        assert_eq!(scenario.order(), order, "{name}");
+        scenario.command(run(50)).ok();
+        assert_eq!(scenario.wire(), wire, "{name}");
+        let end = if becomes == Over { vec![End::NotBurning] } else { vec![] };
+        assert_eq!(ends(&mut scenario), end, "{name}");
+    }
+}
+
+/// A fall within 5 s after a lower demand is what was asked for; after that it is not.
+#[test]
+fn amt_8_a_fall_after_a_lower_demand_was_asked_for() {
+    let fall = |t: u64| 700 - (t / 50_000) as i32;
+    for (demand, time, over) in [
+        (run(20), 4_900_000, false),
+        (run(20), 9 * SECOND, true),
+        // The control: the same fall at the same demand.
+        (run(50), 4_900_000, true),
+    ] {
+        let mut scenario = with_faults(time, 1, demand, fall);
+        let expected = if over { vec![End::NotBurning] } else { vec![] };
+        assert_eq!(ends(&mut scenario), expected, "{demand:?} {time}");
+    }
+}
+
+/// Where the exhaust is not known the order goes on under the stages of loss, and ends in standby when they have run out, to
+/// the tick. Where it burns it goes on at the fail-safe throttle.
+#[test]
+fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
+    // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
+    let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
+    for (fault, egt, burns) in table {
+        let mut scenario = with_faults(2 * SECOND, fault, run(50), egt);
+        scenario.command(run(50)).unwrap();
+        let last = scenario.now();
+        scenario.to(last + AGE + HOLD + RUN_OUT - 1);
+        assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{fault}");
+        scenario.pass(1);
+        let expected = if burns { Order::Doubt(percent(0)) } else { Order::Standby };
+        assert_eq!(scenario.order(), expected, "{fault}");
+    }
+}
+
+/// One odd error set is no fault, also after an earlier one: a cold exhaust ends no life then.
+#[test]
+fn amt_8_one_odd_error_set_ends_no_life() {
+    for odd in [1, 2] {
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+        scenario.values.fault = 0;
+        // The fault clears, and the exhaust is below what burns: an engine at low power.
+        for i in 1..=100 {
+            scenario.values.egt = 500 - 21 * i / 10;
+            scenario.command(run(50)).unwrap();
+            scenario.pass(EVERY);
+        }
+        scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(percent(50)));
+        scenario.values.fault = 1;
+        for _ in 0..odd {
+            scenario.command(run(50)).unwrap();
+            scenario.pass(EVERY);
+        }
+        assert_eq!(scenario.order() == Order::Standby, odd == 2, "{odd}");
+    }
+}
+
+/// When the fault clears, the reply to the first normal sets is run only where they say running, with a shaft that turns.
+#[test]
+fn amt_8_after_a_fault_run_is_said_to_a_running_engine_only() {
+    for (state, rpm, answered) in [
+        (0b01100, TURNING, true),
+        (0b00100, TURNING, false),
+        (0b01000, TURNING, false),
+        (0b11111, TURNING, false),
+        (0b01100, SLOW, false),
+        (0b00000, TURNING, false),
+        (0b00001, 0, false),
+        (0b00001, TURNING, false),
+        (0b00010, SLOW, false),
+        (0b00010, TURNING, false),
+    ] {
+        // Its sensor is broken, so that the exhaust says nothing.
+        let mut scenario = with_faults(2 * SECOND, 1 << 3, run(50), |_| 500);
+        scenario.silent().pass(EVERY);
+        scenario.command(run(50)).unwrap();
+        scenario.sent();
+        scenario.bench.receive(&report(Ecu::Amt, state, rpm));
+        let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
+        assert_eq!(scenario.sent(), expected, "{state:#07b} {rpm}");
+    }
+}
+
+/// Whose life is in doubt has reached running all the same: its demand shows, and the others of its group may start.
+#[test]
+fn an_engine_in_doubt_keeps_no_other_from_a_start() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        assert!(matches!(scenario.telemetry().commanded, Some(Demand::Throttle(_))));
+        scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.telemetry().commanded, Some(percent(50)), "{ecu:?}");
+        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now() + 20 * SECOND)));
+    }
+}
+
+/// One odd report of a start moves it on no more than one odd report ends it: the reports at rest around it still fit.
+#[test]
+fn one_odd_report_of_starting_begins_nothing() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Standby);
+        let values = scenario.values;
+        for _ in 0..3 {
+            scenario.odd(Says::Starting, values);
+            scenario.fly(run(0), Origin::Rc, 4 * EVERY);
+        }
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
+        // Two that agree do, and rest ends it then.
+        scenario.says(Says::Starting).says(Says::Standby);
+        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "{ecu:?}");
+    }
+}
+
+/// Every end says something of its own.
+#[test]
+fn ends_have_names() {
+    let ends = [
+        End::PowerUp,
+        End::AtRest,
+        End::StartsAgain,
+        End::GapInStart,
+        End::NotBurning,
+        End::FaultInStart,
+        End::Unconfirmed,
+    ];
+    let names: std::collections::BTreeSet<_> = ends.map(End::name).into_iter().collect();
+    assert_eq!(names.len(), ends.len());
+    assert!(names.iter().all(|name| name.len() > 10));
+}
+
+/// A source whose rpm waits for the ECU's version is there: its run goes on, and the stages of loss do not begin.
+#[test]
+fn a_source_whose_rpm_waits_for_the_version_is_heard() {
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+    // The line is cut for long enough that the version is forgotten, and comes back without it.
+    scenario.silent().fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.says(Says::Running).fly(run(50), Origin::Rc, SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)));
+    let waits = Rejected::NeedsVersion { needed: 4, known: None };
+    assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(waits));
+    scenario.bench.events();
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(50)), "its throttle stays");
+    assert_eq!(stages(&mut scenario), []);
+}

@@ -1,0 +1,574 @@
+//! What a report means for the life that a run belongs to.
+
+use super::*;
+
+/// What a report means, given twice.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Means {
+    /// It fits, or says nothing: the demand goes on.
+    GoesOn,
+    /// Doubt at once, and no verdict: nothing that could start an engine goes out.
+    Doubt,
+    /// Doubt that is answered with the order in force, because the shaft turns (AMT).
+    Answered,
+    /// Doubt, and a living engine at the second.
+    Confirms,
+    /// Doubt at once, and the end at the second.
+    Ends(End),
+}
+
+fn check(ecu: Ecu, scenario: &mut Scenario, frame: &[u8], means: Means, name: &str) {
+    let demand = Order::Run(percent(50));
+    let doubt = Order::Doubt(percent(50));
+    let (first, second) = match means {
+        Means::GoesOn => (demand, demand),
+        Means::Doubt | Means::Answered => (doubt, doubt),
+        Means::Confirms => (doubt, demand),
+        Means::Ends(_) => (doubt, Order::Standby),
+    };
+    let answered = matches!(means, Means::GoesOn | Means::Answered | Means::Confirms);
+    for (expected, answered) in [(first, answered), (second, answered || second == Order::Standby)] {
+        scenario.command(run(50)).unwrap();
+        scenario.silent().pass(EVERY);
+        scenario.sent();
+        scenario.bench.receive(frame);
+        assert_eq!(scenario.order(), expected, "{name}");
+        // AMT: the reply to this very frame. ZK: the next turn.
+        scenario.pass(if ecu == Ecu::Amt { 0 } else { EVERY });
+        let wire = if expected == Order::Standby { Wire::Standby } else { Wire::Run(500) };
+        let answered = if ecu == Ecu::Amt { answered } else { !matches!(expected, Order::Doubt(_)) };
+        let expected = if answered { vec![wire] } else { vec![] };
+        assert_eq!(scenario.sent(), expected, "{name}");
+    }
+    let expected = if let Means::Ends(end) = means { vec![end] } else { vec![] };
+    assert_eq!(ends(scenario), expected, "{name}");
+}
+
+/// AMT-3: what each state means for an engine that has reached running, with a shaft that turns and one that does not.
+#[test]
+fn amt_3_reports_of_a_running_engine() {
+    use End::{AtRest, StartsAgain};
+    use Means::{Answered, Confirms, Doubt, Ends, GoesOn};
+    // State, then without a gap (turning, slow), then after one (turning, slow).
+    for (state, without, after) in [
+        (0b00000, (Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
+        // The exhaust is cold here.
+        (0b00001, (Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
+        (0b00010, (GoesOn, Ends(StartsAgain)), (Answered, Ends(StartsAgain))),
+        (0b00100, (GoesOn, Doubt), (Answered, Doubt)),
+        (0b01000, (GoesOn, Doubt), (Answered, Doubt)),
+        (0b01100, (GoesOn, Doubt), (Confirms, Doubt)),
+        (0b10000, (GoesOn, Doubt), (Confirms, Doubt)),
+        (0b11100, (GoesOn, Doubt), (Confirms, Doubt)),
+        (0b11111, (GoesOn, Doubt), (Answered, Doubt)),
+    ] {
+        reports_mean(Ecu::Amt, state, without, after);
+    }
+}
+
+/// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither.
+#[test]
+fn zk_reports_of_a_running_engine() {
+    use End::{AtRest, StartsAgain};
+    use Means::{Confirms, Doubt, Ends, GoesOn};
+    for state in 0..32 {
+        let (without, after) = match state {
+            0 | 1 | 12 | 14..=19 => ((Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
+            2..=5 => ((GoesOn, Ends(StartsAgain)), (Ends(StartsAgain), Ends(StartsAgain))),
+            6..=11 => ((GoesOn, Doubt), (Confirms, Doubt)),
+            13 => ((GoesOn, GoesOn), (Ends(StartsAgain), Ends(StartsAgain))),
+            _ => ((GoesOn, Doubt), (Doubt, Doubt)),
+        };
+        reports_mean(Ecu::Zk, state, without, after);
+    }
+}
+
+fn reports_mean(ecu: Ecu, state: u8, without: (Means, Means), after: (Means, Means)) {
+    for (rpm, without, after) in [(TURNING, without.0, after.0), (SLOW, without.1, after.1)] {
+        let frame = report(ecu, state, rpm);
+        let mut scenario = flying(ecu);
+        check(ecu, &mut scenario, &frame, without, &format!("{ecu:?} {state:#07b} {rpm} without a gap"));
+        let mut scenario = flying(ecu);
+        scenario.silent().pass(gap(ecu));
+        scenario.bench.events();
+        check(ecu, &mut scenario, &frame, after, &format!("{ecu:?} {state:#07b} {rpm} after a gap"));
+    }
+}
+
+/// AMT: sets without a state are answered as the set before, and after a gap not at all.
+#[test]
+fn amt_sets_without_a_state_are_answered_as_the_set_before() {
+    const GAP: u8 = u8::MAX;
+    let table: [(&[u8], bool); 5] = [
+        (&[], true),
+        (&[0b00000], false),
+        (&[0b00000, 0b01000], true),
+        (&[GAP], false),
+        (&[0b00000, 0b01100, 0b01100], true),
+    ];
+    for set in [amt_frames::alternate(0x06), [0xFF, 0b0110_1101, 24, 20, 0, 0]] {
+        for (before, answered) in table {
+            let mut scenario = flying(Ecu::Amt);
+            for state in before {
+                scenario.command(run(50)).unwrap();
+                if *state == GAP {
+                    scenario.silent().pass(gap(Ecu::Amt));
+                } else {
+                    hear(&mut scenario, &report(Ecu::Amt, *state, TURNING));
+                }
+            }
+            scenario.silent().pass(EVERY);
+            scenario.sent();
+            scenario.bench.receive(&set);
+            let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
+            assert_eq!(scenario.sent(), expected, "{set:02x?} {before:?}");
+        }
+    }
+}
+
+/// A gap of three expected frames is doubt, to the tick. What comes in time is none.
+#[test]
+fn three_missing_frames_are_doubt() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
+        let last = scenario.now();
+        scenario.command(run(50)).unwrap();
+        scenario.to(last + gap(ecu) - 1);
+        assert_eq!(
+            (scenario.order(), scenario.telemetry().in_doubt),
+            (Order::Run(percent(50)), None),
+            "{ecu:?}"
+        );
+        scenario.to(last + gap(ecu));
+        assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
+        assert_eq!(scenario.telemetry().in_doubt, Some(us(last + gap(ecu))));
+        assert!(scenario.bench.events().contains(&(last + gap(ecu), Event::LifeInDoubt)));
+        // Two reports confirm it, and the demand is in the reply to the second.
+        for in_doubt in [true, false] {
+            scenario.command(run(50)).unwrap();
+            hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
+            assert_eq!(scenario.telemetry().in_doubt.is_some(), in_doubt, "{ecu:?}");
+        }
+        assert!(scenario.bench.event_kinds().contains(&Event::LifeConfirmed));
+    }
+}
+
+/// AMT-9: with the ECU's power-up a life is over at once, however far it was, and standby is in the reply to that set.
+#[test]
+fn amt_9_a_power_up_ends_a_life() {
+    let setup = amt_frames::setup("9.35 140617 ");
+    for (name, far) in
+        [("ordered", None), ("starting", Some(Says::Starting)), ("running", Some(Says::Running))]
+    {
+        for after_gap in [false, true] {
+            let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+            scenario.command(run(0)).unwrap();
+            for says in far.into_iter().flat_map(|far| [Says::Starting, far]) {
+                scenario.says(says);
+            }
+            if after_gap && far.is_some() {
+                scenario.silent().pass(gap(Ecu::Amt));
+            }
+            scenario.bench.events();
+            scenario.silent().pass(EVERY);
+            scenario.sent();
+            scenario.bench.receive(&setup);
+            assert_eq!((scenario.order(), scenario.sent()), (Order::Standby, vec![Wire::Standby]), "{name}");
+            assert_eq!(ends(&mut scenario), [End::PowerUp], "{name}");
+            scenario.fly(run(0), Origin::Rc, SECOND);
+            assert_eq!(
+                scenario.command(run(0)),
+                Err(Rejected::StandbyFirst),
+                "{name}: nor does it start later"
+            );
+        }
+    }
+}
+
+/// Until the first report of starting, rest fits, and a gap ends the start, to the tick. After it a gap is doubt.
+#[test]
+fn a_gap_ends_a_start_that_has_not_begun() {
+    for ecu in BOTH {
+        for says in [Says::Standby, Says::Starting] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            scenario.says(says);
+            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
+            scenario.bench.events();
+            let last = scenario.telemetry().last_rx.unwrap().as_micros();
+            scenario.command(run(0)).unwrap();
+            scenario.silent().to(last + gap(ecu) - 1);
+            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
+            scenario.to(last + gap(ecu));
+            let (order, end) = match says {
+                Says::Standby => (Order::Standby, vec![End::GapInStart]),
+                _ => (Order::Doubt(percent(0)), vec![]),
+            };
+            assert_eq!((scenario.order(), ends(&mut scenario)), (order, end), "{ecu:?} {says:?}");
+        }
+    }
+}
+
+/// In a start rest and an earlier stage than before end it at the second report, and any starting state after a gap; one
+/// report does not, and a later stage fits.
+#[test]
+fn an_earlier_stage_ends_a_start() {
+    use End::{AtRest, StartsAgain};
+    const GAP: u8 = u8::MAX;
+    let table: [(Ecu, &[u8], Option<End>); 15] = [
+        // With a shaft below half of idle.
+        (Ecu::Amt, &[0b00010, 0b00010, 0b00100, 0b00100, 0b01000, 0b01000], None),
+        (Ecu::Amt, &[0b00010, 0b00010, 0b00000, 0b00000], Some(AtRest)),
+        (Ecu::Amt, &[0b00010, 0b00010, 0b00001, 0b00001], Some(AtRest)),
+        (Ecu::Amt, &[0b00100, 0b00100, 0b00010, 0b00010], Some(StartsAgain)),
+        (Ecu::Amt, &[0b01000, 0b01000, 0b00100, 0b00100], Some(StartsAgain)),
+        (Ecu::Amt, &[0b00010, 0b00010, 0b00000, 0b01000], None),
+        (Ecu::Amt, &[0b00010, 0b00010, GAP, 0b00010, 0b00010], Some(StartsAgain)),
+        (Ecu::Zk, &[3, 3, 4, 4, 2, 2, 5, 5], None),
+        (Ecu::Zk, &[3, 3, 1, 1], Some(AtRest)),
+        (Ecu::Zk, &[3, 3, 12, 12], Some(AtRest)),
+        (Ecu::Zk, &[5, 5, 3, 3], Some(StartsAgain)),
+        (Ecu::Zk, &[5, 5, 3, 5], None),
+        (Ecu::Zk, &[3, 3, GAP, 3, 3], Some(StartsAgain)),
+        (Ecu::Zk, &[3, 3, GAP, 5, 5], Some(StartsAgain)),
+        (Ecu::Zk, &[3, 3, GAP, 13, 13], Some(StartsAgain)),
+    ];
+    for (ecu, reports, end) in table {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        let name = format!("{ecu:?} {reports:?}");
+        for (i, state) in reports.iter().enumerate() {
+            assert!(!matches!(scenario.order(), Order::Standby), "{name}: not before the last");
+            let _ = scenario.command(run(0));
+            if *state == GAP {
+                scenario.silent().pass(gap(ecu));
+            } else {
+                hear(&mut scenario, &report(ecu, *state, SLOW));
+            }
+            assert!(i > 0 || scenario.order() == Order::Run(percent(0)), "{name}");
+        }
+        assert_eq!(scenario.order() == Order::Standby, end.is_some(), "{name}");
+        assert_eq!(ends(&mut scenario), end.into_iter().collect::<Vec<_>>(), "{name}");
+    }
+}
+
+/// With a shaft that turns at half of idle an earlier stage is none of a new start, unless there was a gap.
+#[test]
+fn an_earlier_stage_with_a_shaft_that_turns_ends_nothing() {
+    for (ecu, far, earlier) in [(Ecu::Amt, 0b01000, 0b00010), (Ecu::Amt, 0b00100, 0b00010), (Ecu::Zk, 5, 3)] {
+        for (rpm, ends) in [(TURNING, false), (SLOW, true)] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            for state in [far, far, earlier, earlier, earlier] {
+                let _ = scenario.command(run(0));
+                hear(&mut scenario, &report(ecu, state, rpm));
+            }
+            assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {far} {earlier} {rpm}");
+        }
+    }
+}
+
+/// A shaft that slows down raises doubt and helps to end a life; alone it neither ends nor confirms one.
+#[test]
+fn a_shaft_alone_neither_ends_nor_confirms() {
+    let shaft = |rpm| zk_frames::status(2, rpm, [0, 0, 0]).to_vec();
+    let rest = report(Ecu::Zk, 1, SLOW);
+    let mut scenario = flying(Ecu::Zk);
+    for _ in 0..20 {
+        scenario.command(run(50)).unwrap();
+        hear(&mut scenario, &shaft(SLOW));
+        assert_eq!(scenario.order(), Order::Doubt(percent(50)), "it ends none alone");
+    }
+    for _ in 0..20 {
+        scenario.command(run(50)).unwrap();
+        hear(&mut scenario, &shaft(TURNING));
+        assert_eq!(scenario.order(), Order::Doubt(percent(50)), "it confirms none");
+    }
+    hear(&mut scenario, &rest);
+    assert_eq!(scenario.order(), Order::Doubt(percent(50)));
+    hear(&mut scenario, &shaft(SLOW));
+    assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "it helps");
+}
+
+/// An ECU that restarts the engine by itself (ZK 13) has the start's time for it, to the tick.
+#[test]
+fn zk_13_is_bounded_by_the_time_of_a_start() {
+    let config = Ecu::Zk.with(|s| s.start.timeout = Duration::from_secs(20));
+    for running_at in [None, Some(19 * SECOND)] {
+        let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+        hear(&mut scenario, &report(Ecu::Zk, 13, TURNING));
+        let from = scenario.now();
+        let mut end = from + 20 * SECOND;
+        while scenario.now() < end - EVERY {
+            let _ = scenario.command(run(50));
+            let back = running_at.is_some_and(|at| scenario.now() >= from + at);
+            hear(&mut scenario, &report(Ecu::Zk, if back { 11 } else { 13 }, TURNING));
+            end = from + if running_at.is_some() { 40 * SECOND } else { 20 * SECOND };
+        }
+        scenario.to(end - 1);
+        assert_eq!(scenario.order(), Order::Run(percent(50)), "{running_at:?}");
+        scenario.bench.events();
+        scenario.to(end);
+        let expected = if running_at.is_some() { Order::Run(percent(50)) } else { Order::Standby };
+        assert_eq!(scenario.order(), expected, "{running_at:?}");
+        assert_eq!(scenario.limits(), vec![LimitKind::StartTimeout; usize::from(running_at.is_none())]);
+    }
+}
+
+/// In doubt a demand goes down, and not up; it rises when the life is confirmed.
+#[test]
+fn a_demand_does_not_rise_in_doubt() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        scenario.silent().fly(run(50), Origin::Rc, gap(ecu));
+        scenario.fly(run(80), Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
+        scenario.fly(run(20), Origin::Rc, PERIOD);
+        assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
+        scenario.fly(run(80), Origin::Rc, PERIOD);
+        assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
+        scenario.says = Some(Says::Running);
+        scenario.fly(run(80), Origin::Rc, 2 * EVERY);
+        assert!(scenario.tenths() <= 250, "50 % a second: {}", scenario.tenths());
+        scenario.fly(run(80), Origin::Rc, 1_200_000);
+        assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
+    }
+}
+
+/// ZK-9: in mode 3 the demand goes on in doubt, as ID 7 in turn with ID 0: an ECU that restarted has forgotten ID 6 and
+/// ignores ID 7. ID 7 needs a version that is known (ZK-7): with the link that is lost. In mode 1 it is ID 0 alone.
+#[test]
+fn zk_9_in_doubt_a_speed_goes_out_in_turn_with_id_0() {
+    for (demand, by_rpm) in [(rpm(80_000), true), (percent(50), false)] {
+        let mut scenario = Scenario::started(Ecu::Zk, demand);
+        hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+        scenario.bench.frames();
+        // Rest and running in turn: heard, and in doubt.
+        for i in 0..40 {
+            scenario.command(Command::Run(demand)).unwrap();
+            hear(&mut scenario, &report(Ecu::Zk, if i % 2 == 0 { 11 } else { 1 }, TURNING));
+        }
+        assert_eq!(scenario.order(), Order::Doubt(demand));
+        let bytes = scenario.bench.bytes();
+        assert_eq!(bytes.len(), 40);
+        let keep_alives = bytes.iter().filter(|bytes| **bytes == zk_frames::keep_alive()).count();
+        assert_eq!(keep_alives, if by_rpm { 20 } else { 40 }, "{bytes:02x?}");
+        for pair in bytes.windows(2).filter(|_| by_rpm) {
+            assert_eq!(pair.iter().filter(|bytes| bytes[1] >> 4 == 7).count(), 1, "{pair:02x?}");
+        }
+        scenario.fly(Command::Run(demand), Origin::Rc, SECOND);
+        scenario.bench.frames();
+        scenario.fly(Command::Run(demand), Origin::Rc, SECOND);
+        let bytes = scenario.bench.bytes();
+        let keep_alives = bytes.iter().filter(|bytes| **bytes == zk_frames::keep_alive()).count();
+        assert_eq!((bytes.len(), keep_alives), (20, if by_rpm { 10 } else { 20 }), "{demand:?}: lost");
+    }
+}
+
+/// A life that nothing confirms loses its order: AMT when no set was replied to for the ECU's serial delay time. ZK goes on with
+/// ID 0 for as long as its source is fresh. If the ECU is back, however late, two reports with shaft speed bring the engine
+/// back, unless standby or a stop was sent meanwhile.
+#[test]
+fn an_order_that_nothing_confirms_is_gone_and_the_engine_is_not() {
+    for ecu in BOTH {
+        for (meanwhile, goes_on) in
+            [(None, true), (Some(Command::ShutDown), false), (Some(Command::EmergencyStop), false)]
+        {
+            let mut scenario = flying(ecu);
+            let last = scenario.telemetry().last_rx.unwrap().as_micros();
+            let left = last + 4 * SECOND - 1 - scenario.now();
+            scenario.silent().fly(run(50), Origin::Rc, left);
+            assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
+            scenario.pass(1);
+            let order = if ecu == Ecu::Amt { Order::Listen } else { Order::Doubt(percent(50)) };
+            assert_eq!(scenario.order(), order, "{ecu:?}");
+            scenario.sent();
+            scenario.fly(run(50), Origin::Rc, 60 * SECOND);
+            assert_eq!((scenario.order(), scenario.sent()), (order, vec![]), "{ecu:?}");
+            if let Some(command) = meanwhile {
+                scenario.command(command).unwrap();
+            } else {
+                scenario.fly(run(40), Origin::Rc, PERIOD);
+            }
+            if ecu == Ecu::Zk {
+                scenario.bench.receive(&zk_frames::status(3, TURNING, [40, 0, 0]));
+            }
+            scenario.values.half_percents = 80;
+            let order = scenario.order();
+            scenario.says = Some(Says::Running);
+            scenario.fly(run(40), Origin::Rc, EVERY);
+            assert_eq!(scenario.order(), order, "{ecu:?}: one report is not enough");
+            scenario.fly(run(40), Origin::Rc, EVERY);
+            let expected = if goes_on { Order::Run(percent(40)) } else { order };
+            assert_eq!(scenario.order(), expected, "{ecu:?} {meanwhile:?}");
+        }
+    }
+}
+
+/// In doubt a source that is fresh goes on, and only its standby or a stop ends the run: they go out blind.
+#[test]
+fn in_doubt_only_standby_or_a_stop_ends_a_run() {
+    for ecu in BOTH {
+        for (command, wire) in [
+            (Command::Standby, Wire::Standby),
+            (Command::ShutDown, Wire::Standby),
+            (Command::EmergencyStop, Wire::Stop),
+        ] {
+            let mut scenario = flying(ecu);
+            scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+            assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
+            scenario.sent();
+            // ZK at the next turn, AMT in the reply to the first set of any kind.
+            scenario.pass(EVERY);
+            if ecu == Ecu::Amt {
+                scenario.bench.receive(&amt_frames::alternate(0x06));
+            }
+            assert_eq!(scenario.sent().pop(), Some(wire), "{ecu:?} {command:?}");
+        }
+    }
+}
+
+/// Runs at 50 %, and from then on nothing wants anything: when the stages of loss have run out.
+fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Scenario, u64) {
+    let config = ecu.with(|s| s.loss.standby_after = standby_after.map(micros));
+    let scenario = Scenario::started_with(ecu, config, percent(50));
+    let silent = scenario.now() + if present { 0 } else { AGE };
+    (scenario, silent + HOLD + standby_after.unwrap_or(RUN_OUT))
+}
+
+/// An order to run without a living engine ends in standby when the stages of loss have run out: 10 s into the fail-safe
+/// stage where standby is set to never. To the tick; a source that wants nothing counts as silent. A living one goes on.
+#[test]
+fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
+    for (ecu, heard, standby_after, present) in [
+        (Ecu::Amt, true, None, false),
+        (Ecu::Amt, true, Some(3 * SECOND), false),
+        (Ecu::Amt, true, None, true),
+        (Ecu::Amt, false, Some(2 * SECOND), false),
+        (Ecu::Zk, true, Some(3 * SECOND), false),
+        (Ecu::Zk, false, Some(3 * SECOND), false),
+        (Ecu::Zk, false, Some(3 * SECOND), true),
+    ] {
+        let name = format!("{ecu:?} {heard} {standby_after:?} {present}");
+        let (mut scenario, end) = loses_its_source(ecu, standby_after, present);
+        if heard {
+            // Said to be running, with a shaft that does not turn: in doubt, and no verdict.
+            scenario.values.rpm = Some(SLOW);
+        } else {
+            scenario.silent();
+        }
+        if present {
+            let left = end - 1 - scenario.now();
+            scenario.fly(Command::Present, Origin::Rc, left);
+        }
+        scenario.to(end - 1);
+        // An AMT ECU that gets no reply has given up by then, and so has its order.
+        let given_up = ecu == Ecu::Amt && heard;
+        let order = if given_up { Order::Listen } else { Order::Doubt(percent(0)) };
+        assert_eq!(scenario.order(), order, "{name}");
+        scenario.sent();
+        scenario.to(end);
+        assert_eq!(scenario.order(), Order::Standby, "{name}");
+        // ZK blind, AMT in its next reply.
+        scenario.pass(EVERY);
+        let sent = scenario.sent();
+        assert_eq!(sent.is_empty(), ecu == Ecu::Amt && !heard, "{name}");
+        assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{name} {sent:?}");
+    }
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        scenario.pass(600 * SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(0), "{ecu:?}: it lives");
+    }
+}
+
+/// The count of the stages goes on when the order is given up because nothing confirmed the life.
+#[test]
+fn giving_an_order_up_does_not_begin_the_stages_anew() {
+    for ecu in BOTH {
+        for present in [false, true] {
+            let (mut scenario, end) = loses_its_source(ecu, None, present);
+            scenario.silent();
+            if present {
+                let left = end - 1 - scenario.now();
+                scenario.fly(Command::Present, Origin::Rc, left);
+            }
+            scenario.to(end - 1);
+            let order = if ecu == Ecu::Amt { Order::Listen } else { Order::Doubt(percent(0)) };
+            assert_eq!(scenario.order(), order, "{ecu:?} {present}");
+            scenario.to(end);
+            assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {present}");
+        }
+    }
+}
+
+/// Damaged frames keep the beat for 10 s after the last good one, and an AMT ECU its replies. Then they are a gap, to the
+/// tick, and confirm nothing.
+#[test]
+fn damaged_frames_are_no_gap_for_10_s() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        let good = scenario.telemetry().last_rx.unwrap().as_micros();
+        let mut frame = report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING);
+        if ecu == Ecu::Zk {
+            frame[4] ^= 1;
+        }
+        // The last that counts comes 50 ms before the 10 s are over.
+        let gap = good + 10 * SECOND - EVERY + gap(ecu);
+        scenario.silent();
+        for i in 1..=240 {
+            let at = good + i * EVERY;
+            let demand = percent(50);
+            if (at - EVERY..at).contains(&(gap - 1)) {
+                scenario.to(gap - 1);
+                assert_eq!(scenario.order(), Order::Run(demand), "{ecu:?}");
+                scenario.to(gap);
+                assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}");
+            }
+            scenario.to(at);
+            scenario.command(run(50)).unwrap();
+            scenario.sent();
+            if ecu == Ecu::Amt {
+                scenario.bench.machine.line_error(LineError::Framing);
+            }
+            scenario.bench.receive(&frame);
+            let expected = if at < gap { Order::Run(demand) } else { Order::Doubt(demand) };
+            assert_eq!(scenario.order(), expected, "{ecu:?} {} µs", at - good);
+            if ecu == Ecu::Amt {
+                let replies = if at < gap { vec![Wire::Run(500)] } else { vec![] };
+                assert_eq!(scenario.sent(), replies, "{} µs", at - good);
+            }
+        }
+    }
+}
+
+/// Disarm ends a start that has not reached running, in doubt or not, and never an engine that has reached it.
+#[test]
+fn disarm_ends_a_start_and_no_engine() {
+    for ecu in BOTH {
+        for (says, ends) in [(Says::Standby, true), (Says::Starting, true), (Says::Running, false)] {
+            for in_doubt in [false, true] {
+                let mut scenario = Scenario::ready(ecu, ecu.config());
+                scenario.command(run(0)).unwrap();
+                if says != Says::Standby {
+                    scenario.says(Says::Starting);
+                }
+                scenario.says(says);
+                if in_doubt && says != Says::Standby {
+                    scenario.silent().fly(run(0), Origin::Rc, SECOND);
+                }
+                for origin in [Origin::Bench, Origin::Rc] {
+                    scenario.command_from(Command::Disarm, origin).unwrap();
+                    assert!(!scenario.telemetry().armed);
+                    assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {says:?} {in_doubt}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! One life, one start: what a report means for a run, who may start, what takes two words, what goes on over a reset. As
+//! tables, for both ECUs, to the tick where the rule has a time.
+
+mod abandoned_orders;
+mod error_sets;
+mod lives;
+mod resets;
+mod sources;
+mod start_faults;
+mod start_permission;
+
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
+use jetlink::event::{End, Event, LossStage};
+use jetlink::limit::LimitKind;
+use jetlink::limit::{Action, Limit};
+use jetlink::line::LineError;
+use jetlink::units::{Celsius, Rpm};
+
+use crate::support::bench::{micros, us};
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use crate::support::scenario::{
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
+};
+
+/// RC's age limit, and for how long a demand is held after it.
+const AGE: u64 = 500_000;
+
+const HOLD: u64 = SECOND;
+
+/// An order to run without a living engine ends so long after the fail-safe stage began.
+const RUN_OUT: u64 = 10 * SECOND;
+
+/// Below half of the idle speed of either engine.
+const SLOW: u32 = 2_000;
+
+/// Three expected frames: 20 Hz, and about eight sets a second.
+fn gap(ecu: Ecu) -> u64 {
+    match ecu {
+        Ecu::Amt => 375_000,
+        Ecu::Zk => 150_000,
+    }
+}
+
+/// A report of a state, as the ECU numbers it, with the switch at run.
+fn report(ecu: Ecu, state: u8, rpm: u32) -> Vec<u8> {
+    match ecu {
+        Ecu::Amt => amt_frames::normal(state, amt_frames::RUN, u8::try_from(rpm / 500).unwrap()).to_vec(),
+        Ecu::Zk => zk_frames::status(1, rpm, [state, 2 << 5, 76]).to_vec(),
+    }
+}
+
+/// The next frame is this one.
+fn hear(scenario: &mut Scenario, frame: &[u8]) {
+    scenario.silent().pass(EVERY);
+    scenario.bench.receive(frame);
+}
+
+/// Runs at 50 % under RC; no frame and no event is left from before.
+fn flying(ecu: Ecu) -> Scenario {
+    let mut scenario = Scenario::started(ecu, percent(50));
+    scenario.sent();
+    scenario.bench.events();
+    scenario
+}
+
+fn ends(scenario: &mut Scenario) -> Vec<End> {
+    let events = scenario.bench.event_kinds().into_iter();
+    events.filter_map(|event| if let Event::RunCancelled(end) = event { Some(end) } else { None }).collect()
+}
+
+fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
+    let events = scenario.bench.events().into_iter();
+    events
+        .filter_map(|(at, event)| if let Event::SourceLoss(stage) = event { Some((at, stage)) } else { None })
+        .collect()
+}
+
+type Step = fn(&mut Scenario);
+
+/// The exhaust at a time in µs, in °C.
+type Egt = fn(u64) -> i32;
+
+/// Flies with error sets; the exhaust is at `egt` of the time in µs since they began.
+fn with_faults(micros: u64, fault: u8, demand: Command, egt: impl Fn(u64) -> i32) -> Scenario {
+    let mut scenario = flying(Ecu::Amt);
+    // It warms up as an exhaust does.
+    for i in 1..=40 {
+        scenario.values.egt = 26 + (egt(0) - 26) * i / 40;
+        let _ = scenario.command(run(50));
+        scenario.pass(EVERY);
+    }
+    scenario.values.fault = fault;
+    scenario.command(demand).unwrap();
+    let from = scenario.now();
+    while scenario.now() < from + micros {
+        scenario.values.egt = egt(scenario.now() - from);
+        let _ = scenario.command(demand);
+        scenario.pass(EVERY);
+    }
+    scenario
+}

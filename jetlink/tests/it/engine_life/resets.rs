@@ -1,0 +1,291 @@
+//! What goes on over a reset.
+
+use super::*;
+
+fn retained(order: Order) -> RetainedState {
+    RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
+}
+
+/// What a record leaves after a loss of power, and of another engine: nothing that could start or raise.
+#[test]
+fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
+    for ecu in BOTH {
+        let config = ecu.config();
+        let ours = config.fingerprint();
+        for (order, ran, left) in [
+            (Order::Run(percent(80)), true, Order::Listen),
+            (Order::Run(percent(0)), false, Order::Listen),
+            (Order::Pwm, true, Order::Pwm),
+            (Order::Pwm, false, Order::Listen),
+            (Order::Standby, false, Order::Standby),
+            (Order::EmergencyStop, false, Order::EmergencyStop),
+            (Order::Listen, true, Order::Listen),
+        ] {
+            let record =
+                RetainedState { ran, by_id6: true, pump_open: true, limited: true, ..retained(order) };
+            let memory = RetainedMemory::new();
+            memory.store(&record, ours);
+            assert_eq!(memory.load(ours, Reset::Warm), Some(record), "{order:?}: the control");
+            for (fingerprint, reset) in [(ours, Reset::PowerLost), (ours ^ 1, Reset::Warm)] {
+                let record = memory.load(fingerprint, reset).expect("a whole record");
+                assert_eq!((record.order, record.ran, record.armed), (left, ran, false), "{ecu:?} {order:?}");
+                // It goes on as ID 0.
+                let left = if left == Order::Pwm { Order::Listen } else { left };
+                assert!(record.by_id6 && record.pump_open && !record.limited);
+                let mut scenario = Scenario::after_reset(ecu, config, Some(record));
+                assert!(!scenario.telemetry().armed);
+                assert_eq!(scenario.order(), left, "{ecu:?} {order:?}");
+                // An engine at rest stays there, whatever streams.
+                scenario.introduce();
+                scenario.says(Says::Standby);
+                scenario.fly(run(0), Origin::Rc, 5 * SECOND);
+                let wire = if left == Order::EmergencyStop { Wire::Stop } else { Wire::Standby };
+                assert_eq!(scenario.wire(), wire, "{ecu:?} {order:?}");
+            }
+        }
+    }
+}
+
+/// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
+#[test]
+fn what_is_found_where_nothing_is_in_force() {
+    let runs = Order::Run(percent(65));
+    let table = [
+        (Ecu::Amt, 0b01100, TURNING, runs),
+        (Ecu::Amt, 0b01100, SLOW, Order::Listen),
+        // Any other state with a shaft that turns is answered.
+        // A shaft that coasts beside a cleared start says neither.
+        (Ecu::Amt, 0b00001, TURNING, Order::Listen),
+        // A start goes on as one: no demand before it runs.
+        (Ecu::Amt, 0b00010, TURNING, Order::Run(percent(0))),
+        (Ecu::Amt, 0b00100, TURNING, runs),
+        (Ecu::Amt, 0b01000, TURNING, runs),
+        (Ecu::Amt, 0b11111, TURNING, runs),
+        (Ecu::Amt, 0b11111, SLOW, Order::Listen),
+        (Ecu::Amt, 0b00000, TURNING, Order::Standby),
+        (Ecu::Amt, 0b00001, SLOW, Order::Standby),
+        (Ecu::Amt, 0b00010, SLOW, Order::Standby),
+        (Ecu::Zk, 11, TURNING, runs),
+        (Ecu::Zk, 6, TURNING, runs),
+        (Ecu::Zk, 11, SLOW, Order::Listen),
+        (Ecu::Zk, 31, TURNING, Order::Listen),
+        (Ecu::Zk, 1, TURNING, Order::Standby),
+        (Ecu::Zk, 3, TURNING, Order::Standby),
+        (Ecu::Zk, 13, TURNING, Order::Standby),
+    ];
+    for (ecu, state, rpm, second) in table {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.values.rpm = Some(rpm);
+        scenario.introduce();
+        if ecu == Ecu::Zk {
+            scenario.bench.receive(&zk_frames::status(3, rpm, [65, 0, 0]));
+        }
+        let mut frame = report(ecu, state, rpm);
+        if ecu == Ecu::Amt {
+            frame[4] = 130;
+        }
+        for expected in [Order::Listen, second] {
+            hear(&mut scenario, &frame);
+            assert_eq!(scenario.order(), expected, "{ecu:?} {state} {rpm}");
+        }
+    }
+}
+
+/// AMT-8: after a loss of power an ECU with error sets and a burning exhaust is answered run at its own demand, under the
+/// stages of loss, where the record says that the engine ran; else not.
+#[test]
+fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_goes_on() {
+    for (ran, egt, goes_on) in [(true, 500, true), (false, 500, false), (true, 26, false), (true, 299, false)]
+    {
+        let memory = RetainedMemory::new();
+        let config = Ecu::Amt.config();
+        memory.store(&RetainedState { ran, ..retained(Order::Run(percent(90))) }, config.fingerprint());
+        let record = memory.load(config.fingerprint(), Reset::PowerLost);
+        let mut scenario = Scenario::after_reset(Ecu::Amt, config, record);
+        scenario.values = Values { egt, fault: 1, half_percents: 120, ..scenario.values };
+        scenario.says = Some(Says::Running);
+        scenario.pass(EVERY);
+        assert_eq!(scenario.sent(), [], "{ran} {egt}: one set is not enough");
+        scenario.pass(EVERY);
+        assert_eq!(scenario.sent(), if goes_on { vec![Wire::Run(600)] } else { vec![] }, "{ran} {egt}");
+        if goes_on {
+            assert_eq!(scenario.telemetry().loss, LossStage::Hold);
+            scenario.pass(5 * SECOND);
+            assert_eq!((scenario.wire(), scenario.telemetry().loss), (Wire::Run(0), LossStage::FailSafe));
+        } else {
+            scenario.pass(5 * SECOND);
+            assert_eq!(scenario.sent(), [], "{ran} {egt}");
+        }
+    }
+}
+
+/// That an engine ran is kept until standby, a stop or the end of its life.
+#[test]
+fn a_record_says_that_the_engine_ran() {
+    let table: [(&str, Step, bool); 6] = [
+        ("flying", |_| {}, true),
+        (
+            "in doubt",
+            |s| {
+                s.silent().fly(run(50), Origin::Rc, SECOND);
+            },
+            true,
+        ),
+        (
+            "unconfirmed",
+            |s| {
+                s.silent().fly(run(50), Origin::Rc, 20 * SECOND);
+            },
+            true,
+        ),
+        (
+            "standby",
+            |s| {
+                s.shut_down().unwrap();
+            },
+            false,
+        ),
+        (
+            "stop",
+            |s| {
+                s.command(Command::EmergencyStop).unwrap();
+            },
+            false,
+        ),
+        (
+            "at rest",
+            |s| {
+                s.says(Says::Cooling);
+            },
+            false,
+        ),
+    ];
+    for ecu in BOTH {
+        for (name, step, ran) in table {
+            let mut scenario = flying(ecu);
+            step(&mut scenario);
+            assert_eq!(scenario.bench.machine.record().ran, ran, "{ecu:?} {name}");
+        }
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        assert!(!scenario.bench.machine.record().ran, "{ecu:?}: a start is no run");
+    }
+}
+
+/// Resets in a row without a source are counted; one word ends the row. From the third the engine is resumed at the fail-safe
+/// stage.
+#[test]
+fn resets_without_a_source_are_counted() {
+    for ecu in BOTH {
+        for speaks_after in [None, Some(1)] {
+            let mut scenario = flying(ecu);
+            for reset in 1..=3_u8 {
+                scenario = scenario.reset(ecu.config());
+                assert_eq!(scenario.bench.machine.record().resets, reset, "{ecu:?}");
+                scenario.pass(3 * EVERY);
+                if speaks_after == Some(reset) {
+                    scenario.command(run(50)).unwrap();
+                    assert_eq!(scenario.bench.machine.record().resets, 0, "{ecu:?}");
+                    scenario = scenario.reset(ecu.config());
+                    assert_eq!(scenario.bench.machine.record().resets, 1, "{ecu:?}");
+                    break;
+                }
+            }
+            scenario.pass(3 * EVERY);
+            let expected = if speaks_after.is_none() { LossStage::FailSafe } else { LossStage::None };
+            assert_eq!(scenario.telemetry().loss, expected, "{ecu:?} {speaks_after:?}");
+        }
+    }
+}
+
+/// A reset loop of any period: with a fresh source the engine stays at its demand, without one it comes to idle, and to
+/// standby when nothing has been heard for 10 s and more.
+#[test]
+fn reset_loop_of_any_period_does_not_hold_a_demand() {
+    for ecu in BOTH {
+        for period in [60_000, 110_000, 150_000, 200_000, 290_000, 500_000, 1_050_000, 2_000_000] {
+            let mut scenario = flying(ecu);
+            let mut total = 0;
+            let mut before = 500;
+            while total < 15 * SECOND {
+                scenario.pass(period);
+                total += period;
+                for wire in scenario.sent() {
+                    let Wire::Run(tenths) = wire else { continue };
+                    // AMT counts in half percents.
+                    assert!(tenths <= before + 4, "{ecu:?} {period}: {tenths} after {before}");
+                    assert!(total < 5 * SECOND || tenths == 0, "{ecu:?} {period}: {tenths} after {total} µs");
+                    before = tenths;
+                }
+                scenario = scenario.reset(ecu.config());
+            }
+            assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {period}");
+            // The control: the source speaks after each reset, as soon as the engine is confirmed.
+            let mut scenario = flying(ecu);
+            // What is retained is what has gone out.
+            scenario.fly(run(50), Origin::Rc, 4 * EVERY);
+            for _ in 0..20 {
+                scenario = scenario.reset(ecu.config());
+                scenario.fly(run(50), Origin::Rc, period.max(110_000));
+                assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {period}");
+            }
+        }
+    }
+}
+
+/// A hand-over to PWM is resumed as ID 0, which leaves PWM in charge, until two reports say at rest: then standby. After a loss
+/// of power, too: it can only preserve.
+#[test]
+fn zk_8_a_hand_over_after_a_reset() {
+    let config = Ecu::Zk.config();
+    for reset in [Reset::Warm, Reset::PowerLost] {
+        let mut before = Scenario::ready(Ecu::Zk, config);
+        before.command(Command::HandOverToPwm).unwrap();
+        before.says(Says::Starting).says(Says::Running);
+        let memory = RetainedMemory::new();
+        memory.store(&before.bench.machine.record(), config.fingerprint());
+        let mut scenario = Scenario::after_reset(Ecu::Zk, config, memory.load(config.fingerprint(), reset));
+        scenario.says = Some(Says::Unknown);
+        scenario.introduce();
+        scenario.pass(9 * SECOND);
+        assert_eq!(scenario.sent(), [], "{reset:?}");
+        scenario.pass(51 * SECOND);
+        // Nobody commands, and nothing ends it but the engine.
+        assert_eq!(scenario.sent(), [], "{reset:?}: ID 0 only");
+        scenario.says(Says::Running).pass(60 * SECOND);
+        assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over anew");
+        scenario.silent();
+        {
+            hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+            assert_ne!(scenario.order(), Order::Standby);
+            hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+            assert_eq!(scenario.order(), Order::Standby);
+        }
+    }
+}
+
+/// What a record holds of a demand is what went out of it. The first word of its source after a reset is no move of the stick.
+#[test]
+fn the_first_word_after_a_reset_rises() {
+    for ecu in BOTH {
+        let config = ecu.config();
+        let mut scenario = Scenario::started(ecu, percent(10));
+        scenario.fly(run(10), Origin::Rc, SECOND);
+        let mut scenario = scenario.reset(config);
+        scenario.values.half_percents = 20;
+        scenario.says(Says::Running);
+        assert_eq!(scenario.order(), Order::Run(percent(10)), "{ecu:?}");
+        scenario.command(run(80)).unwrap();
+        let from = scenario.now();
+        while scenario.order() != Order::Run(percent(80)) {
+            let most = 100 + (scenario.now() - from) / 2_000 + 10;
+            assert!(u64::from(scenario.tenths()) <= most, "{ecu:?}: {} of {most}", scenario.tenths());
+            scenario.fly(run(80), Origin::Rc, EVERY);
+        }
+        assert!(scenario.now() >= from + 1_300_000, "{ecu:?}");
+        // The stick is moved: no slew is set.
+        scenario.command(run(100)).unwrap();
+        assert_eq!(scenario.tenths(), 1000, "{ecu:?}");
+    }
+}

@@ -1,0 +1,208 @@
+//! What takes two commands of standby, and what a source that is present means.
+
+use super::*;
+
+/// Two words of a slow source count within two of its own periods, to the tick, if that is longer than its age limit.
+#[test]
+fn two_words_of_a_slow_source() {
+    for ecu in BOTH {
+        for (period, between, counts) in [
+            (800_000, 1_600_000, true),
+            (800_000, 1_600_001, false),
+            (400_000, 1_000_000, true),
+            (400_000, 1_000_001, false),
+        ] {
+            let mut scenario = Scenario::with(ecu, ecu.config());
+            scenario.says(Says::Standby).pass(2 * SECOND);
+            let fly = |scenario: &mut Scenario, command, times| {
+                for _ in 0..times {
+                    let _ = scenario.command_from(command, Origin::Mavlink);
+                    scenario.pass(period);
+                }
+            };
+            scenario.command(Command::Arm).unwrap();
+            fly(&mut scenario, Command::Standby, 4);
+            fly(&mut scenario, run(0), 1);
+            scenario.says = Some(Says::Starting);
+            fly(&mut scenario, run(0), 1);
+            scenario.says = Some(Says::Running);
+            fly(&mut scenario, run(50), 6);
+            assert_eq!(scenario.tenths(), 500, "{ecu:?}");
+            let first = scenario.command_from(Command::Standby, Origin::Mavlink);
+            assert_eq!(first, Ok(Accepted::OneMore));
+            scenario.pass(between);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: a word that stays alone is none");
+            let answer = scenario.command_from(Command::Standby, Origin::Mavlink);
+            let expected = if counts { Accepted::InForce } else { Accepted::OneMore };
+            assert_eq!(answer, Ok(expected), "{ecu:?} {period} {between}");
+            assert_eq!(scenario.order() == Order::Standby, counts);
+        }
+    }
+}
+
+/// One explicit order of a person shuts an engine down, whoever is in control, and permits no start. Streams do not bring it
+/// back.
+#[test]
+fn shut_down_is_one_order() {
+    for ecu in BOTH {
+        for origin in Origin::SOURCES {
+            let mut scenario = flying(ecu);
+            assert_eq!(scenario.command_from(Command::ShutDown, origin), Ok(Accepted::InForce));
+            let ordered = scenario.telemetry().ordered;
+            assert_eq!((ordered.order, ordered.origin), (Order::Standby, origin), "{ecu:?}");
+            assert!(!scenario.bench.machine.failed());
+            scenario.says(Says::Cooling).says(Says::Standby);
+            scenario.fly(run(0), origin, 5 * SECOND);
+            assert_eq!(
+                scenario.command_from(run(0), origin),
+                Err(Rejected::StandbyFirst),
+                "{ecu:?} {origin:?}"
+            );
+            scenario.fly(run(0), Origin::Rc, 5 * SECOND);
+            assert_eq!(scenario.wire(), Wire::Standby);
+        }
+        // Not instead of a stop; also of an engine of which nothing is known yet.
+        let mut scenario = flying(ecu);
+        scenario.command(Command::EmergencyStop).unwrap();
+        assert_eq!(scenario.command(Command::ShutDown), Err(Rejected::StopLatched));
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(Command::ShutDown), Ok(Accepted::InForce));
+        scenario.says(Says::Running);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby), "{ecu:?}");
+    }
+}
+
+/// A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted its time, to
+/// the tick; not when the other comes back before.
+#[test]
+fn standby_of_a_lower_source_waits() {
+    for ecu in BOTH {
+        for (after, back_at) in [
+            (5 * SECOND, None),
+            (2 * SECOND, None),
+            (5 * SECOND, Some(1_700_000)),
+            (5 * SECOND, Some(4 * SECOND)),
+        ] {
+            let config = ecu.with(|s| s.loss.lower_standby_after = micros(after));
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            let last = scenario.now();
+            let end = last + AGE + HOLD + after;
+            let mut heard = Ok(Accepted::InForce);
+            while scenario.now() < end - PERIOD {
+                heard = scenario.command_from(Command::Standby, Origin::Mavlink);
+                if back_at.is_some_and(|at| scenario.now() >= last + at) {
+                    let _ = scenario.command(run(50));
+                }
+                scenario.pass(PERIOD);
+                assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {after} {back_at:?}");
+            }
+            scenario.to(end - 1);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {after}");
+            assert!(heard.is_ok());
+            scenario.to(end);
+            let ordered = scenario.telemetry().ordered;
+            if back_at.is_none() {
+                assert_eq!(
+                    (ordered.order, ordered.origin),
+                    (Order::Standby, Origin::Mavlink),
+                    "{ecu:?} {after}"
+                );
+            } else {
+                assert!(matches!(ordered.order, Order::Run(_)), "{ecu:?} {back_at:?}");
+            }
+        }
+    }
+}
+
+/// The same source that comes back within the time set goes on without a take-over, at the rate of a rise; to the tick. Only
+/// one that was steady before.
+#[test]
+fn a_short_gap_is_no_loss() {
+    for ecu in BOTH {
+        for (return_within, late, goes_on) in [
+            (SECOND, SECOND - 1, true),
+            (SECOND, SECOND, false),
+            (0, 0, false),
+            (3 * SECOND, 3 * SECOND - 1, true),
+        ] {
+            let config = ecu.with(|s| s.return_within = micros(return_within));
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.command(run(80)).unwrap();
+            scenario.bench.events();
+            let last = scenario.now();
+            scenario.to(last + AGE + late);
+            let expected = if goes_on { Accepted::InForce } else { Accepted::Held };
+            let before = scenario.tenths();
+            assert_eq!(scenario.command(run(80)), Ok(expected), "{ecu:?} {return_within} {late}");
+            assert_eq!(scenario.tenths(), before, "no jump");
+            let stage = scenario.telemetry().loss;
+            assert_eq!(stage == LossStage::None, goes_on, "{ecu:?} {stage:?}");
+            // At 50 % a second, from there on.
+            scenario.fly(run(80), Origin::Rc, 500_000);
+            let after = scenario.tenths();
+            let expected = if goes_on { 800.min(before + 250) } else { before };
+            assert!(after <= expected && (!goes_on || after + 10 >= expected), "{ecu:?} {before} {after}");
+            // A second gap soon after the first is none of a steady stream.
+            if goes_on {
+                scenario.pass(AGE);
+                assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
+            }
+        }
+    }
+}
+
+/// A source that is present and wants nothing: not in control, no demand held, never standby. Said by the source in control
+/// it is silence from the first such word on.
+#[test]
+fn present_is_silence_and_no_standby() {
+    for ecu in BOTH {
+        // In control: the stages of loss begin at once, and repeating it does not begin them anew.
+        let mut scenario = flying(ecu);
+        let from = scenario.now();
+        assert_eq!(scenario.command(Command::Present), Ok(Accepted::InForce));
+        assert_eq!((scenario.telemetry().loss, scenario.order()), (LossStage::Hold, Order::Run(percent(50))));
+        scenario.fly(Command::Present, Origin::Rc, 100 * SECOND);
+        assert_eq!(stages(&mut scenario), [(from, LossStage::Hold), (from + HOLD, LossStage::FailSafe)]);
+        assert_eq!(scenario.wire(), Wire::Run(0), "{ecu:?}: never standby");
+        // Another takes over from it as from one that is silent, and is not behind it.
+        let mut scenario = flying(ecu);
+        for _ in 0..40 {
+            scenario.command(Command::Present).unwrap();
+            let answer = scenario.command_from(run(48), Origin::Bench);
+            assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?}");
+            scenario.pass(PERIOD);
+        }
+        assert_eq!((scenario.telemetry().active_source, scenario.wire()), (Origin::Bench, Wire::Run(480)));
+        // Below or above the source in control it changes nothing.
+        for origin in [Origin::Emergency, Origin::Bench] {
+            let mut scenario = flying(ecu);
+            for _ in 0..20 {
+                scenario.command(run(50)).unwrap();
+                let _ = scenario.command_from(Command::Present, origin);
+                scenario.pass(PERIOD);
+            }
+            assert_eq!(
+                (scenario.telemetry().active_source, scenario.wire()),
+                (Origin::Rc, Wire::Run(500)),
+                "{ecu:?}"
+            );
+            assert_eq!(scenario.bench.event_kinds(), []);
+        }
+        // It is silence also where nothing is in force yet: standby follows when the stages of loss have run out.
+        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        assert_eq!(scenario.command(run(0)), Err(Rejected::Listening));
+        scenario.pass(PERIOD);
+        scenario.fly(Command::Present, Origin::Rc, HOLD + RUN_OUT - 1);
+        assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
+        scenario.pass(1);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+        // It is no standby: no start follows it.
+        let mut scenario = Scenario::with(ecu, ecu.config());
+        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.fly(Command::Present, Origin::Rc, 2 * SECOND);
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
+    }
+}

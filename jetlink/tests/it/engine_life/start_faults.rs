@@ -1,0 +1,132 @@
+//! Faults in a start.
+
+use super::*;
+
+/// Two error sets end a start, whatever the exhaust says: its ECU could start the engine again when the fault clears. One odd
+/// set ends nothing.
+#[test]
+fn amt_8_two_error_sets_end_a_start() {
+    for says in [Says::Standby, Says::Starting] {
+        for (sets, fault, egt, over) in
+            [(1, 1, 26, false), (2, 1, 26, true), (2, 1 << 3, 26, true), (2, 1, 500, true)]
+        {
+            let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+            assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+            scenario.says(says);
+            for i in 1..=20 {
+                scenario.values.egt = 26 + (egt - 26) * i / 20;
+                scenario.fly(run(0), Origin::Rc, EVERY);
+            }
+            scenario.bench.events();
+            scenario.values.fault = fault;
+            scenario.fly(run(0), Origin::Rc, sets * EVERY);
+            let expected = if over { vec![End::FaultInStart] } else { vec![] };
+            assert_eq!(ends(&mut scenario), expected, "{says:?} {sets} sets, fault {fault}, {egt} °C");
+            // It stays so when the fault clears.
+            scenario.values.fault = 0;
+            scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+            assert_eq!(
+                scenario.order() == Order::Standby,
+                over,
+                "{says:?} {sets} sets, fault {fault}, {egt} °C"
+            );
+        }
+    }
+}
+
+/// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
+/// end it. One that had reached running before the reset is an engine in flight.
+#[test]
+fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
+    for (reached, faults) in [(false, false), (false, true), (true, true)] {
+        let config = Ecu::Amt.config();
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        if reached {
+            scenario.says(Says::Running).fly(run(20), Origin::Rc, 2 * SECOND);
+        }
+        let mut scenario = scenario.reset(config);
+        scenario.values.egt = 500;
+        scenario.says(Says::Unknown).fly(run(20), Origin::Rc, SECOND);
+        let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
+        assert_eq!(scenario.order(), order, "{reached}");
+        if faults {
+            scenario.values.fault = 1;
+            scenario.fly(run(20), Origin::Rc, 2 * EVERY);
+        } else {
+            // The time of a start.
+            scenario.fly(run(20), Origin::Rc, 116 * SECOND);
+            assert_eq!(scenario.order(), order);
+            scenario.fly(run(20), Origin::Rc, 4 * SECOND);
+        }
+        assert_eq!(scenario.order() == Order::Standby, !reached, "{reached} {faults}");
+    }
+}
+
+/// A start is ended by one word of its source, also where that has been silent for longer than its age limit.
+#[test]
+fn one_word_of_a_source_that_was_lost_ends_a_start() {
+    for ecu in BOTH {
+        for (says, origin, ended) in [
+            (Says::Standby, Origin::Rc, true),
+            (Says::Starting, Origin::Rc, true),
+            (Says::Running, Origin::Rc, false),
+            (Says::Starting, Origin::Mavlink, true),
+        ] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(run(0)).unwrap();
+            scenario.says(says).pass(2 * AGE);
+            let _ = scenario.command_from(Command::Standby, origin);
+            assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {says:?} {origin:?}");
+        }
+        // Below a source that is there it changes nothing.
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.says(Says::Starting);
+        assert_eq!(
+            scenario.command_from(Command::Standby, Origin::Mavlink),
+            Ok(Accepted::Behind(Origin::Rc))
+        );
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// With error sets only a demand rises while the exhaust burns, and not while it cools, however slowly.
+#[test]
+fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
+    let table: [(Egt, u16); 3] =
+        [(|_| 500, 800), (|t| 500 - (t / 200_000) as i32, 500), (|t| 500 + (t / 200_000) as i32, 800)];
+    for (egt, tenths) in table {
+        let mut scenario = with_faults(10 * SECOND, 1, run(50), egt);
+        let from = scenario.now();
+        while scenario.now() < from + 10 * SECOND {
+            scenario.values.egt = egt(10 * SECOND + scenario.now() - from);
+            let _ = scenario.command(run(80));
+            scenario.pass(EVERY);
+        }
+        assert_eq!(scenario.wire(), Wire::Run(tenths));
+    }
+}
+
+/// A shaft that coasts beside a cleared start is no verdict; with an exhaust that does not burn it is, in two sets, before the
+/// ECU can start the engine again.
+#[test]
+fn amt_start_clearance_with_a_cold_exhaust_ends_a_life() {
+    for (egt, ended) in [(500, false), (26, true)] {
+        let mut scenario = flying(Ecu::Amt);
+        for i in 1..=40 {
+            scenario.values.egt = 26 + (egt - 26) * i / 40;
+            let _ = scenario.command(run(50));
+            scenario.pass(EVERY);
+        }
+        for _ in 0..2 {
+            scenario.command(run(50)).unwrap();
+            let mut frame = report(Ecu::Amt, 0b00001, TURNING);
+            frame[3] = u8::try_from((egt + 50) * 10 / 46).unwrap();
+            hear(&mut scenario, &frame);
+        }
+        assert_eq!(scenario.order() == Order::Standby, ended, "{egt} °C");
+        assert_eq!(ends(&mut scenario), if ended { vec![End::AtRest] } else { vec![] });
+    }
+}

@@ -1,0 +1,127 @@
+//! What is a gap in the status of a ZK ECU, and what is not.
+
+use super::*;
+
+/// A ZK ECU that says 100 Hz and answers at the host's 20 Hz (ZK-10): its frames are no gaps.
+#[test]
+fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
+    let mut scenario = flying(Ecu::Zk, 60);
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 4 << 2 | 2]));
+    }
+    scenario.fly(run(60), Origin::Rc, 12 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(60)), "a frame every 50 ms, and the engine runs");
+}
+
+/// "Damaged frames that keep the beat (bursts of a frame's length when due, no break) are no gap, for 10 s at most, on
+/// either protocol": at every rate that the line carries (ZK-11).
+#[test]
+fn zk_11_damaged_frames_that_keep_the_beat_are_no_gap_at_any_rate() {
+    use jetlink::config::EngineConfig;
+    use jetlink::ecu::zk::codec::Rate;
+    use jetlink::line::Line;
+    for (baud, rate, code, every) in
+        [(2400, Rate::Hz20, 0, 50_000), (4800, Rate::Hz50, 1, 20_000), (9600, Rate::Hz100, 2, 10_000)]
+    {
+        let config = EngineConfig::zk("z", 0, Line::new(baud), rate);
+        let byte = 10_000_000 / u64::from(baud) + 1;
+        let mut scenario = Scenario::nothing_heard(Ecu::Zk, config);
+        let mut at = every;
+        let mut send = |scenario: &mut Scenario, frame: [u8; 7]| {
+            for (n, byte_out) in (1..).zip(frame) {
+                scenario.bench.rx(at + n * byte, &[byte_out]);
+            }
+            at += every;
+        };
+        let info = [zk_frames::status(8, 0, [5, 0, 0]), zk_frames::status(6, 0, [160, 0, 5 << 2 | code])];
+        for _ in 0..2 {
+            info.iter().for_each(|frame| send(&mut scenario, *frame));
+        }
+        for _ in 0..400 {
+            send(&mut scenario, zk_frames::status(1, 0, [1, 1 << 5, 76]));
+        }
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{rate:?}");
+        for state in [3, 11] {
+            for _ in 0..10 {
+                let _ = scenario.command(run(0));
+                send(&mut scenario, zk_frames::status(1, TURNING, [state, 2 << 5, 76]));
+            }
+        }
+        assert_eq!(scenario.telemetry().in_doubt, None, "{rate:?}");
+        let mut doubts = 0;
+        for _ in 0..2_000_000 / every {
+            let _ = scenario.command(run(0));
+            let mut frame = zk_frames::status(1, TURNING, [11, 2 << 5, 76]);
+            frame[4] ^= 0x55;
+            send(&mut scenario, frame);
+            doubts += u32::from(scenario.telemetry().in_doubt.is_some());
+        }
+        assert_eq!(doubts, 0, "{rate:?} at {baud} baud: in doubt at so many frames of 2 s of noise");
+    }
+}
+
+/// A status rate that is changed in flight, or on a link that came back: frames at the new rate are no gaps.
+#[test]
+fn frames_at_a_new_status_rate_are_no_gaps() {
+    let mut scenario = flying(Ecu::Zk, 60);
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
+    }
+    // At 100 Hz until it is told 20 Hz.
+    scenario.bench.frames();
+    let mut doubt = 0;
+    let mut slow = false;
+    for n in 0..200 {
+        let _ = scenario.command(run(60));
+        scenario.silent().pass(if slow { 50_000 } else { 10_000 });
+        slow |= scenario.bench.bytes().iter().any(|frame| frame[..] == zk_frames::action(7));
+        let frame = match n % 9 {
+            8 => zk_frames::status(6, TURNING, [160, 0, 5 << 2 | if slow { 0 } else { 2 }]),
+            0 => zk_frames::status(1, TURNING, [11, 2 << 5, 76]),
+            _ => zk_frames::status(9, TURNING, [70, 0, 0]),
+        };
+        scenario.bench.receive(&frame);
+        doubt += u32::from(scenario.telemetry().in_doubt.is_some());
+    }
+    assert_eq!(doubt, 0, "in doubt at so many frames");
+}
+
+/// "Doubt begins with a gap": a rate that one report says makes none.
+#[test]
+fn one_report_of_a_false_rate_raises_no_doubt() {
+    // One status ID 6 with a good CRC and another rate: "two agreeing reports" for what decides about a gap.
+    let mut scenario = flying(Ecu::Zk, 60);
+    scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
+    scenario.command(run(60)).unwrap();
+    scenario.pass(3 * EVERY);
+    assert_eq!(scenario.telemetry().in_doubt, None);
+}
+
+/// "Damaged frames that keep the beat ... are no gap, for 10 s at most": in rpm mode, too, the demand goes out meanwhile, or
+/// telemetry says that it does not.
+#[test]
+fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
+    scenario.silent();
+    let mut late = 0;
+    for n in 0..40 {
+        if n == 20 {
+            scenario.bench.frames();
+        }
+        let _ = scenario.command(Command::Run(rpm(60_000)));
+        scenario.pass(EVERY);
+        let mut frame = zk_frames::status(1, TURNING, [11, 2 << 5, 76]);
+        frame[4] ^= 0x55;
+        scenario.bench.receive(&frame);
+        late += u32::from(n >= 20 && scenario.telemetry().in_doubt.is_none());
+    }
+    let out = scenario.bench.bytes().iter().filter(|frame| frame[1] >> 4 == 7).count();
+    assert!(
+        out > 0 || late == 0,
+        "no ID 7 in the second second, not in doubt at {late} of 20 frames: {:?}",
+        scenario.order()
+    );
+}

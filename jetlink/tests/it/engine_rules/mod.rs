@@ -1,0 +1,79 @@
+//! The rules of docs/failsafe.md, held against commands, reports, gaps and resets in unusual sequences. Each test quotes its rule.
+
+mod any_sequence;
+mod demands;
+mod doubt;
+mod gaps;
+mod lives;
+mod losses_over_resets;
+mod pump;
+mod pwm;
+mod sources;
+mod starts;
+
+use jetlink::command::{Accepted, Command, Demand, Order, Origin};
+use jetlink::ecu::{Service, zk};
+use jetlink::engine::Engine;
+use jetlink::telemetry::Telemetry;
+use jetlink::units::Throttle;
+
+use crate::support::bench::us;
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use crate::support::scenario::{
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, percent, rpm, run,
+};
+
+/// Runs at this throttle under RC; nothing is left from before.
+fn flying(ecu: Ecu, whole: u8) -> Scenario {
+    let mut scenario = Scenario::started(ecu, percent(whole));
+    scenario.values.half_percents = whole * 2;
+    let _ = scenario.command(run(whole));
+    scenario.pass(2 * EVERY);
+    let _ = scenario.command(run(whole));
+    scenario.sent();
+    scenario.bench.events();
+    scenario
+}
+
+fn hear(scenario: &mut Scenario, frame: &[u8]) {
+    scenario.silent().pass(EVERY);
+    scenario.bench.receive(frame);
+}
+
+/// Two sources say their words every 0.1 s.
+fn both(scenario: &mut Scenario, words: &[(Command, Origin)], micros: u64) {
+    let end = scenario.now() + micros;
+    while scenario.now() < end {
+        for (command, origin) in words {
+            let _ = scenario.command_from(*command, *origin);
+        }
+        let next = (scenario.now() + PERIOD).min(end);
+        scenario.to(next);
+    }
+}
+
+/// A ZK ECU that sends the whole cycle of its IDs.
+fn zk_cycle(scenario: &mut Scenario, state: u8, shaft: u32, throttle: u8, micros: u64) {
+    scenario.silent();
+    let end = scenario.now() + micros;
+    let mut n = 0;
+    while scenario.now() < end {
+        scenario.pass(EVERY);
+        let frame = match n % 5 {
+            0 | 2 => zk_frames::status(1, shaft, [state, 2 << 5, 76]),
+            1 => zk_frames::status(6, shaft, [160, 0, 5 << 2]),
+            3 => zk_frames::status(3, shaft, [throttle, 0, 0]),
+            _ => zk_frames::status(8, shaft, [5, 0, 0]),
+        };
+        scenario.bench.receive(&frame);
+        n += 1;
+    }
+}
+
+fn runs_in(sent: &[Wire]) -> Vec<u16> {
+    sent.iter().filter_map(|wire| if let Wire::Run(tenths) = wire { Some(*tenths) } else { None }).collect()
+}
+
+fn action(action: zk::codec::Action) -> Command {
+    Command::Service(Service::Zk(zk::config::Service::Action(action)))
+}

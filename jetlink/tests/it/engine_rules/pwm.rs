@@ -1,0 +1,75 @@
+//! Hand-over to the PWM input.
+
+use super::*;
+
+/// "A hand-over ... counts as a start", "ends when its source is lost or no longer in control": the permission of a source
+/// that has been lost for 10 min.
+#[test]
+fn a_source_that_was_lost_has_no_permission_to_hand_over() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.pass(600 * SECOND);
+    let run_answer = scenario.would_answer(run(0));
+    assert_ne!(run_answer, Ok(Accepted::InForce), "a run is not obeyed");
+    assert_ne!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce), "run: {run_answer:?}");
+}
+
+/// "After a reset with a whole record it becomes ID 0, which leaves PWM in charge, until two reports say at rest".
+#[test]
+fn a_hand_over_becomes_id_0_after_a_reset() {
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::ready(Ecu::Zk, config);
+    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.command(Command::HandOverToPwm).unwrap();
+    for says in [Says::Starting, Says::Running] {
+        scenario.says(says);
+    }
+    scenario.pass(2 * SECOND);
+    let mut scenario = scenario.reset(config);
+    scenario.bench.frames();
+    scenario.pass(5 * SECOND);
+    let sent = scenario.sent();
+    assert!(!sent.contains(&Wire::Pwm), "{} frames of SW 0", sent.len());
+}
+
+/// A brown-out under PWM: nobody commanded the engine over the wire, and jetlink takes it and brings it to idle.
+#[test]
+fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::ready(Ecu::Zk, config);
+    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.command(Command::HandOverToPwm).unwrap();
+    for says in [Says::Starting, Says::Running] {
+        scenario.says(says);
+    }
+    let kept = scenario.bench.machine.record().without_start();
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(kept));
+    scenario.says = Some(Says::Running);
+    scenario.introduce();
+    scenario.bench.receive(&zk_frames::status(3, TURNING, [70, 0, 0]));
+    scenario.bench.frames();
+    scenario.pass(6 * SECOND);
+    assert_eq!(runs_in(&scenario.sent()), [] as [u16; 0], "the pilot's PWM is overruled");
+}
+
+/// "A lower source's streamed standby ends a run that another began only when the stages of loss have reached fail-safe and
+/// a set time (default 5 s) has passed": an engine that RC handed over to PWM, a minute into its flight.
+#[test]
+fn a_lower_sources_standby_ends_a_hand_over_only_after_5_s() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.command(Command::HandOverToPwm).unwrap();
+    for says in [Says::Starting, Says::Running] {
+        scenario.says = Some(says);
+        scenario.fly(Command::Present, Origin::Rc, 10 * SECOND);
+    }
+    scenario.fly(Command::Present, Origin::Rc, 60 * SECOND);
+    assert_eq!(scenario.order(), Order::Pwm);
+    let words = [(Command::Present, Origin::Rc), (Command::Standby, Origin::Mavlink)];
+    let from = scenario.now();
+    while scenario.order() != Order::Standby && scenario.now() < from + 10 * SECOND {
+        both(&mut scenario, &words, PERIOD);
+    }
+    let after = scenario.now() - from;
+    assert!(after > 5 * SECOND, "shut down {} ms after MAVLink began to stream standby", after / 1000);
+}

@@ -1,0 +1,67 @@
+//! What a lower source, or a stray command, may end.
+
+use super::*;
+
+/// "A lower source's streamed standby ends a run that another began only when the stages of loss have reached fail-safe and
+/// a set time (default 5 s) has passed": after a brown-out, with nothing heard of the ECU for a second.
+#[test]
+fn after_a_brown_out_a_lower_sources_standby_waits_for_the_stages_of_loss() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu, 60);
+        both(&mut scenario, &[(run(60), Origin::Rc), (Command::Standby, Origin::Mavlink)], 2 * SECOND);
+        let kept = scenario.bench.machine.record().without_start();
+        assert!(kept.ran);
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
+        // Nothing from the ECU yet; RC's receiver boots for 1.5 s.
+        both(&mut scenario, &[(Command::Standby, Origin::Mavlink)], 15 * SECOND / 10);
+        assert_ne!(scenario.order(), Order::Standby, "{ecu:?}: 1.5 s after the brown-out");
+    }
+}
+
+/// "To shut an engine down takes two words within that source's age limit": of the highest source, after a brown-out. The
+/// emergency input is lower than nobody.
+#[test]
+fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
+    for ecu in BOTH {
+        let kept = flying(ecu, 60).bench.machine.record().without_start();
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
+        scenario.values.half_percents = 120;
+        scenario.says = Some(Says::Running);
+        scenario.introduce();
+        if ecu == Ecu::Zk {
+            scenario.bench.receive(&zk_frames::status(3, TURNING, [60, 0, 0]));
+        }
+        scenario.pass(12 * SECOND / 10);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
+        scenario.fly(Command::Standby, Origin::Emergency, SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: 10 words of standby");
+    }
+}
+
+/// "A single stray word of a lost stream does not": two, 5 s apart, of a source that was lost.
+#[test]
+fn two_stray_standbys_5_s_apart_shut_nothing_down() {
+    let mut scenario = flying(Ecu::Zk, 60);
+    // The wire from the ECU is cut; the source goes on for 12 s.
+    scenario.silent().fly(run(60), Origin::Rc, 12 * SECOND);
+    scenario.pass(4 * SECOND);
+    let _ = scenario.command(Command::Standby);
+    scenario.pass(5 * SECOND);
+    let _ = scenario.command(Command::Standby);
+    assert_ne!(scenario.order(), Order::Standby);
+}
+
+/// Commands come before the runner begins: what RC's run was is in the record, and a lower source's standby does not end it.
+#[test]
+fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
+    let kept = flying(Ecu::Zk, 60).bench.machine.record();
+    let config = Ecu::Zk.config();
+    let mut engine = Engine::new(&config);
+    engine.keep(Some(kept));
+    for n in 1..20 {
+        let _ = engine.command(us(n * PERIOD), Command::Standby, Origin::Mavlink, true);
+    }
+    engine.start(us(2 * SECOND), None);
+    let order = engine.telemetry(us(2 * SECOND)).ordered.order;
+    assert_ne!(order, Order::Standby, "the record: {kept:?}");
+}

@@ -1,0 +1,273 @@
+//! Which source is in control.
+
+use super::*;
+
+/// The highest source that is fresh rules; those below it are told who does, and change nothing.
+#[test]
+fn the_highest_fresh_source_rules() {
+    for ecu in BOTH {
+        for lower in [Origin::Mavlink, Origin::Bench] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            for (command, answer) in [
+                (run(20), Accepted::Behind(Origin::Rc)),
+                (Command::Standby, Accepted::OneMore),
+                (Command::Standby, Accepted::Behind(Origin::Rc)),
+            ] {
+                assert_eq!(scenario.command_from(command, lower), Ok(answer), "{command:?}");
+            }
+            assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+            assert_eq!(scenario.telemetry().active_source, Origin::Rc);
+            assert_eq!(scenario.bench.event_kinds(), [], "{ecu:?}");
+            // What is done once cannot wait.
+            let service = match ecu {
+                Ecu::Amt => Service::Amt(amt::config::Service::Ctf),
+                Ecu::Zk => Service::Zk(zk::config::Service::Action(zk::codec::Action::Rate50Hz)),
+            };
+            for command in [Command::HandOverToPwm, Command::Service(service)] {
+                assert_eq!(scenario.command_from(command, lower), Err(Rejected::Behind(Origin::Rc)));
+            }
+            scenario.pass(5 * SECOND);
+            assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(_))), "{ecu:?}");
+        }
+        // A higher one takes over.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.command_from(run(52), Origin::Emergency).unwrap();
+        assert_eq!(scenario.telemetry().active_source, Origin::Emergency);
+        // 2 % at 50 % a second.
+        scenario.pass(40_000);
+        let telemetry = scenario.telemetry();
+        assert_eq!(
+            (telemetry.active_source, telemetry.ordered.order),
+            (Origin::Emergency, Order::Run(percent(52)))
+        );
+        assert_eq!(scenario.command(run(50)), Ok(Accepted::Behind(Origin::Emergency)));
+    }
+}
+
+/// Each source has its own age limit, to the tick.
+#[test]
+fn each_source_has_its_own_age() {
+    let limits = [
+        (Origin::Emergency, 300_000),
+        (Origin::Rc, 450_000),
+        (Origin::Mavlink, 1_200_000),
+        (Origin::Bench, 700_001),
+    ];
+    for ecu in BOTH {
+        for (origin, limit) in limits {
+            let config = ecu.with(|s| {
+                s.ages.emergency = micros(300_000);
+                s.ages.rc = micros(450_000);
+                s.ages.mavlink = micros(1_200_000);
+                s.ages.bench = micros(700_001);
+            });
+            let mut scenario = Scenario::ready(ecu, config);
+            scenario.pass(5 * SECOND);
+            // One that was silent has to speak for a second first.
+            scenario.fly(Command::Standby, origin, SECOND + PERIOD);
+            assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
+            scenario.says(Says::Starting);
+            scenario.command_from(run(0), origin).unwrap();
+            scenario.says(Says::Running);
+            scenario.command_from(run(40), origin).unwrap();
+            let last = scenario.now();
+            scenario.to(last + limit - 1);
+            assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?} {origin:?}");
+            scenario.to(last + limit);
+            let telemetry = scenario.telemetry();
+            assert_eq!(
+                (telemetry.loss, telemetry.active_source),
+                (LossStage::Hold, origin),
+                "{ecu:?} {origin:?}"
+            );
+            assert_eq!(telemetry.source_last_rx, Some(us(last)));
+        }
+    }
+}
+
+/// A source far from the throttle in force is held off until it comes within the band, or has waited.
+#[test]
+fn taking_over_is_bumpless() {
+    for ecu in BOTH {
+        // Close at once: at once.
+        for close in [45, 50, 55] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            let answer = scenario.command_from(run(close), Origin::Emergency);
+            assert_eq!(answer, Ok(Accepted::InForce), "{close}");
+            assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
+            // Down at once, up at 50 % a second.
+            assert_eq!(scenario.tenths(), 500.min(u16::from(close) * 10), "{ecu:?}");
+            scenario.pass(PERIOD);
+            assert_eq!(scenario.order(), Order::Run(percent(close)), "{ecu:?}");
+        }
+        // Far: held, and the throttle in force with it, until it has come close.
+        for (far, close) in [(90, 55), (10, 45)] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            assert_eq!(scenario.command_from(run(far), Origin::Emergency), Ok(Accepted::Held));
+            scenario.fly(run(far), Origin::Emergency, SECOND);
+            assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+            let telemetry = scenario.telemetry();
+            assert_eq!(
+                (telemetry.active_source, telemetry.waiting),
+                (Origin::Rc, Some(Origin::Emergency)),
+                "{ecu:?}"
+            );
+            scenario.command_from(run(close), Origin::Emergency).unwrap();
+            assert_eq!(scenario.telemetry().waiting, None);
+            assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
+            scenario.pass(PERIOD);
+            assert_eq!(scenario.order(), Order::Run(percent(close)));
+            scenario.command_from(run(far), Origin::Emergency).unwrap();
+            assert_eq!(scenario.order(), Order::Run(percent(far)), "it rules now");
+        }
+        // Far, and it stays there: after the time, to the tick.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let from = scenario.now();
+        scenario.fly(run(90), Origin::Emergency, 2 * SECOND - 1);
+        assert_eq!(scenario.tenths(), 500);
+        scenario.to(from + 2 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Emergency));
+        assert_eq!(rulers(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
+        // 40 % at 50 % a second.
+        scenario.fly(run(90), Origin::Emergency, 800_000 - 1);
+        assert!((880..900).contains(&scenario.tenths()), "{}", scenario.tenths());
+        scenario.to(from + 2_800_000);
+        assert_eq!((scenario.tenths(), scenario.wire()), (900, Wire::Run(900)));
+        // The band to its edge, in tenths.
+        for (demand, takes) in [(550, true), (551, false), (450, true), (449, false)] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.command_from(Command::Run(tenths(demand)), Origin::Emergency).unwrap();
+            assert_eq!(scenario.telemetry().active_source == Origin::Emergency, takes, "{ecu:?} {demand}");
+        }
+    }
+    // A throttle and an rpm are never close.
+    let mut scenario = Scenario::started(Ecu::Zk, percent(50));
+    assert_eq!(scenario.command_from(Command::Run(rpm(80_000)), Origin::Emergency), Ok(Accepted::Held));
+    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, 2 * SECOND - EVERY);
+    assert_eq!(scenario.order(), Order::Run(percent(50)));
+    // From the 12 000 rpm that the ECU reports, at 50 % of 160 000 rpm a second.
+    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, EVERY + 850_000);
+    assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
+}
+
+/// When the source that rules falls silent, the next one that speaks takes over in the same way: no stage of loss.
+#[test]
+fn the_next_source_takes_over_from_one_that_is_lost() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let last = scenario.now();
+        scenario.fly(run(30), Origin::Mavlink, AGE + 2 * SECOND - 1);
+        assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Rc), "{ecu:?}");
+        scenario.to(last + AGE + 2 * SECOND);
+        assert_eq!(
+            (scenario.tenths(), scenario.telemetry().active_source),
+            (300, Origin::Mavlink),
+            "{ecu:?}"
+        );
+        assert_eq!(stages(&mut scenario), []);
+    }
+}
+
+/// A source that waits to take over while the stages of loss run leaves no deadline behind it: the bench panics if
+/// the engine wants to be woken in the past.
+#[test]
+fn a_source_that_waits_while_another_is_lost() {
+    for ecu in BOTH {
+        for standby_after in [None, Some(micros(SECOND))] {
+            let config = ecu.with(|s| s.loss.standby_after = standby_after);
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            let last = scenario.now();
+            scenario.pass(AGE + 300_000);
+            assert_eq!(scenario.telemetry().loss, LossStage::Hold);
+            let speaks = scenario.now();
+            scenario.fly(run(10), Origin::Mavlink, 3 * SECOND);
+            assert_eq!(scenario.tenths(), 100, "{ecu:?}");
+            let stages = stages(&mut scenario);
+            assert_eq!(stages, [(last + AGE, LossStage::Hold), (speaks + 2 * SECOND, LossStage::None)]);
+        }
+    }
+}
+
+/// What the ruling source, or a higher one, is refused does not change the throttle, nor keep it fresh.
+#[test]
+fn a_refused_demand_changes_nothing() {
+    for ecu in BOTH {
+        let impossible = Command::Run(rpm(100_000));
+        let why = match ecu {
+            Ecu::Amt => Rejected::NoSpeedControl,
+            Ecu::Zk => Rejected::NeedsVersion { needed: 4, known: Some(3) },
+        };
+        for origin in [Origin::Rc, Origin::Emergency, Origin::Bench] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.introduce_version(3);
+            let last = scenario.now();
+            for _ in 0..4 {
+                assert_eq!(scenario.command_from(impossible, origin), Err(why), "{ecu:?} {origin:?}");
+                assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {origin:?}");
+                scenario.pass(PERIOD);
+            }
+            assert_eq!(scenario.wire(), Wire::Run(500));
+            assert_eq!(stages(&mut scenario), [(last + AGE, LossStage::Hold)], "{ecu:?} {origin:?}");
+        }
+    }
+}
+
+/// Standby of the source that rules is obeyed at its second word within the age limit, to the tick. A single word changes
+/// nothing, and does not become standby later.
+#[test]
+fn standby_is_obeyed_at_the_second_word() {
+    for ecu in BOTH {
+        for (between, obeyed) in [(0, true), (PERIOD, true), (AGE, true), (AGE + 1, false)] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.order(), Order::Run(percent(50)));
+            scenario.pass(between);
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {between}");
+            let expected = if obeyed { Accepted::InForce } else { Accepted::OneMore };
+            assert_eq!(scenario.command(Command::Standby), Ok(expected), "{between}");
+            let ordered = scenario.telemetry().ordered;
+            if obeyed {
+                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Rc));
+                assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+            } else {
+                assert_eq!((ordered.order, scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
+            }
+        }
+        // Another word between the two takes the first back.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        for _ in 0..20 {
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            scenario.command(run(50)).unwrap();
+            scenario.pass(PERIOD);
+        }
+        assert_eq!(scenario.wire(), Wire::Run(500), "{ecu:?}");
+    }
+}
+
+/// So is the standby of a source above the one that rules, whether it spoke before or not.
+#[test]
+fn two_words_of_standby_of_a_source_above_shut_down() {
+    for ecu in BOTH {
+        for before in [None, Some(run(50))] {
+            // At its age limit it is lost.
+            for between in [0, PERIOD, AGE - 1] {
+                let mut scenario = Scenario::started(ecu, percent(50));
+                if let Some(command) = before {
+                    scenario.command_from(command, Origin::Emergency).unwrap();
+                }
+                let ruler = scenario.telemetry().active_source;
+                assert_eq!(scenario.command_from(Command::Standby, Origin::Emergency), Ok(Accepted::OneMore));
+                assert_eq!(
+                    (scenario.order(), scenario.telemetry().active_source),
+                    (Order::Run(percent(50)), ruler)
+                );
+                scenario.pass(between);
+                let answer = scenario.command_from(Command::Standby, Origin::Emergency);
+                assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?} {before:?} {between}");
+                let ordered = scenario.telemetry().ordered;
+                assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Emergency));
+                assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! The stages of loss.
+
+use super::*;
+
+fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
+    Loss {
+        hold: micros(hold),
+        throttle: Throttle::from_percent(safe).unwrap(),
+        ramp,
+        standby_after: standby_after.map(micros),
+        ..Loss::DEFAULT
+    }
+}
+
+/// Hold, a ramp to the fail-safe throttle, standby: each to the tick, and told in this order.
+#[test]
+fn loss_in_stages_to_the_tick() {
+    for ecu in BOTH {
+        // 50 % to 20 % at 60 % a second: 0.5 s.
+        let config = ecu.with(|s| s.loss = loss(700_000, 20, 600, Some(900_000)));
+        let mut scenario = Scenario::started_with(ecu, config, percent(50));
+        let last = scenario.now();
+        let lost = last + AGE;
+        for (at, stage, throttle) in [
+            (lost - 1, LossStage::None, 500),
+            (lost, LossStage::Hold, 500),
+            (lost + 699_999, LossStage::Hold, 500),
+            (lost + 700_000, LossStage::FailSafe, 500),
+            (lost + 800_000, LossStage::FailSafe, 440),
+            (lost + 1_100_000, LossStage::FailSafe, 260),
+            (lost + 1_199_999, LossStage::FailSafe, 201),
+            (lost + 1_200_000, LossStage::FailSafe, 200),
+            (lost + 1_599_999, LossStage::FailSafe, 200),
+        ] {
+            scenario.to(at);
+            let telemetry = scenario.telemetry();
+            assert_eq!(telemetry.loss, stage, "{ecu:?} at {}", at - lost);
+            // The ramp moves every 20 ms.
+            assert!(scenario.tenths().abs_diff(throttle) <= 12, "{} at {}", scenario.tenths(), at - lost);
+            assert_eq!(telemetry.source_last_rx, Some(us(last)));
+        }
+        scenario.to(lost + 1_600_000);
+        let ordered = scenario.telemetry().ordered;
+        assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
+        assert_eq!(
+            stages(&mut scenario),
+            [
+                (lost, LossStage::Hold),
+                (lost + 700_000, LossStage::FailSafe),
+                (lost + 1_600_000, LossStage::Standby)
+            ],
+            "{ecu:?}"
+        );
+        assert_eq!(scenario.wire(), Wire::Standby);
+        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
+    }
+}
+
+/// By default: hold 1 s, then idle at 50 % a second, never standby.
+#[test]
+fn loss_by_default_is_idle_and_never_standby() {
+    assert_eq!(Loss::DEFAULT, loss(1_000_000, 0, 500, None));
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let lost = scenario.now() + AGE;
+        scenario.to(lost + SECOND);
+        assert_eq!(scenario.tenths(), 500);
+        scenario.to(lost + 2 * SECOND - 1);
+        assert!(scenario.tenths() > 0);
+        scenario.to(lost + 2 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
+        scenario.pass(600 * SECOND);
+        assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(0)), Wire::Run(0)));
+    }
+}
+
+/// The fail-safe throttle only ever lowers.
+#[test]
+fn the_fail_safe_throttle_never_raises() {
+    for ecu in BOTH {
+        for (demand, safe, expected) in [(50, 20, 200), (10, 20, 100), (0, 100, 0), (100, 100, 1000)] {
+            let config = ecu.with(|s| s.loss = loss(500_000, safe, 1000, None));
+            let mut scenario = Scenario::started_with(ecu, config, percent(demand));
+            for _ in 0..100 {
+                scenario.pass(PERIOD / 2);
+                assert!(scenario.tenths() <= u16::from(demand) * 10);
+            }
+            assert_eq!(scenario.tenths(), expected, "{ecu:?} {demand} {safe}");
+        }
+    }
+}
+
+/// A source that comes back has to speak for a second without a gap; then it takes over like any other.
+#[test]
+fn a_source_that_comes_back_rules_after_a_second() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.pass(10 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
+        scenario.bench.events();
+        let back = scenario.now();
+        assert_eq!(scenario.command(run(3)), Ok(Accepted::Held));
+        scenario.fly(run(3), Origin::Rc, SECOND - 1);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
+        scenario.to(back + SECOND);
+        assert_eq!(scenario.command(run(3)), Ok(Accepted::InForce));
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None), "{ecu:?}: close");
+        // 3 % at 50 % a second.
+        scenario.pass(60_000);
+        assert_eq!(scenario.tenths(), 30);
+        assert_eq!(stages(&mut scenario), [(back + SECOND, LossStage::None)]);
+
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.pass(10 * SECOND);
+        let back = scenario.now();
+        scenario.fly(run(50), Origin::Rc, 3 * SECOND - 1);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}: far, so held off for 2 s more");
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
+        scenario.to(back + 3 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None));
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        assert_eq!(scenario.tenths(), 500);
+    }
+}
+
+/// A source that is gone and back every few 100 ms: the stages go on as if it had stayed away, and the throttle
+/// never rises. Also where its first gap is too long for a short one, or where none is.
+#[test]
+fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
+    for ecu in BOTH {
+        for ((on, off), return_within) in
+            [(300_000, 600_000), (100_000, 550_000), (900_000, 501_000), (300_000, 800_000)]
+                .into_iter()
+                .flat_map(|times| [(times, 0), (times, SECOND)])
+        {
+            let config = ecu.with(|s| {
+                s.loss.standby_after = Some(micros(20 * SECOND));
+                s.return_within = micros(return_within);
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            let lost = scenario.now() + AGE;
+            scenario.pass(off.max(AGE + return_within));
+            let mut before = 500;
+            while scenario.now() < lost + 15 * SECOND {
+                scenario.fly(run(50), Origin::Rc, on);
+                // The last command came at most PERIOD before.
+                scenario.pass(off);
+                let now = scenario.tenths();
+                assert!(now <= before, "{ecu:?} {on} {off}: {now} after {before}");
+                before = now;
+            }
+            assert_eq!(before, 0, "{ecu:?} {on} {off}");
+            scenario.to(lost + 21 * SECOND);
+            assert_eq!(scenario.order(), Order::Standby);
+            assert_eq!(
+                stages(&mut scenario),
+                [
+                    (lost, LossStage::Hold),
+                    (lost + SECOND, LossStage::FailSafe),
+                    (lost + 21 * SECOND, LossStage::Standby)
+                ],
+                "{ecu:?} {on} {off}"
+            );
+        }
+        // The control: shorter gaps than the age limit are none.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        for _ in 0..20 {
+            scenario.fly(run(50), Origin::Rc, 300_000);
+            scenario.pass(350_000);
+        }
+        assert_eq!((scenario.tenths(), stages(&mut scenario)), (500, vec![]), "{ecu:?}");
+    }
+}
+
+/// A flapping higher source does not take an engine back and forth from one below that is steady.
+#[test]
+fn a_flapping_source_leaves_the_steady_one_below_alone() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.fly(run(30), Origin::Mavlink, 4 * SECOND);
+        assert_eq!((scenario.telemetry().active_source, scenario.tenths()), (Origin::Mavlink, 300));
+        scenario.bench.events();
+        for i in 0..200 {
+            scenario.command_from(run(30), Origin::Mavlink).unwrap();
+            if i % 8 < 2 {
+                assert_eq!(scenario.command(run(80)), Ok(Accepted::Held));
+            }
+            scenario.pass(PERIOD);
+            assert_eq!(scenario.tenths(), 300, "{ecu:?}");
+        }
+        assert_eq!(rulers(&mut scenario), []);
+        // The control: steady for a second, and then close or 2 s more.
+        for i in 0..41 {
+            scenario.command_from(run(30), Origin::Mavlink).unwrap();
+            scenario.command(run(80)).unwrap();
+            scenario.pass(PERIOD);
+            // Then 50 % a second.
+            assert_eq!(scenario.telemetry().active_source == Origin::Rc, i >= 29, "{ecu:?} {i}");
+            assert!(scenario.tenths() <= 300 + 50 * (i + 1_u16).saturating_sub(30) + 50, "{ecu:?} {i}");
+        }
+        assert_eq!((scenario.telemetry().active_source, scenario.tenths()), (Origin::Rc, 800), "{ecu:?}");
+    }
+}
+
+/// Each engine has its own numbers.
+#[test]
+fn the_stages_are_each_engines_own() {
+    let quick = Ecu::Zk.with(|s| s.loss = loss(0, 10, 10_000, None));
+    let slow = Ecu::Zk.with(|s| s.loss = loss(5 * SECOND, 0, 10, None));
+    let mut quick = Scenario::started_with(Ecu::Zk, quick, percent(50));
+    let mut slow = Scenario::started_with(Ecu::Zk, slow, percent(50));
+    quick.pass(SECOND);
+    slow.pass(SECOND);
+    assert_eq!((quick.tenths(), slow.tenths()), (100, 500));
+    slow.pass(14_500_000);
+    assert_eq!(slow.tenths(), 400, "1 % a second from 5.5 s on");
+}
+
+/// The ECU lost and the source lost are two things, each handled for itself.
+#[test]
+fn link_lost_and_source_lost_are_two_things() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.sent();
+        scenario.silent().fly(run(60), Origin::Rc, 3 * SECOND);
+        let telemetry = scenario.telemetry();
+        assert_eq!((telemetry.link, telemetry.loss), (LinkState::Lost, LossStage::None));
+        assert_eq!(telemetry.commanded, Some(percent(60)));
+        let Order::Doubt(demand) = scenario.order() else { panic!("{ecu:?}: {:?}", scenario.order()) };
+        scenario.sent();
+        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        assert_eq!(scenario.sent(), [], "{ecu:?}: nothing that could start an engine");
+        assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}: it does not rise");
+        scenario.says(Says::Running);
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        assert_eq!(scenario.order(), Order::Run(percent(60)), "{ecu:?}");
+
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.pass(5 * SECOND);
+        let telemetry = scenario.telemetry();
+        assert_eq!((telemetry.link, telemetry.loss), (LinkState::Up, LossStage::FailSafe));
+
+        // Both: the stages run all the same.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.silent().pass(3 * SECOND);
+        assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
+    }
+}
+
+/// In standby and under a stop there is nothing to lose.
+#[test]
+fn no_loss_without_a_demand() {
+    for ecu in BOTH {
+        for command in [Command::Standby, Command::EmergencyStop] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(command).unwrap();
+            scenario.bench.events();
+            scenario.pass(60 * SECOND);
+            assert_eq!(scenario.telemetry().loss, LossStage::None);
+            assert_eq!(scenario.bench.event_kinds(), []);
+        }
+    }
+}
+
+/// A demand is kept fresh by demands alone, not by whatever else the same source says.
+#[test]
+fn only_a_demand_keeps_a_demand_fresh() {
+    for ecu in BOTH {
+        for command in [Command::Arm, Command::ReleaseStop, Command::Disarm] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            for _ in 0..40 {
+                scenario.pass(PERIOD);
+                let _ = scenario.command(command);
+            }
+            assert_eq!(scenario.tenths(), 0, "{ecu:?} {command:?}");
+        }
+    }
+}
+
+/// An rpm demand falls to the idle rpm that the ECU gave, or to the throttle at idle if it gave none; it only lowers,
+/// and rules although the ECU has lowered its maximum since.
+#[test]
+fn loss_of_an_rpm_demand() {
+    for (demand, safe) in [(100_000, ZK_IDLE), (ZK_IDLE - 1_000, ZK_IDLE - 1_000)] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(demand));
+        scenario.pass(AGE + SECOND);
+        assert_eq!(scenario.order(), Order::Run(rpm(demand)));
+        scenario.pass(5 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(rpm(safe)), "{demand}");
+        assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
+    }
+    // 50 % of 160 000 rpm a second: 40 000 after half a second.
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+    scenario.pass(AGE + SECOND + 500_000);
+    let Order::Run(Demand::Rpm(half_way)) = scenario.order() else { panic!("{:?}", scenario.order()) };
+    assert!(half_way.get().abs_diff(60_000) <= 1_600, "{half_way:?}");
+
+    let config = Ecu::Zk.config();
+    let mut scenario = Scenario::nothing_heard(Ecu::Zk, config);
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::identity(160, 5, 0));
+    }
+    scenario.says(Says::Standby).pass(2 * SECOND);
+    scenario.command(Command::Arm).unwrap();
+    scenario.command(Command::Standby).unwrap();
+    scenario.command(run(0)).unwrap();
+    // Where no idle speed is known a tenth of the maximum has to do.
+    scenario.values.rpm = Some(ZK_MAX / 10);
+    scenario.says(Says::Starting).says(Says::Running);
+    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
+    scenario.pass(5 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(percent(0)), "no idle rpm is known");
+
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [4, 0, 5 << 2]));
+    }
+    scenario.pass(5 * SECOND);
+    let low = match scenario.order() {
+        Order::Run(Demand::Rpm(rpm)) => rpm.get() <= ZK_IDLE,
+        Order::Run(Demand::Throttle(throttle)) => throttle == Throttle::IDLE,
+        _ => false,
+    };
+    assert!(low, "{:?}", scenario.order());
+}

@@ -1,0 +1,44 @@
+//! Who rules, how another takes over, and what happens when nobody speaks. For both ECUs, to the tick.
+
+mod arbitration;
+mod loss;
+mod slew;
+
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::ecu::{Service, amt, zk};
+use jetlink::engine::Loss;
+use jetlink::event::{Event, LossStage};
+use jetlink::limit::{Action, Limit};
+use jetlink::report::LinkState;
+use jetlink::units::{Celsius, Throttle};
+
+use crate::support::bench::{micros, us};
+use crate::support::frames::zk as zk_frames;
+use crate::support::scenario::{
+    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run,
+    tenths,
+};
+
+/// RC's age limit.
+const AGE: u64 = 500_000;
+
+fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
+    scenario
+        .bench
+        .events()
+        .into_iter()
+        .filter_map(|(at, event)| if let Event::SourceLoss(stage) = event { Some((at, stage)) } else { None })
+        .collect()
+}
+
+fn rulers(scenario: &mut Scenario) -> Vec<(u64, Origin)> {
+    scenario
+        .bench
+        .events()
+        .into_iter()
+        .filter_map(
+            |(at, event)| if let Event::ActiveSource(origin) = event { Some((at, origin)) } else { None },
+        )
+        .collect()
+}

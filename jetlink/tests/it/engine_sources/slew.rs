@@ -1,0 +1,277 @@
+//! Slew limits, reductions, and what is reported of them.
+
+use super::*;
+
+/// Off by default; up and down each with its own rate, to the tick.
+#[test]
+fn slew_limits() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(20));
+        scenario.command(run(80)).unwrap();
+        assert_eq!(scenario.tenths(), 800, "off by default");
+
+        let config = ecu.with(|s| {
+            s.slew.up = Some(200);
+            s.slew.down = Some(400);
+            s.ages.rc = Duration::from_secs(60);
+        });
+        let mut scenario = Scenario::started_with(ecu, config, percent(20));
+        scenario.pass(5 * SECOND);
+        let from = scenario.now();
+        scenario.command(run(80)).unwrap();
+        assert_eq!(scenario.tenths(), 200);
+        scenario.to(from + 1_500_000);
+        assert!(scenario.tenths().abs_diff(500) <= 4, "{}", scenario.tenths());
+        scenario.to(from + 3 * SECOND - 1);
+        assert!(scenario.tenths() < 800);
+        scenario.to(from + 3 * SECOND);
+        assert_eq!(scenario.tenths(), 800, "{ecu:?}");
+        assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
+        scenario.command(run(0)).unwrap();
+        scenario.to(from + 5 * SECOND - 1);
+        assert!(scenario.tenths() > 0);
+        scenario.to(from + 5 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
+    }
+    // An rpm in the same share of the maximum: 20 % of 160 000 rpm a second.
+    let config = Ecu::Zk.with(|s| {
+        s.slew.up = Some(200);
+        s.ages.rc = Duration::from_secs(60);
+    });
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(ZK_IDLE));
+    let from = scenario.now();
+    scenario.command(Command::Run(rpm(ZK_IDLE + 64_000))).unwrap();
+    scenario.to(from + 2 * SECOND - 1);
+    assert_ne!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
+    scenario.to(from + 2 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
+}
+
+/// A slow slew delays neither a stop, nor standby, nor the fail-safe beyond its own ramp.
+#[test]
+fn slew_delays_no_stop_and_no_fail_safe() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| {
+            s.slew.up = Some(1000);
+            s.slew.down = Some(10);
+        });
+        for (command, wire) in [(Command::EmergencyStop, Wire::Stop), (Command::Standby, Wire::Standby)] {
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
+            scenario.pass(2 * EVERY);
+            assert_eq!(scenario.sent().last(), Some(&wire), "{ecu:?}");
+        }
+        let mut scenario = Scenario::started_with(ecu, config, percent(80));
+        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.tenths(), 800);
+        // The last command came 100 ms ago. 50 % a second.
+        scenario.pass(AGE - PERIOD + SECOND + 1_600_000);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+    }
+}
+
+/// Another engine of the group has failed: told, and this one left alone; or reduced, if so configured.
+#[test]
+fn the_loss_of_another_engine() {
+    for ecu in BOTH {
+        for (option, expected) in [(None, 800), (Some(600), 480), (Some(0), 0), (Some(1000), 800)] {
+            let config = ecu.with(|s| s.when_other_fails = option);
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            scenario.bench.act(|engine, now| engine.other_failed(now, true));
+            assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(1)], "{ecu:?} {option:?}");
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            assert_eq!((scenario.tenths(), scenario.wire()), (expected, Wire::Run(expected)), "{option:?}");
+            assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
+            scenario.bench.act(|engine, now| engine.other_failed(now, false));
+            assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(0)]);
+            // Back at 50 % a second.
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            assert_eq!(scenario.tenths(), 800.min(expected + 500), "{option:?}");
+            scenario.fly(run(80), Origin::Rc, SECOND);
+            assert_eq!(scenario.tenths(), 800);
+        }
+    }
+}
+
+/// An engine counts as failed when it ran and stopped, or fell silent, without a command; until standby is commanded.
+#[test]
+fn what_counts_as_failed() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        assert!(!scenario.bench.machine.failed());
+        scenario.says(Says::Cooling);
+        assert!(scenario.bench.machine.failed(), "{ecu:?}: it stopped");
+        scenario.command(Command::Standby).unwrap();
+        assert!(!scenario.bench.machine.failed());
+
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+        assert!(scenario.bench.machine.failed(), "{ecu:?}: it fell silent");
+        scenario.says(Says::Running);
+        assert!(!scenario.bench.machine.failed(), "{ecu:?}: it is back");
+
+        for command in [Command::Standby, Command::EmergencyStop] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
+            scenario.says(Says::Cooling).pass(5 * SECOND);
+            assert!(!scenario.bench.machine.failed(), "{ecu:?}: it was commanded");
+        }
+    }
+}
+
+/// A limit whose action is the fail-safe throttle holds it there until standby, whatever the source asks.
+#[test]
+fn a_limit_can_lower_the_throttle() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| {
+            s.limits.over_temperature =
+                Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
+            s.loss.throttle = Throttle::from_percent(20).unwrap();
+        });
+        let mut scenario = Scenario::started_with(ecu, config, percent(80));
+        scenario.values.egt = 720;
+        scenario.fly(run(80), Origin::Rc, 200_000);
+        scenario.values.egt = 500;
+        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        assert_eq!((scenario.tenths(), scenario.wire()), (200, Wire::Run(200)), "{ecu:?}");
+        scenario.fly(run(90), Origin::Rc, 10 * SECOND);
+        assert_eq!(scenario.tenths(), 200);
+        assert!(scenario.telemetry().limited, "{ecu:?}");
+
+        // A reset does not lift it.
+        let kept = Some(scenario.bench.machine.record());
+        let mut scenario = Scenario::after_reset(ecu, config, kept);
+        scenario.introduce();
+        scenario.says(Says::Running);
+        scenario.fly(run(90), Origin::Rc, 10 * SECOND);
+        assert_eq!(scenario.tenths(), 200, "{ecu:?}");
+        assert!(scenario.telemetry().limited);
+
+        // Standby does.
+        scenario.shut_down().unwrap();
+        assert_eq!(scenario.wire(), Wire::Standby);
+        assert!(!scenario.telemetry().limited);
+        assert!(!scenario.bench.machine.record().limited);
+    }
+}
+
+/// The reduction for an engine that failed is no slower than a fail-safe, whatever the slew, and does not wait for a
+/// take-over.
+#[test]
+fn a_reduction_does_not_wait() {
+    for ecu in BOTH {
+        for taking_over in [false, true] {
+            let config = ecu.with(|s| {
+                s.when_other_fails = Some(100);
+                s.slew.down = Some(10);
+                s.takeover.within = Duration::from_secs(10);
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(80));
+            if taking_over {
+                assert_eq!(scenario.command_from(run(90), Origin::Emergency), Ok(Accepted::Held));
+            }
+            scenario.bench.act(|engine, now| engine.other_failed(now, true));
+            assert_eq!(scenario.telemetry().others_failed, 1);
+            for _ in 0..20 {
+                scenario.command(run(80)).unwrap();
+                if taking_over {
+                    scenario.command_from(run(90), Origin::Emergency).unwrap();
+                }
+                scenario.pass(PERIOD);
+            }
+            // 72 % at 50 % a second.
+            assert_eq!(scenario.tenths(), 80, "{ecu:?} {taking_over}");
+        }
+    }
+}
+
+/// A slew holds for a demand of the other kind, too: it rises from what the ECU reports.
+#[test]
+fn slew_limits_a_demand_of_the_other_kind() {
+    let config = Ecu::Zk.with(|s| s.slew.up = Some(100));
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(0));
+    scenario.values.rpm = Some(50_000);
+    scenario.fly(run(0), Origin::Rc, SECOND);
+    let asked = Command::Run(rpm(ZK_MAX));
+    scenario.command(asked).unwrap();
+    assert_eq!(scenario.order(), Order::Run(rpm(50_000)));
+    scenario.fly(asked, Origin::Rc, SECOND);
+    // 10 % of 160 000 rpm.
+    assert_eq!(scenario.order(), Order::Run(rpm(66_000)));
+}
+
+/// Who rules is told when it changes, also while the engine stands, and is who the others wait for.
+#[test]
+fn who_rules_is_told_in_standby() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::with(ecu, ecu.config());
+        scenario.says(Says::Standby);
+        scenario.bench.events();
+        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        let rc_from = scenario.now();
+        scenario.fly(run(50), Origin::Rc, SECOND);
+        let answer = scenario.command_from(Command::Standby, Origin::Bench);
+        assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)));
+        assert_eq!(scenario.telemetry().active_source, Origin::Rc, "{ecu:?}");
+        assert_eq!(rulers(&mut scenario).last(), Some(&(rc_from, Origin::Rc)));
+    }
+}
+
+/// The end of a loss in standby shows until somebody commands.
+#[test]
+fn standby_by_loss_shows() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(1)));
+        let mut scenario = Scenario::started_with(ecu, config, percent(50));
+        scenario.pass(10 * SECOND);
+        let telemetry = scenario.telemetry();
+        assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::Standby, LossStage::Standby));
+        scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?}");
+    }
+}
+
+/// An ECU that does not do what is ordered is told after 3 s: a broken wire towards it. Neither a moment nor another state
+/// of a standing engine is.
+#[test]
+fn an_ecu_that_does_not_obey_is_told() {
+    let told = |scenario: &mut Scenario| -> Vec<Event> {
+        let events = scenario.bench.event_kinds().into_iter();
+        events.filter(|event| matches!(event, Event::NotObeyed | Event::ObeyedAgain)).collect()
+    };
+    for ecu in BOTH {
+        for command in [Command::EmergencyStop, Command::Standby] {
+            let mut scenario = Scenario::started(ecu, percent(0));
+            match command {
+                Command::Standby => scenario.shut_down().unwrap(),
+                command => scenario.command(command).unwrap(),
+            };
+            scenario.pass(3 * SECOND - 2 * EVERY);
+            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
+            scenario.pass(3 * EVERY);
+            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![Event::NotObeyed], false));
+            scenario.says(Says::Cooling);
+            assert_eq!(told(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
+        }
+        // The control: it takes its time, but not that long.
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.shut_down().unwrap();
+        scenario.pass(2 * SECOND);
+        scenario.says(Says::Standby).pass(20 * SECOND);
+        assert_eq!(told(&mut scenario), [], "{ecu:?}");
+    }
+    // The throttle of a running engine, within 10 %.
+    for (half_percents, expected) in [(80, vec![]), (78, vec![Event::NotObeyed])] {
+        let mut scenario = Scenario::started(Ecu::Amt, percent(50));
+        scenario.values.half_percents = half_percents;
+        scenario.fly(run(50), Origin::Rc, 5 * SECOND);
+        assert_eq!(told(&mut scenario), expected, "{half_percents}");
+    }
+}

@@ -1,0 +1,473 @@
+//! What happens beside the wire: what sources command, what the ECU does, resets.
+
+use super::*;
+
+impl Oracle {
+    pub fn input(&mut self, at: u64, input: Input) -> Result<(), String> {
+        self.advance(at);
+        match input {
+            Input::Said(origin, command, answer) => self.said(at, origin, command, answer)?,
+            Input::Truth(truth) => self.truth(at, truth)?,
+            Input::Boot { kept, down } => self.boot(at, kept, down),
+            Input::Fault => {
+                self.fault_at = at;
+                self.guard = false;
+            }
+            Input::LineFault => {
+                self.fault_at = at;
+                self.line_fault_at = at;
+                self.guard = false;
+            }
+            Input::Dark => {
+                if self.wire_run {
+                    self.tally.dark_runs += 1;
+                    self.dark_at.get_or_insert(at);
+                }
+            }
+            Input::Unheard => self.unheard = true,
+            Input::Heard => self.unheard = false,
+            Input::HungUntil(until) => self.hung = (self.last_frame, until),
+            Input::LinkBack => self.link_back = at,
+            Input::OtherStarted => self.other_started = Some(at),
+        }
+        Ok(())
+    }
+
+    pub(super) fn said(
+        &mut self,
+        at: u64,
+        origin: Origin,
+        command: Command,
+        answer: Result<Accepted, Rejected>,
+    ) -> Result<(), String> {
+        match command {
+            Command::EmergencyStop => {
+                let by = self
+                    .latched
+                    .map_or(origin, |(by, _)| if by.priority() > origin.priority() { by } else { origin });
+                let since = self.latched.map_or(at, |(_, since)| since);
+                self.latched = Some((by, since));
+                self.guard = false;
+                self.armed = false;
+                for (must, said) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
+                    *must |= said;
+                }
+                self.use_up_all();
+            }
+            Command::ReleaseStop => {
+                if answer.is_ok()
+                    && let Some((by, _)) = self.latched.take()
+                {
+                    if origin.priority() < by.priority() {
+                        return Err(format!("(4) {origin:?} released the emergency stop of {by:?}"));
+                    }
+                    // An AMT ECU with a fault does not say what its engine does, and no ECU has right after a
+                    // reset; standby is no start.
+                    let untold = self.amt && self.truth.faulty || at < self.booted + BEHIND;
+                    let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
+                    let stood = !self.truth.live || untold || disturbed;
+                    if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {
+                        return Err("(4) an emergency stop was released while the engine runs".into());
+                    }
+                    self.use_up_all();
+                    self.may_go_on = false;
+                }
+            }
+            Command::Arm => self.arm(origin, answer)?,
+            Command::Disarm => {
+                self.armed = false;
+                self.arm_commanded[slot(origin)] = false;
+                self.must_disarm[slot(origin)] = false;
+                self.use_up_all();
+                if self.wire_run && !self.reached {
+                    self.end(at, || format!("{origin:?} disarmed, and the engine has not reached running"));
+                    self.standby_reason = Some(at);
+                }
+            }
+            Command::ShutDown => {
+                self.guard = false;
+                self.standby_said = Some(at);
+                if self.latched.is_none() {
+                    self.use_up_all();
+                    self.standby_reason = Some(at);
+                    self.may_go_on = false;
+                    self.end(at, || format!("{origin:?} commanded to shut down"));
+                }
+            }
+            Command::Present => {
+                let ruled = self.ruler(at);
+                self.speak(at, origin, Word::Nothing);
+                self.ruled_until_now(ruled);
+                self.look();
+            }
+            Command::Standby => self.standby_word(at, origin, answer)?,
+            Command::Run(demand) => self.run_word(at, origin, demand, answer),
+            Command::HandOverToPwm | Command::Service(_) => {}
+        }
+        Ok(())
+    }
+
+    pub(super) fn use_up_all(&mut self) {
+        for source in self.sources.iter_mut().flatten() {
+            source.permitted = None;
+        }
+    }
+
+    pub(super) fn arm(&mut self, origin: Origin, answer: Result<Accepted, Rejected>) -> Result<(), String> {
+        self.arm_commanded[slot(origin)] = true;
+        if answer.is_ok() {
+            if self.latched.is_some() {
+                return Err(format!("(4) {origin:?} armed while an emergency stop is latched"));
+            }
+            if self.must_disarm[slot(origin)] {
+                return Err(format!(
+                    "(4) {origin:?} armed with a word that it has said since before the stop"
+                ));
+            }
+            self.armed = true;
+        }
+        self.must_disarm[slot(origin)] |= self.latched.is_some();
+        Ok(())
+    }
+
+    /// A source speaks.
+    pub(super) fn speak(&mut self, at: u64, origin: Origin, word: Word) {
+        let age = self.age(origin);
+        let return_within = self.config.supervision.return_within.as_micros();
+        let before = self.sources[slot(origin)];
+        let mut source = before.unwrap_or(Source::new(at, word));
+        if let Some(before) = before {
+            // One that is present and wants nothing speaks without a gap.
+            let gap_from = if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
+            if at >= gap_from {
+                // A steady stream with one short gap goes on.
+                source.was_lost = !self.steady(&before) || at >= gap_from + return_within;
+                source.since = at;
+            }
+        }
+        if source.word != word {
+            source.before = source.word;
+            source.changed = at;
+        }
+        source.silent_from = match (word, before) {
+            (Word::Nothing, Some(Source { word: Word::Nothing, silent_from, .. })) => silent_from,
+            // Wanting nothing counts as silence from then on.
+            (Word::Nothing, Some(before)) => before.silent_from.min(at),
+            (Word::Nothing, None) => at,
+            _ => at + age,
+        };
+        if word == Word::Nothing {
+            source.permitted = None;
+        }
+        source.standby_at = None;
+        source.word = word;
+        source.heard = at;
+        self.sources[slot(origin)] = Some(source);
+    }
+
+    pub(super) fn standby_word(
+        &mut self,
+        at: u64,
+        origin: Origin,
+        answer: Result<Accepted, Rejected>,
+    ) -> Result<(), String> {
+        self.guard = false;
+        self.standby_said = Some(at);
+        let ruled = self.ruler(at);
+        let before = self.sources[slot(origin)];
+        let fresh = before.filter(|before| at < before.silent_from);
+        let second = before.and_then(|before| before.standby_at);
+        if answer == Ok(Accepted::OneMore) {
+            // Two words within the age limit are an order.
+            if second.is_some_and(|second| at + TOL <= second + self.age(origin)) {
+                return Err(format!("(1) {origin:?} has said standby twice, and that is not enough"));
+            }
+            if self.wire_run && !self.reached {
+                return Err(format!("(1) {origin:?} said standby in a start, and that is not enough"));
+            }
+            self.speak(at, origin, fresh.map_or(Word::Nothing, |before| before.word));
+        } else {
+            let healthy = self.wire_run && self.over.is_none() && self.latched.is_none() && self.ran;
+            let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
+            if healthy && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately {
+                return Err(format!("(5) one word of standby of {origin:?} counts, and the engine runs"));
+            }
+            let changed = fresh.is_none_or(|before| before.word != Word::Standby);
+            if changed {
+                self.use_up_all();
+            }
+            self.speak(at, origin, Word::Standby);
+            let permits = matches!(answer, Ok(Accepted::InForce | Accepted::Behind(_)));
+            if let Some(source) = &mut self.sources[slot(origin)] {
+                source.permitted = permits.then_some(at);
+            }
+            // It may end what nobody's order is, too.
+            self.standby_reason = Some(at);
+        }
+        if let Some(source) = &mut self.sources[slot(origin)] {
+            source.standby_at = Some(at);
+        }
+        self.ruled_until_now(ruled);
+        self.look();
+        Ok(())
+    }
+
+    pub(super) fn run_word(
+        &mut self,
+        at: u64,
+        origin: Origin,
+        demand: Demand,
+        answer: Result<Accepted, Rejected>,
+    ) {
+        // A demand that is refused because the ECU cannot do it is not taken over, and the permission is used up.
+        if let Err(
+            Rejected::NeedsVersion { .. }
+            | Rejected::NoSpeedControl
+            | Rejected::RpmNotKnown
+            | Rejected::AboveMaxRpm { .. },
+        ) = answer
+        {
+            if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
+                // It is there, and its run of before goes on, if it was there all along.
+                let (before, ruled) = (self.sources[slot(origin)], self.ruler(at));
+                let fresh = before.filter(|before| at < before.silent_from);
+                let runs = fresh.map(|before| before.word).filter(|word| matches!(word, Word::Run(_)));
+                self.speak(at, origin, runs.unwrap_or(Word::Run(demand)));
+                self.ruled_until_now(ruled);
+                self.look();
+            }
+            if let Some(source) = &mut self.sources[slot(origin)] {
+                source.permitted = None;
+            }
+            return;
+        }
+        let demand = match demand {
+            Demand::Rpm(rpm) if self.speed_control => Demand::Rpm(rpm.min(self.max())),
+            demand => demand,
+        };
+        let ruled = self.ruler(at);
+        self.speak(at, origin, Word::Run(demand));
+        // One that was lost before the reset has to speak for a while first.
+        let lost_before = self.kept.is_some_and(|(kept, _, was_lost)| kept == origin && was_lost);
+        let back = self.sources[slot(origin)].is_some_and(|source| self.steady(&source));
+        if self.uncertain(at) && (!lost_before || back) {
+            self.uncertain_throttle = self.uncertain_throttle.max(self.as_throttle(demand));
+            if let Demand::Rpm(rpm) = demand {
+                self.uncertain_rpm = self.uncertain_rpm.max(rpm.get());
+            }
+            self.wanted_until = self.wanted_until.max(at + self.age(origin));
+        }
+        if !self.wire_run || self.over.is_some() {
+            let against = self.against_start(at, origin, demand);
+            self.attempts.push(Attempt { at, by: origin, against });
+        }
+        if answer != Ok(Accepted::StartWaits)
+            && let Some(source) = &mut self.sources[slot(origin)]
+        {
+            source.permitted = None;
+        }
+        self.ruled_until_now(ruled);
+        self.look();
+    }
+
+    pub(super) fn max(&self) -> jetlink::units::Rpm {
+        jetlink::units::Rpm::new(self.max_rpm)
+    }
+
+    /// What stands against a start by this word, of this source.
+    pub(super) fn against_start(&self, at: u64, origin: Origin, demand: Demand) -> Option<String> {
+        let rules = self.config.supervision;
+        let behind = if at < self.fault_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
+        let source = self.sources[slot(origin)]?;
+        let open = |what: &str| Some(format!("(2) a start by {origin:?}: {what}"));
+        if source.permitted.is_none() {
+            return Some(format!("(1) a start by {origin:?}: its own standby was not said, or is used up"));
+        }
+        match self.ruler(at) {
+            Some((ruler, _)) if ruler == origin => {}
+            Some((ruler, _)) => return Some(format!("(1) a start by {origin:?}: {ruler:?} is in control")),
+            None => return Some(format!("(1) a start by {origin:?}: it is not there yet")),
+        }
+        if rules.start.arming && !self.armed {
+            return open("it is not armed");
+        }
+        if !self.is_idle(demand) {
+            return open("the demand is above idle");
+        }
+        if at > self.standby_at + behind {
+            return open("the ECU does not report standby");
+        }
+        if at > self.healthy_at + behind {
+            return open("the ECU reports a fault");
+        }
+        if at > self.cool_at + behind {
+            return open("the exhaust is too hot");
+        }
+        if at < self.booted.max(self.link_back) + rules.start.link_stable.as_micros() {
+            return open("the link is not up for long enough");
+        }
+        if self.other_started.is_some_and(|other| at + 1_500_000 < other + rules.start.gap.as_micros()) {
+            return open("another engine has just started");
+        }
+        None
+    }
+
+    pub(super) fn truth(&mut self, at: u64, truth: Truth) -> Result<(), String> {
+        self.truth = truth;
+        let (since, now, before) = self.obeyed;
+        self.obeyed = match at < since + BEHIND {
+            true => (since, now.max(truth.obeyed), before),
+            false => (at, truth.obeyed, now),
+        };
+        if truth.live {
+            self.live_at = at;
+            self.live_since.get_or_insert(at);
+        } else {
+            self.live_since = None;
+        }
+        if truth.odd {
+            self.odd_at = at;
+        }
+        // An AMT ECU with a fault does not say that its engine runs.
+        if truth.running && !truth.odd && !truth.faulty {
+            self.running_since.get_or_insert(at);
+        } else {
+            self.running_since = None;
+        }
+        if !self.wire_run {
+            self.reached = false;
+        }
+        // What it reports may be something else than what it does.
+        self.ran |= self.wire_run && truth.says_running && !truth.odd && at > self.opened + SECOND;
+        let reached = truth.says_running || truth.odd || at < self.odd_at + BEHIND_FAULTY;
+        if reached && !core::mem::replace(&mut self.reached, true) {
+            // The truth is sampled: it may have been there a little earlier.
+            let met = self.met_at.is_some_and(|met| at < met + SECOND / 2);
+            self.rising = self.rising.filter(|_| !met);
+        }
+        let healthy = truth.running && !truth.odd && !truth.faulty && at > self.fault_at + UNCERTAIN;
+        if healthy {
+            self.healthy_since.get_or_insert(at);
+        } else {
+            self.healthy_since = None;
+        }
+        if let Some(before) = self.gave_up_before
+            && self.guard
+            && at < self.booted + 5 * SECOND
+            && truth.gave_up > before
+        {
+            return Err(
+                "(5) after a reset the ECU stopped a running engine, because the node left it alone".into()
+            );
+        }
+        // With a fault an AMT ECU says neither what its engine does nor what it obeys: without memory there is nothing to
+        // go on from, and with it a burning exhaust that can be read.
+        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || !truth.says_burning);
+        if !truth.live || truth.odd || untold {
+            self.guard = false;
+        }
+        if truth.standby || truth.odd {
+            self.standby_at = at;
+        }
+        if truth.faulty {
+            let fail_safe = self.config.supervision.limits.ecu_fault != Action::Report;
+            self.limited |= fail_safe;
+        } else {
+            self.healthy_at = at;
+        }
+        if truth.egt <= f64::from(self.config.supervision.start.egt_max.tenths()) / 10.0 + 8.0 {
+            self.cool_at = at;
+        }
+        if truth.egt >= f64::from(self.config.supervision.burning_egt.tenths()) / 10.0 - 8.0 {
+            self.warm_at = at;
+        }
+        Ok(())
+    }
+
+    pub(super) fn boot(&mut self, at: u64, kept: Kept, down: u64) {
+        let loss = self.config.supervision.loss;
+        let silent = at > self.wanted_until_least + loss.hold.as_micros();
+        let recent = self.standby_said.is_some_and(|said| at < said + down + 2 * SECOND);
+        let run_out = loss.standby_after.map_or(RUN_OUT, |after| after.as_micros().min(RUN_OUT));
+        self.guard = self.wire_run
+            && self.over.is_none()
+            && self.latched.is_none()
+            && self.truth.live
+            && self.truth.obeys_run
+            && !self.truth.odd
+            && !self.truth.faulty
+            && self.live_since.is_some_and(|since| at > since + 3 * SECOND)
+            // A start that a reset cuts short is over.
+            && self.running_since.is_some_and(|since| at > since + 3 * SECOND)
+            && at > self.fault_at + BEHIND_FAULTY
+            && at > self.booted + 5 * SECOND
+            && !recent
+            && !(silent && loss.standby_after.is_some())
+            // Where the stages of loss have run out, an engine in doubt gets standby.
+            && at + SECOND < self.wanted_until_least + run_out
+            && self.last_frame + down + SECOND > at;
+        self.tally.resets_running += u64::from(self.guard);
+        self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.gave_up);
+        self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
+        // What was in force and had no frame to go out in before the reset, if a source asked for so much.
+        match kept {
+            Kept::Whole(Some((_, Demand::Throttle(kept), _))) => {
+                let asked = self.peak_throttle.max(self.last_asked).max(self.uncertain_throttle);
+                self.before_reset.0 = self.before_reset.0.max(kept.tenths().min(asked));
+            }
+            Kept::Whole(Some((_, Demand::Rpm(kept), _))) => {
+                let asked = self.peak_rpm.max(self.uncertain_rpm);
+                self.before_reset.1 = self.before_reset.1.max(kept.get().min(asked));
+            }
+            _ => {}
+        }
+        self.memory_lost = kept == Kept::Lost;
+        self.kept = match kept {
+            Kept::Whole(demand) => demand,
+            _ => None,
+        };
+        match kept {
+            Kept::Whole(_) => {}
+            Kept::PowerLost => self.armed = false,
+            Kept::Lost => {
+                self.latched = None;
+                self.armed = false;
+                self.arm_commanded = [false; 4];
+                self.must_disarm = [false; 4];
+            }
+        }
+        self.armed &= self.latched.is_none();
+        // The silence of all goes on over the reset; it counts from the reset on only where one has just spoken.
+        let wanting = self.each().filter(|(_, source)| source.word != Word::Nothing);
+        let last_word = wanting.map(|(_, source)| source.heard).max().unwrap_or(0) + down + CARRIED;
+        self.wanted_until += down + CARRIED;
+        let resumed = self.kept.map(|(origin, demand, was_lost)| {
+            let silent_from = (last_word + self.age(origin)).min(at + self.age(origin));
+            self.wanted_until = self.wanted_until.max(silent_from);
+            (origin, Source { silent_from, was_lost, ..Source::new(at, Word::Run(demand)) })
+        });
+        self.sources = [None; 4];
+        if let Some((origin, source)) = resumed {
+            self.sources[slot(origin)] = Some(source);
+        }
+        self.attempts.clear();
+        self.in_force = None;
+        self.waiting = None;
+        self.lost = true;
+        self.over = None;
+        self.standby_reason = None;
+        self.rising = None;
+        self.rpm_last = false;
+        self.dark_at = None;
+        self.uncertain_throttle = 0;
+        self.uncertain_rpm = 0;
+        // When an engine was started is not kept.
+        self.other_started = None;
+        self.booted = at;
+        self.wire_run = false;
+        self.ran = false;
+        self.may_go_on = self.latched.is_none();
+        self.settled = at;
+        self.look();
+    }
+}

@@ -1,0 +1,564 @@
+//! The judge of one engine: a small model of who commands it, written from what is promised and from its
+//! configuration, never from the engine's own code. It sees what the sources said, what the ECU really does, and
+//! every frame on the wire. The invariants and their tolerances are in docs/invariants.md.
+
+mod frames;
+mod inputs;
+
+use super::wire::{Frame, Switch};
+use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::limit::Action;
+
+/// Two things at the same instant may come in either order.
+const TOL: u64 = 1_000;
+const SECOND: u64 = 1_000_000;
+/// The node may be behind the ECU's truth by so much: a status that comes round every 0.45 s, two that agree, and
+/// the sampling of the truth.
+const BEHIND: u64 = 1_500_000;
+/// The same on a line that has lately been disturbed: a state up to 3 s old is believed.
+const BEHIND_FAULTY: u64 = 5_000_000;
+/// After a reset it is not certain for so long which sources count as lost: how long they were silent is retained in steps.
+const UNCERTAIN: u64 = 8_000_000;
+/// Where no engine is known to live, standby comes so long after the fail-safe stage began.
+const RUN_OUT: u64 = 10_000_000;
+/// From the loss of an ECU's power, or its last byte, until nothing more says run: three expected frames, and a reply.
+pub const DARK: u64 = 600_000;
+/// What silence that is carried over a reset may lack, beside the time that the node was down: a step in which it is
+/// retained, and the interval at which the node looks at the time.
+const CARRIED: u64 = 300_000;
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Word {
+    /// Present, and wants nothing.
+    Nothing,
+    Standby,
+    Run(Demand),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Source {
+    word: Word,
+    heard: u64,
+    /// It counts as silent from then on.
+    silent_from: u64,
+    since: u64,
+    was_lost: bool,
+    changed: u64,
+    /// The word before that.
+    before: Word,
+    /// When it last said standby, with no other word since.
+    standby_at: Option<u64>,
+    /// Its own standby permits its own next run to start the engine, given then.
+    permitted: Option<u64>,
+}
+
+impl Source {
+    const fn new(at: u64, word: Word) -> Self {
+        Self {
+            word,
+            heard: at,
+            silent_from: at,
+            since: at,
+            was_lost: false,
+            changed: at,
+            before: word,
+            standby_at: None,
+            permitted: None,
+        }
+    }
+}
+
+/// A word that asked for a start, and what stands against it.
+#[derive(Clone, Debug)]
+struct Attempt {
+    at: u64,
+    by: Origin,
+    against: Option<String>,
+}
+
+/// What the ECU really does and says, sampled.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Truth {
+    pub live: bool,
+    pub running: bool,
+    /// It says that the engine runs, as the document has it: a ZK ECU also where it learns.
+    pub says_running: bool,
+    /// With a fault it says an exhaust temperature that nothing but a fire makes.
+    pub says_burning: bool,
+    /// It says standby, as the document has it.
+    pub standby: bool,
+    pub faulty: bool,
+    pub egt: f64,
+    /// It says something else than it does, or has no power.
+    pub odd: bool,
+    /// Tenths of a percent that it obeys.
+    pub obeyed: u16,
+    pub obeys_run: bool,
+    /// How often it stopped its engine because the node was silent.
+    pub gave_up: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kept {
+    /// With the demand in force, whose it is, and whether that source was lost, if there is one.
+    Whole(Option<(Origin, Demand, bool)>),
+    /// Whole, and the node's power was lost: what could start or raise an engine is not believed.
+    PowerLost,
+    Lost,
+}
+
+/// What happened, in the order of time.
+#[derive(Clone, Copy, Debug)]
+pub enum Input {
+    Said(Origin, Command, Result<Accepted, Rejected>),
+    Truth(Truth),
+    /// The node was reset; it was down for so long.
+    Boot {
+        kept: Kept,
+        down: u64,
+    },
+    /// The line or the ECU was disturbed, or is no longer.
+    Fault,
+    /// The line was disturbed.
+    LineFault,
+    /// The ECU lost its power.
+    Dark,
+    /// Nothing has come from the ECU for [`DARK`].
+    Unheard,
+    /// Something comes again.
+    Heard,
+    /// The node's transmitter hung until now: what lay in its ring comes out late.
+    HungUntil(u64),
+    /// The ECU is heard again, after it was silent for so long that the link was lost.
+    LinkBack,
+    /// Another engine of the group was started, as seen on its wire.
+    OtherStarted,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    pub frames: u64,
+    pub run_frames: u64,
+    pub stop_frames: u64,
+    pub starts: u64,
+    pub silent_frames: u64,
+    pub fail_safe_frames: u64,
+    pub resets_running: u64,
+    pub went_on: u64,
+    pub exact_frames: u64,
+    pub rpm_frames: u64,
+    pub takeovers: u64,
+    /// Frames while the demand rises at its set rate.
+    pub rising_frames: u64,
+    /// Runs of a healthy engine that a standby or stop ended, for a reason.
+    pub healthy_ends: u64,
+    /// Runs whose ECU lost its power.
+    pub dark_runs: u64,
+}
+
+#[derive(Debug)]
+pub struct Oracle {
+    config: EngineConfig,
+    amt: bool,
+    /// The ECU holds an rpm by itself.
+    speed_control: bool,
+    idle_rpm: u32,
+    max_rpm: u32,
+    pub tally: Tally,
+
+    sources: [Option<Source>; 4],
+    latched: Option<(Origin, u64)>,
+    armed: bool,
+    /// Who said "arm" last, and who has to say "disarm" before that counts again.
+    arm_commanded: [bool; 4],
+    must_disarm: [bool; 4],
+    standby_said: Option<u64>,
+    /// Words that asked for a start since the last frame with a switch.
+    attempts: Vec<Attempt>,
+
+    at: u64,
+    wire_run: bool,
+    /// After a reset a run may go on.
+    may_go_on: bool,
+    /// The engine may have reached running in this run.
+    reached: bool,
+    /// It has.
+    ran: bool,
+    opened: u64,
+    last_frame: u64,
+    last_run: u64,
+    throttle: u16,
+    rpm: u32,
+    factor: u8,
+    /// The largest demands that a source in control asked for since the last frame.
+    peak_throttle: u16,
+    peak_rpm: u32,
+    /// The same, of the source that certainly was in control.
+    ruled_peak: u16,
+    /// The same since the last reset, of any source, while it is not certain who is in control.
+    uncertain_throttle: u16,
+    uncertain_rpm: u32,
+
+    /// What the last source in control asked for last: with a slew the demand may still be on its way there.
+    last_asked: u16,
+    in_force: Option<Origin>,
+    waiting: Option<(Origin, u64)>,
+    maybe_close: bool,
+    lost: bool,
+    settled: u64,
+    /// A source in control wanted the engine to run until then: at the latest, with what a reset may hide, and at the
+    /// earliest.
+    wanted_until: u64,
+    wanted_until_least: u64,
+    /// What was on the wire when the last source fell silent.
+    silent: Option<(u64, u16, u32)>,
+    /// The order to run has to be over by then, for this reason.
+    over: Option<(u64, String)>,
+    /// A reason for standby came then: a source's, in doubt whether it is the one in control, or the last stage of loss.
+    standby_reason: Option<u64>,
+    /// It rises at its set rate, since then and from there.
+    rising: Option<(u64, u16)>,
+    /// When what was asked for was last within what it had risen to.
+    met_at: Option<u64>,
+    /// The last demand on the wire was an rpm.
+    rpm_last: bool,
+    /// The most that the ECU obeyed lately: in this period of 1.5 s, which began then, and in the one before.
+    obeyed: (u64, u16, u16),
+
+    truth: Truth,
+    standby_at: u64,
+    healthy_at: u64,
+    cool_at: u64,
+    warm_at: u64,
+    live_at: u64,
+    live_since: Option<u64>,
+    running_since: Option<u64>,
+    /// Since when it runs, is said to, and has no fault.
+    healthy_since: Option<u64>,
+    odd_at: u64,
+    fault_at: u64,
+    line_fault_at: u64,
+    dark_at: Option<u64>,
+    unheard: bool,
+    hung: (u64, u64),
+    other_started: Option<u64>,
+    link_back: u64,
+    limited: bool,
+
+    booted: u64,
+    kept: Option<(Origin, Demand, bool)>,
+    /// Highest throttle and rpm on the wire or obeyed before the reset.
+    before_reset: (u16, u32),
+    guard: bool,
+    memory_lost: bool,
+    gave_up_before: Option<u64>,
+}
+
+const fn slot(origin: Origin) -> usize {
+    // Highest first, as in `Origin::SOURCES`.
+    4 - origin.priority() as usize
+}
+
+impl Oracle {
+    pub fn new(config: EngineConfig, speed_control: bool, idle_rpm: u32, max_rpm: u32) -> Self {
+        let amt = matches!(config.ecu, jetlink::ecu::EcuConfig::Amt(_));
+        Self {
+            config,
+            amt,
+            speed_control,
+            idle_rpm,
+            max_rpm,
+            tally: Tally::default(),
+            sources: [None; 4],
+            latched: None,
+            armed: false,
+            arm_commanded: [false; 4],
+            must_disarm: [false; 4],
+            standby_said: None,
+            attempts: Vec::new(),
+            at: 0,
+            wire_run: false,
+            may_go_on: true,
+            reached: false,
+            ran: false,
+            opened: 0,
+            last_frame: 0,
+            last_run: 0,
+            throttle: 0,
+            rpm: 0,
+            factor: 4,
+            peak_throttle: 0,
+            peak_rpm: 0,
+            ruled_peak: 0,
+            uncertain_throttle: 0,
+            uncertain_rpm: 0,
+            last_asked: 0,
+            in_force: None,
+            waiting: None,
+            maybe_close: false,
+            lost: false,
+            settled: 0,
+            wanted_until: 0,
+            wanted_until_least: 0,
+            silent: None,
+            over: None,
+            standby_reason: None,
+            rising: None,
+            met_at: None,
+            rpm_last: false,
+            obeyed: (0, 0, 0),
+            truth: Truth::default(),
+            standby_at: 0,
+            healthy_at: 0,
+            cool_at: 0,
+            warm_at: 0,
+            live_at: 0,
+            live_since: None,
+            running_since: None,
+            healthy_since: None,
+            odd_at: 0,
+            fault_at: 0,
+            line_fault_at: 0,
+            dark_at: None,
+            unheard: false,
+            hung: (0, 0),
+            other_started: None,
+            link_back: 0,
+            limited: false,
+            booted: 0,
+            kept: None,
+            before_reset: (0, 0),
+            guard: false,
+            memory_lost: false,
+            gave_up_before: None,
+        }
+    }
+
+    // -----------------------------------------------------------------------------------------
+    // Who is in control, from the documentation of the sources
+    // -----------------------------------------------------------------------------------------
+
+    fn age(&self, origin: Origin) -> u64 {
+        self.config.supervision.ages.of(origin).as_micros()
+    }
+
+    fn longest_age(&self) -> u64 {
+        Origin::SOURCES.into_iter().map(|origin| self.age(origin)).max().unwrap_or(0)
+    }
+
+    fn each(&self) -> impl Iterator<Item = (Origin, Source)> {
+        Origin::SOURCES.into_iter().zip(self.sources).filter_map(|(origin, source)| Some((origin, source?)))
+    }
+
+    /// It spoke for so long without a gap; the silence since does not count.
+    fn steady(&self, source: &Source) -> bool {
+        source.heard >= source.since + self.config.supervision.recover_after.as_micros()
+    }
+
+    fn ruler(&self, at: u64) -> Option<(Origin, Source)> {
+        self.each().find(|(_, source)| {
+            let fresh = at < source.silent_from && source.word != Word::Nothing;
+            fresh && (!source.was_lost || self.steady(source))
+        })
+    }
+
+    /// It is not certain who is in control.
+    fn uncertain(&self, at: u64) -> bool {
+        at < self.booted + UNCERTAIN
+    }
+
+    /// Time goes on: who is in control may change with nothing said.
+    fn advance(&mut self, to: u64) {
+        let within = self.config.supervision.takeover.within.as_micros();
+        loop {
+            let waited = self.waiting.map(|(_, since)| since + within);
+            let next = self
+                .each()
+                .map(|(_, source)| source.silent_from)
+                .chain(waited)
+                .filter(|at| *at > self.at && *at <= to)
+                .min();
+            let Some(next) = next else { break };
+            let ruled = self.ruler(self.at);
+            self.pass(next);
+            self.ruled_until_now(ruled);
+            self.look();
+        }
+        self.pass(to);
+    }
+
+    fn pass(&mut self, to: u64) {
+        if let Some((_, Source { word: Word::Run(demand), .. })) = self.ruler(self.at) {
+            self.may_have_risen(to, demand);
+            self.wanted_until = self.wanted_until.max(to);
+            // One that waits to take over does not count yet.
+            if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
+                self.wanted_until_least = to;
+            }
+        }
+        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to)) {
+            self.standby_reason = Some(to);
+        }
+        self.at = to;
+    }
+
+    fn look(&mut self) {
+        let at = self.at;
+        let takeover = self.config.supervision.takeover;
+        match self.ruler(at) {
+            Some((origin, source)) if matches!(source.word, Word::Run(_)) => {
+                let Word::Run(demand) = source.word else { return };
+                self.peak(demand);
+                self.last_asked = self.last_asked.max(self.as_throttle(demand));
+                if self.uncertain(at) {
+                    self.in_force = None;
+                    self.lost = true;
+                }
+                // Another one may have taken over meanwhile, by being close.
+                let certain = self.waiting.is_none() || !self.maybe_close;
+                // It was never away, or for a short gap only; away also where another one was about to take over.
+                let away = self.lost || self.waiting.is_some();
+                if self.in_force == Some(origin) && certain && !(away && source.was_lost) {
+                    self.last_asked = self.as_throttle(demand);
+                    self.ruled_peak = self.ruled_peak.max(self.last_asked);
+                    if away {
+                        // The demand was held until now.
+                        (self.lost, self.waiting) = (false, None);
+                        self.settled = at;
+                        self.rise(at);
+                    }
+                    self.may_have_risen(at, demand);
+                    return;
+                }
+                if self.waiting.is_some_and(|(before, _)| before != origin) && self.maybe_close {
+                    self.in_force = None;
+                }
+                let since = match self.waiting {
+                    // It may have taken over by being close; then another one begins to wait anew.
+                    Some((before, _))
+                        if before != origin && (self.maybe_close || self.in_force.is_none()) =>
+                    {
+                        at
+                    }
+                    Some((_, since)) => since,
+                    None => at,
+                };
+                if self.waiting.is_none_or(|(before, _)| before != origin) {
+                    self.maybe_close = false;
+                }
+                self.waiting = Some((origin, since));
+                // While the transmitter hangs, what is in force does not show.
+                self.maybe_close |= at < self.hung.1;
+                self.maybe_close |= match demand {
+                    Demand::Throttle(throttle) => {
+                        throttle.tenths().abs_diff(self.throttle) <= takeover.throttle_band.tenths() + 20
+                    }
+                    Demand::Rpm(rpm) => {
+                        !self.speed_control || rpm.get().abs_diff(self.rpm) <= takeover.rpm_band.get() + 500
+                    }
+                };
+                self.may_have_risen(at, demand);
+                if at >= since + takeover.within.as_micros() {
+                    self.tally.takeovers += 1;
+                    let certain = self.in_force.replace(origin).is_some() && !self.maybe_close;
+                    self.lost = false;
+                    self.waiting = None;
+                    self.settled = at;
+                    self.rise(at);
+                    if !certain {
+                        // It may have been there before, and have risen.
+                        self.rising = None;
+                    }
+                }
+            }
+            // Nobody, or a lower one that says standby: the stages of loss go on.
+            other => {
+                let certain = self.waiting.is_none() || !self.maybe_close;
+                if let Some((origin, _)) = other {
+                    self.standby_reason = Some(at);
+                    let above = self.in_force.is_some_and(|before| origin.priority() >= before.priority());
+                    if certain && above && !self.uncertain(at) {
+                        self.end(at, || format!("{origin:?} is in control and says standby"));
+                    }
+                }
+                if self.waiting.is_some() && self.maybe_close {
+                    self.in_force = None;
+                }
+                self.lost = true;
+                self.waiting = None;
+            }
+        }
+    }
+
+    /// Whoever was in control up to now and no longer is: its demand may have come into force since the last frame, and be
+    /// what is held from here on.
+    fn ruled_until_now(&mut self, ruled: Option<(Origin, Source)>) {
+        if let Some((before, Source { word: Word::Run(demand), .. })) = ruled
+            && self.ruler(self.at).is_none_or(|(origin, _)| origin != before)
+        {
+            self.peak(demand);
+        }
+    }
+
+    fn peak(&mut self, demand: Demand) {
+        self.peak_throttle = self.peak_throttle.max(self.as_throttle(demand));
+        if let Demand::Rpm(rpm) = demand
+            && self.speed_control
+        {
+            self.peak_rpm = self.peak_rpm.max(rpm.get());
+        }
+    }
+
+    /// The demand rises at its set rate from here.
+    fn rise(&mut self, at: u64) {
+        if !self.uncertain(at) {
+            // What was in force may have moved on since the last frame.
+            let moved = match self.config.supervision.slew.up {
+                Some(up) => {
+                    let passed = at.saturating_sub(self.last_frame) + 25_000;
+                    self.throttle + u16::try_from(u64::from(up) * passed / SECOND).unwrap_or(1000)
+                }
+                None => self.throttle.max(self.ruled_peak),
+            };
+            self.rising = Some((at, self.rising.map_or(moved, |(_, from)| from.max(moved))));
+        }
+    }
+
+    /// Where the set rate may have got the demand to by now.
+    fn risen(&self, at: u64) -> Option<u16> {
+        let (since, from) = self.rising?;
+        let rate = u64::from(self.config.supervision.rise);
+        // 150 ms for what the truth and the frames are sampled at; half a percent for AMT's resolution.
+        let risen = u64::from(from) + rate * (at.saturating_sub(since) + 150_000) / SECOND + 6;
+        Some(u16::try_from(risen).unwrap_or(u16::MAX))
+    }
+
+    /// What is asked for may have been reached: from there on `slew.up` has the say.
+    fn may_have_risen(&mut self, at: u64, demand: Demand) {
+        let asked = match demand {
+            Demand::Throttle(throttle) => throttle.tenths(),
+            Demand::Rpm(_) => 0,
+        };
+        if self.risen(at).is_some_and(|risen| asked <= risen) {
+            self.met_at = Some(at);
+            if self.reached {
+                self.rising = None;
+            }
+        }
+    }
+
+    /// The order to run is over.
+    fn end(&mut self, at: u64, why: impl FnOnce() -> String) {
+        if self.over.is_none() {
+            self.over = Some((at, why()));
+        }
+    }
+
+    fn is_idle(&self, demand: Demand) -> bool {
+        match demand {
+            Demand::Throttle(throttle) => throttle <= self.config.supervision.start.idle_band,
+            Demand::Rpm(rpm) => rpm.get() <= self.idle_rpm + 10,
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! The node from one reset to the next, and what each reset leaves in memory.
+
+use super::*;
+
+/// Words of one copy of a record.
+const WORDS: usize = 8;
+
+/// The words behind a record, to write them as a reset in the middle of a write would leave them.
+fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
+    const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
+    // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
+    // atomic words may be shared and take any value.
+    unsafe { &*std::ptr::from_ref(memory).cast() }
+}
+
+/// The ECUs, while there is no node.
+#[expect(clippy::disallowed_methods, reason = "time passes")]
+pub(super) fn down_for<const N: usize>(rigs: &mut [Rig; N], down: u64) {
+    let mut plugs: Vec<Pin<Box<dyn Future<Output = ()>>>> = Vec::new();
+    for rig in rigs.iter() {
+        let plug = rig.plug.clone();
+        plugs.push(Box::pin(async move { match plug.run().await {} }));
+    }
+    // An ECU without power wants nothing, and time has to go on.
+    plugs.push(Box::pin(Timer::after(Duration::from_micros(down + SECOND))));
+    let all = pin!(poll_fn(|cx| {
+        for plug in &mut plugs {
+            let _ = plug.as_mut().poll(cx);
+        }
+        Poll::<()>::Pending
+    }));
+    clock::run_for(all, Duration::from_micros(down));
+    drop(plugs);
+    // A UART that was reset holds nothing.
+    for rig in rigs {
+        let rx = &mut rig.halves.0;
+        clock::run(async {
+            let mut buffer = [0; 64];
+            while rx.read_ready().unwrap_or(false) {
+                let _ = rx.read(&mut buffer).await;
+            }
+        });
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "a listener stamps what it hears")]
+pub(super) fn boot<const N: usize>(
+    rng: &mut Rng,
+    rigs: &mut [Rig; N],
+    configs: &[EngineConfig; N],
+    (memory, how): (&'static [RetainedMemory; N], Reset),
+    end: u64,
+) -> Result<End, (usize, String)> {
+    static ERRORS: LineErrors = LineErrors::new();
+    let node = Node::new(configs, Some((memory, how))).expect("valid");
+    let handles = node.handles();
+    // Commands may come before the engines' tasks have begun.
+    if rng.percent(30) {
+        let port = rng.below(N as u64) as usize;
+        let command = rng.pick(&[Command::Arm, Command::Disarm, Command::Run(throttle(0)), Command::Standby]);
+        let origin = rng.pick(&Origin::SOURCES);
+        let _ = rigs[port].command(&handles[port], origin, command);
+    }
+    let mut tasks: Vec<Pin<Box<dyn Future<Output = ()> + '_>>> = Vec::new();
+    for (port, runner) in node.runners().into_iter().enumerate() {
+        let plug = rigs[port].plug.clone();
+        tasks.push(Box::pin(async move { match plug.run().await {} }));
+        let mut events = handles[port].events().expect("a place is free");
+        let told = rigs[port].told.clone();
+        tasks.push(Box::pin(async move {
+            loop {
+                let event = events.next_message_pure().await;
+                told.borrow_mut().push((Instant::now().as_micros(), event));
+            }
+        }));
+        // The halves come back when the node is gone.
+        let halves = &raw mut rigs[port].halves;
+        // SAFETY: nobody else touches the halves until the tasks are dropped at the end of this function.
+        let (rx, tx) = unsafe { &mut *halves };
+        tasks.push(Box::pin(async move { runner.run(rx, tx, &ERRORS).await }));
+    }
+    let mut all = pin!(poll_fn(|cx| {
+        for task in &mut tasks {
+            let _ = task.as_mut().poll(cx);
+        }
+        Poll::<()>::Pending
+    }));
+    let reset_at = now() + rng.wait(150 * SECOND);
+    let mut look_at = now();
+    loop {
+        let at = now();
+        if at >= end {
+            return Ok(End::Time);
+        }
+        if at >= reset_at {
+            return Ok(End::Reset(reset(rng, rigs, &handles, memory)));
+        }
+        for (port, rig) in rigs.iter_mut().enumerate() {
+            rig.disturb(rng);
+            rig.command_all(rng, &handles[port]);
+            if at >= look_at {
+                rig.look_at_ecu();
+            }
+        }
+        if at >= look_at {
+            look_at = at + 100 * MS;
+        }
+        let next = rigs
+            .iter()
+            .flat_map(|rig| rig.sources.iter().map(|source| source.next.max(at + MS)))
+            .chain([look_at])
+            .min()
+            .unwrap_or(look_at);
+        clock::run_for(all.as_mut(), Duration::from_micros(next - at));
+        for port in 0..N {
+            let started = rigs[port].judge(false).map_err(|why| (port, why))?;
+            if started {
+                for other in (0..N).filter(|other| *other != port) {
+                    rigs[other].input(Input::OtherStarted);
+                }
+            }
+        }
+    }
+}
+
+/// The node is reset, at times in the middle of what a command makes it write.
+pub(super) fn reset<const N: usize>(
+    rng: &mut Rng,
+    rigs: &mut [Rig; N],
+    handles: &[Handle<'_>; N],
+    memory: &'static [RetainedMemory; N],
+) -> Kept {
+    match rng.below(10) {
+        0 => {
+            memory.iter().for_each(RetainedMemory::clear);
+            Kept::Lost
+        }
+        1 => {
+            // Brown-out: a bit or two of each copy.
+            for words in memory.iter().map(words) {
+                for copy in 0..2 {
+                    let word = &words[copy * WORDS + rng.below(WORDS as u64) as usize];
+                    word.fetch_xor(1 << rng.below(32), Ordering::Relaxed);
+                }
+            }
+            Kept::Lost
+        }
+        // The power of the node was lost for a moment, and its memory survived that.
+        2 => Kept::PowerLost,
+        3..6 => {
+            let port = rng.below(N as u64) as usize;
+            let demand = rigs[port].demand(rng);
+            let command = rng.pick(&[
+                Command::EmergencyStop,
+                Command::Standby,
+                Command::Arm,
+                Command::Disarm,
+                Command::Run(demand),
+            ]);
+            let origin = rng.pick(&Origin::SOURCES);
+            let read = || words(&memory[port]).each_ref().map(|word| word.load(Ordering::Relaxed));
+            let before = read();
+            let answer = command_as(&handles[port], command, origin);
+            let after = read();
+            let written = rng.below(WORDS as u64 + 1) as usize;
+            let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
+            match copy {
+                Some(copy) if written < WORDS => {
+                    // The reset came before the command was answered: it was never given.
+                    let kept = words(&memory[port]).iter().zip(before);
+                    for (word, old) in kept.skip(copy * WORDS + written).take(WORDS - written) {
+                        word.store(old, Ordering::Relaxed);
+                    }
+                }
+                _ => rigs[port].input(Input::Said(origin, command, answer)),
+            }
+            Kept::Whole(None)
+        }
+        _ => Kept::Whole(None),
+    }
+}

@@ -1,0 +1,187 @@
+//! In doubt nothing goes out that could start the engine; an open pump is closed.
+
+use super::*;
+
+/// In doubt nothing goes out that could start an engine: ID 0, and in mode 3 the rpm in turn with it, which an ECU that
+/// restarted ignores (ZK-9).
+#[test]
+fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
+    let doubt = |order: Order| {
+        let Order::Run(demand) = order else { panic!("a run") };
+        Order::Doubt(demand)
+    };
+    for (split_switch, version, order, expected) in [
+        (false, 3, throttle(600), vec![zk::keep_alive(); 4]),
+        (false, 5, throttle(600), vec![zk::keep_alive(); 4]),
+        (true, 5, throttle(600), vec![zk::keep_alive(); 4]),
+        (false, 5, rpm(100_000), vec![zk::keep_alive(), zk::rpm(2500), zk::keep_alive(), zk::rpm(2500)]),
+    ] {
+        let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, version, 160);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        runs(&mut bench);
+        bench.order(bench.now(), order).unwrap();
+        assert!(turns(&mut bench, 4).iter().any(|frame| frame[..] != zk::keep_alive()), "the control");
+        bench.run_to(bench.now() + 20_000);
+        bench.order(bench.now(), doubt(order)).unwrap();
+        let mut frames = turns(&mut bench, 4);
+        if frames[0] != expected[0] {
+            frames.rotate_left(1);
+        }
+        assert_eq!(frames, expected, "{order:?} of version {version}");
+        // When the link is lost the version is forgotten; the engine is in mode 3 all the same.
+        bench.run_to(bench.now() + 600_000);
+        bench.frames();
+        let mut frames = turns(&mut bench, 4);
+        if frames[0] != expected[0] {
+            frames.rotate_left(1);
+        }
+        assert_eq!(frames, expected, "{order:?} of version {version}, lost");
+        // A stop and a standby go out blind.
+        for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
+            bench.order(bench.now(), order).unwrap();
+            bench.run_to(bench.now() + 10 * TURN);
+            let frames = bench.bytes();
+            assert!(
+                frames.len() >= 10 && frames.iter().all(|frame| switch_of(frame) == Some(sw)),
+                "{frames:02x?}"
+            );
+        }
+    }
+    // With no mode 3 in force an rpm in doubt is ID 0.
+    let mut bench = ecu(5);
+    bench.order(bench.now(), doubt(rpm(100_000))).unwrap();
+    assert_eq!(turns(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
+}
+
+/// The pump is closed by ten frames of ID 2, parameter 13, at every second turn, behind the first frame of a stop, whatever
+/// the version and whatever is heard. It ends sooner where the ECU reports a pump without voltage.
+#[test]
+fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
+    for (order, sw) in [(Order::EmergencyStop, STOP), (Order::Standby, STANDBY)] {
+        for version in [None, Some(3), Some(5)] {
+            for voltage in [None, Some(12), Some(0)] {
+                let mut bench = version.map_or_else(|| link(Config::DEFAULT, LINE), ecu);
+                bench.order(bench.now(), Order::Standby).unwrap();
+                bench.run_to(bench.now() + 60_000);
+                bench.frames();
+                bench.act(|link, _| link.close_pump());
+                assert!(bench.machine.closing_pump());
+                bench.order(bench.now(), order).unwrap();
+                let mut frames = Vec::new();
+                for _ in 0..40 {
+                    bench.run_to(bench.now() + TURN);
+                    frames.extend(bench.bytes());
+                    if let Some(voltage) = voltage {
+                        bench.receive(&zk::status(2, 0, [60, 120, voltage]));
+                    }
+                }
+                let closes = |frame: &Vec<u8>| frame[..] == zk::action(13);
+                let count = frames.iter().filter(|frame| closes(frame)).count();
+                assert_eq!(
+                    count,
+                    // One that was measured less than 0.1 s after the first frame may be from before it.
+                    if voltage == Some(0) { 2 } else { 10 },
+                    "{order:?} {version:?} {voltage:?}"
+                );
+                assert!(!closes(&frames[0]), "a stop first");
+                assert!(frames.windows(2).all(|pair| !pair.iter().all(closes)), "every second turn at most");
+                assert!(
+                    frames.iter().all(|frame| closes(frame) || switch_of(frame) == Some(sw)),
+                    "{frames:02x?}"
+                );
+                assert!(!bench.machine.closing_pump());
+            }
+        }
+    }
+    // Beside the link that has none to close.
+    let mut bench = ecu(5);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    assert!(turns(&mut bench, 40).iter().all(|frame| id(frame) == 1));
+}
+
+/// ZK-13: what closes the pump does not come between an unlock and its command.
+#[test]
+fn zk_13_closing_the_pump_does_not_part_an_unlock_from_its_command() {
+    for turns_before in 0..4 {
+        let mut bench = ecu(5);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.run_to(bench.now() + 60_000);
+        bench.act(|link, _| link.close_pump());
+        turns(&mut bench, turns_before + 1);
+        service(&mut bench, curve(40)).unwrap();
+        bench.frames();
+        bench.run_to(bench.now() + 10 * TURN);
+        let frames = bench.bytes();
+        let unlock = frames.iter().position(|frame| id(frame) == 3).expect("an unlock");
+        assert_eq!(frames[unlock + 1], zk::curve(40), "{:?}", ids(&frames));
+        assert!(frames.iter().any(|frame| frame[..] == zk::action(13)), "beside the frames that close it");
+    }
+}
+
+/// What each status says about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
+#[test]
+fn every_status_is_a_sign() {
+    // Idle speed in 1000 rpm, maximum, and half of idle or what stands for it.
+    for (idle, max, half) in [
+        (None, None, 10_000),
+        (None, Some(160), 16_000),
+        (Some(30), Some(160), 15_000),
+        (Some(30), None, 15_000),
+    ] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        if let Some(max) = max {
+            bench.receive(&zk::identity(max, 4, 0));
+        }
+        if let Some(idle) = idle {
+            bench.receive(&zk::idle(idle, false));
+        }
+        for (rpm, turns) in [(0, false), (half - 10, false), (half, true), (160_000, true)] {
+            for state in 0..=31 {
+                bench.receive(&zk::status(1, rpm, [state, 2 << 5, 76]));
+                let stage = match state {
+                    0 | 1 | 12 | 14..=19 => Stage::Rest,
+                    2..=4 => Stage::Ignition,
+                    5 => Stage::FuelRamp,
+                    6..=11 => Stage::Running,
+                    13 => Stage::Restart,
+                    _ => Stage::Unknown,
+                };
+                let sign = Sign::State { stage, turning: Some(turns), throttle: None };
+                assert_eq!(bench.machine.take_sign(), Some(sign), "state {state} at {rpm} rpm");
+                assert_eq!(bench.machine.take_sign(), None, "once");
+            }
+            for id in [2, 3, 4, 5, 7, 9, 10] {
+                bench.receive(&zk::status(id, rpm, [1, 2, 3]));
+                assert_eq!(bench.machine.take_sign(), Some(Sign::Shaft { turning: turns }), "{id} at {rpm}");
+            }
+        }
+    }
+}
+
+/// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it says and what it was asked for.
+/// Damaged frames keep the beat; half a frame does not.
+#[test]
+fn three_frames_that_fail_are_a_gap() {
+    let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());
+    for (asked, rate, three) in [
+        (Rate::Hz20, 0, 150_000),
+        (Rate::Hz20, 1, 150_000),
+        (Rate::Hz20, 2, 150_000),
+        (Rate::Hz50, 0, 150_000),
+        (Rate::Hz50, 1, 60_000),
+        (Rate::Hz100, 2, 30_000),
+    ] {
+        let mut bench = link(Config { rate: asked, ..Config::DEFAULT }, LINE);
+        assert_eq!(gap(&bench), None, "nothing was heard yet");
+        bench.rx(100_000, &zk::identity(160, 4, rate));
+        assert_eq!(gap(&bench), Some(100_000 + three), "rate {rate}");
+        let mut damaged = zk::state(STATE_RUNNING);
+        damaged[5] ^= 0x10;
+        bench.rx(125_000, &damaged);
+        assert_eq!(gap(&bench), Some(125_000 + three), "rate {rate}");
+        bench.rx(140_000, &damaged[..4]);
+        assert_eq!(gap(&bench), Some(125_000 + three), "rate {rate}");
+        bench.act(|link, _| link.gap());
+        assert_eq!(gap(&bench), None, "it is announced once");
+    }
+}

@@ -1,0 +1,392 @@
+//! An emergency stop on the wire.
+
+use super::*;
+
+/// ZK-8: an emergency stop goes out at once, out of turn, and again at every turn.
+#[test]
+fn zk_8_an_emergency_stop_goes_out_of_turn() {
+    let mut bench = running(3);
+    bench.order(60_000, throttle(900)).unwrap();
+    bench.run_to(120_000);
+    bench.frames();
+    bench.order(123_456, Order::EmergencyStop).unwrap();
+    bench.run_to(250_000);
+    let stop = zk::throttle(STOP, 0).to_vec();
+    let expected: Vec<_> = [123_456, 150_000, 200_000, 250_000].map(|at| (at, stop.clone())).into();
+    assert_eq!(bench.frames(), expected);
+}
+
+/// While a transmission is under way the stop goes out directly behind it.
+#[test]
+fn an_emergency_stop_follows_a_running_transmission_at_once() {
+    let mut bench = running(3);
+    bench.order(60_000, throttle(900)).unwrap();
+    bench.run_to(100_000); // the frame of this turn takes 4167 µs
+    bench.frames();
+    bench.order(101_000, Order::EmergencyStop).unwrap();
+    bench.run_to(140_000);
+    assert_eq!(bench.frames(), [(104_167, zk::throttle(STOP, 0).to_vec())]);
+}
+
+/// The same when that transmission fails.
+#[test]
+fn an_emergency_stop_follows_a_failed_transmission_at_once() {
+    let mut bench = running(3).by_hand();
+    bench.order(60_000, throttle(900)).unwrap();
+    bench.run_to(100_000);
+    bench.frames();
+    bench.order(101_000, Order::EmergencyStop).unwrap();
+    bench.not_sent_at(102_000, NotSent::Failed);
+    assert_eq!(bench.frames(), [(102_000, zk::throttle(STOP, 0).to_vec())]);
+}
+
+/// ZK-9: in mode 3 the first frame of a stop is the one that the ECU obeys: ID 6 with RPM_X = 0.
+#[test]
+fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
+    for turns_before in 2..=5 {
+        let mut bench = running(4);
+        bench.order(bench.now(), rpm(100_000)).unwrap();
+        turns(&mut bench, turns_before);
+        let t = bench.now() + 17_000;
+        bench.run_to(t); // the frame behind a new RPM_X is out, too
+        bench.frames();
+        bench.order(t, Order::EmergencyStop).unwrap();
+        assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{turns_before}");
+    }
+}
+
+/// Nothing takes the turn of a stop: no rate, no service, no pressure, no unlock.
+#[test]
+fn an_emergency_stop_pre_empts_everything() {
+    let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
+    bench.receive(&zk::identity(160, 5, 0)); // at 20 Hz: the rate is not as wanted
+    bench.receive(&zk::idle(30, true)); // asks for pressure
+    pressure(&mut bench, 1013);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, curve(30)).unwrap();
+    bench.order(bench.now(), Order::EmergencyStop).unwrap();
+    // By ID 1, and in case that another host used it by ID 6.
+    let stops = [zk::throttle(STOP, 0), zk::mode(0, STOP)];
+    let frames = turns(&mut bench, 200);
+    assert_eq!(frames[..2], stops);
+    for frame in &frames {
+        assert!(stops.iter().any(|stop| frame[..] == stop[..]), "{frame:02x?}");
+    }
+    for both in frames.windows(3) {
+        assert!(ids(both).contains(&1) && ids(both).contains(&6), "{both:02x?}");
+    }
+}
+
+/// ZK-8, ZK-9: from version 4 on a stop goes by ID 1 and ID 6 in turns: ID 6 first if the switch went there, else
+/// ID 1.
+#[test]
+fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
+    for (before, first) in [(throttle(500), [1, 6]), (Order::Standby, [1, 6]), (rpm(80_000), [6, 1])] {
+        for version in [4, 5] {
+            let mut bench = running(version);
+            bench.order(bench.now(), before).unwrap();
+            turns(&mut bench, 4);
+            bench.run_to(bench.now() + 20_000);
+            bench.frames();
+            bench.order(bench.now(), Order::EmergencyStop).unwrap();
+            // Also when the ECU falls silent, and its version with it is forgotten.
+            bench.run_to(bench.now() + 20 * TURN);
+            let frames = bench.bytes();
+            for (at, frame) in frames.iter().enumerate() {
+                let expected = if first[at % 2] == 1 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
+                assert_eq!(frame[..], expected, "version {version}, {before:?}: {:?}", ids(&frames));
+            }
+        }
+    }
+}
+
+/// ZK-7, ZK-9: below version 4 a stop is ID 1 alone. Where two reports have not agreed on the version, it goes by ID 6 as
+/// well, which lower versions ignore.
+#[test]
+fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
+    for version in [1, 3] {
+        let mut bench = met_running(version);
+        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        for frame in turns(&mut bench, 10) {
+            assert_eq!(frame, zk::throttle(STOP, 0), "{version:?}");
+        }
+    }
+    for version in [None, Some(3), Some(4)] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        bench.run_to(10_000); // the keep-alive of the first turn is out
+        if let Some(version) = version {
+            bench.receive(&zk::identity(160, version, 0));
+        }
+        bench.frames();
+        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        bench.run_to(1_000_000);
+        let frames = bench.bytes();
+        for (at, frame) in frames.iter().enumerate() {
+            let expected = if at % 2 == 0 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
+            assert_eq!(frame[..], expected, "{version:?}: {:?}", ids(&frames));
+        }
+    }
+}
+
+/// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop go by ID 1 and ID 6 in turns, with
+/// nothing heard as well. A run waits for the version (ZK-7).
+#[test]
+fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
+    for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        bench.act(|link, _| link.resume_switch_by_id6());
+        bench.run_to(10_000);
+        bench.frames();
+        bench.order(bench.now(), order).unwrap();
+        bench.run_to(1_000_000);
+        let frames = bench.bytes();
+        assert_eq!(frames[..2], [zk::mode(0, sw), zk::throttle(sw, 0)], "{order:?}");
+        for both in frames.windows(2) {
+            assert_ne!(id(&both[0]), id(&both[1]), "{order:?}: {:?}", ids(&frames));
+        }
+        assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{order:?}: {:?}", ids(&frames));
+    }
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.act(|link, _| link.resume_switch_by_id6());
+    bench.order(bench.now(), throttle(300)).unwrap();
+    assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9], "version not known");
+    // Without the record a standby is ID 1.
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9]);
+}
+
+/// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
+/// out of turn. ZK-8: a hand-over is said in ID 1 before ID 6 lets go.
+#[test]
+fn zk_9_which_frame_goes_first() {
+    let (run, demand) = (throttle(300), rpm(80_000));
+    for (split_switch, before, after, first) in [
+        (true, Order::Standby, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN)]),
+        (true, run, Order::Standby, vec![zk::mode(0, STANDBY), zk::throttle(STANDBY, 0)]),
+        (true, run, Order::EmergencyStop, vec![zk::mode(0, STOP), zk::throttle(STOP, 0)]),
+        (true, run, Order::Pwm, vec![zk::throttle(PWM, 0), zk::mode(0, PWM), zk::throttle(PWM, 0)]),
+        (false, demand, Order::Pwm, vec![zk::throttle(PWM, 0), zk::mode(0, PWM), zk::throttle(PWM, 0)]),
+        (false, run, Order::Pwm, vec![zk::throttle(PWM, 0), zk::throttle(PWM, 0)]),
+        (false, run, demand, vec![zk::rpm(2000), zk::mode(4, RUN), zk::rpm(2000), zk::mode(4, RUN)]),
+        (false, demand, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN), zk::throttle(RUN, 300)]),
+        (
+            false,
+            demand,
+            Order::Standby,
+            vec![zk::mode(0, STANDBY), zk::throttle(STANDBY, 0), zk::mode(0, STANDBY)],
+        ),
+        (
+            false,
+            demand,
+            Order::EmergencyStop,
+            vec![zk::mode(0, STOP), zk::throttle(STOP, 0), zk::mode(0, STOP)],
+        ),
+    ] {
+        let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        runs(&mut bench);
+        bench.order(bench.now(), before).unwrap();
+        turns(&mut bench, 5);
+        bench.run_to(bench.now() + 20_000);
+        bench.frames();
+        bench.order(bench.now(), after).unwrap();
+        bench.run_to(bench.now() + 5 * TURN);
+        let frames = bench.frames();
+        let sent: Vec<_> = frames.iter().take(first.len()).map(|(_, frame)| &frame[..]).collect();
+        assert_eq!(sent, first, "{before:?} to {after:?}");
+        // An emergency stop begins at once.
+        let mut turns = frames.iter().skip(usize::from(after == Order::EmergencyStop));
+        let mut factor = if before == demand { 4 } else { 0 };
+        let mut directly = None;
+        if after == Order::EmergencyStop && before == demand {
+            directly = Some(frames[0].0 + 4_167);
+            factor = 0;
+        }
+        assert!(
+            turns.all(|(at, frame)| {
+                let expected = directly.take();
+                if id(frame) == 6 && frame[2] >> 2 != factor {
+                    factor = frame[2] >> 2;
+                    // To SW 0 there is none: ID 1 has said it before.
+                    directly = (frame[2] & 3 != PWM).then_some(at + 4_167);
+                }
+                expected.map_or(at % TURN == 0, |expected| *at == expected)
+            }),
+            "{before:?} to {after:?}: {frames:02x?}"
+        );
+    }
+}
+
+/// ZK-9: nothing comes between an ID 6 with a new RPM_X and its partner, whatever is due.
+#[test]
+fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
+    let mut bench = running(4);
+    bench.receive(&zk::idle(30, true)); // asks for pressure
+    bench.order(bench.now(), rpm(100_000)).unwrap();
+    bench.run_to(101_000); // the ID 6 of 100 ms is going out
+    pressure(&mut bench, 1013);
+    bench.run_to(140_000);
+    let sent = [(50_000, zk::rpm(2500)), (100_000, zk::mode(4, RUN)), (104_167, zk::rpm(2500))];
+    assert_eq!(bench.frames(), sent.map(|(at, frame)| (at, frame.to_vec())));
+}
+
+/// ZK-9: RPM_X is chosen when an rpm order begins, and stays until the order changes in kind.
+#[test]
+fn zk_9_rpm_x_stays_with_the_order() {
+    let mut bench = running(4);
+    let modes = |bench: &mut Bench<ZkLink>| -> Vec<u8> {
+        turns(bench, 6).iter().filter(|frame| id(frame) == 6).map(|frame| frame[2] >> 2).collect()
+    };
+    bench.order(bench.now(), rpm(40_000)).unwrap();
+    assert!(modes(&mut bench).iter().all(|x| *x == 4));
+    for _ in 0..2 {
+        bench.receive(&zk::identity(80, 4, 0));
+    }
+    assert_eq!(bench.machine.report().max_rpm.unwrap().value.get(), 80_000);
+    assert!(modes(&mut bench).iter().all(|x| *x == 4));
+    bench.order(bench.now(), rpm(50_000)).unwrap(); // a new number is no new order
+    assert!(modes(&mut bench).iter().all(|x| *x == 4));
+    bench.order(bench.now(), throttle(0)).unwrap();
+    assert!(modes(&mut bench).iter().all(|x| *x == 0));
+    bench.order(bench.now(), rpm(50_000)).unwrap();
+    let modes = modes(&mut bench);
+    assert!(!modes.is_empty() && modes.iter().all(|x| *x == 2), "{modes:?}");
+}
+
+/// ZK-9: an ECU that ran before the first order may have been given its switch by ID 6, so its first run goes there, too.
+/// Version 3 does not know ID 6 (ZK-7).
+#[test]
+fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
+    let order = throttle(200);
+    let mut bench = met_running(4);
+    bench.order(bench.now(), order).unwrap();
+    let frames = turns(&mut bench, 2);
+    for frame in [zk::mode(0, RUN), zk::throttle(RUN, 200)] {
+        assert!(frames.contains(&frame.to_vec()), "{frames:02x?}");
+    }
+    let mut old = met_running(3);
+    old.order(old.now(), order).unwrap();
+    assert_eq!(ids(&turns(&mut old, 10)), [1; 10], "version 3");
+    let mut standing = ecu(4);
+    standing.order(standing.now(), order).unwrap();
+    assert_eq!(ids(&turns(&mut standing, 10)), [1; 10], "it stood");
+    // A version that one report alone gives is not used.
+    let mut once = link(Config::DEFAULT, LINE);
+    once.receive(&zk::identity(160, 4, 0));
+    runs(&mut once);
+    once.order(once.now(), order).unwrap();
+    assert_eq!(ids(&turns(&mut once, 10))[1..], [1; 9], "one report");
+}
+
+/// ZK-9: an ECU whose switch is another than the one ordered, in two reports in a row later than 0.7 s after the
+/// order, gets it by ID 6, too.
+#[test]
+fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
+    // SwSt: 0 stop, 1 standby, 2 run.
+    for (order, follows, others) in [(Order::Standby, 1, [0, 2, 3]), (throttle(0), 2, [0, 1, 3])] {
+        let says = |switch: u8| zk::status(1, 0, [STATE_STANDBY, switch << 5, 76]);
+        let uses_id6 = |version: u8, reports: &[(u64, u8)]| {
+            let mut bench = ecu(version);
+            bench.order(100_000, order).unwrap();
+            for (after, switch) in reports {
+                heard_to(&mut bench, 100_000 + after);
+                bench.receive(&says(*switch));
+            }
+            ids(&turns(&mut bench, 6)).contains(&6)
+        };
+        for other in others {
+            for (version, reports, expected) in [
+                (4, &[(700_000, other), (750_000, other)][..], true),
+                (5, &[(900_000, other), (5_000_000, other)], true),
+                (3, &[(700_000, other), (750_000, other), (800_000, other)], false),
+                (4, &[(900_000, other)], false),
+                (4, &[(699_999, other), (750_000, other)], false),
+                (4, &[(100_000, other), (300_000, other), (699_999, other)], false),
+                (4, &[(800_000, other), (850_000, follows), (900_000, other)], false),
+                (4, &[(800_000, other), (850_000, follows), (900_000, other), (950_000, other)], true),
+            ] {
+                assert_eq!(uses_id6(version, reports), expected, "{order:?} {version} {reports:?}");
+            }
+        }
+        assert!(!uses_id6(4, &[(800_000, follows), (850_000, follows), (900_000, follows)]));
+    }
+}
+
+/// ZK-9: an order that was given before the ECU was heard, as an engine does, and an ECU that was left in mode 2 or 3:
+/// a standby is obeyed within about a second, a stop from the first ID 6 on.
+#[test]
+fn zk_9_an_ecu_met_in_mode_3_is_reached_in_time() {
+    for left_in in [(0, RUN), (4, RUN)] {
+        for (order, within) in [(Order::Standby, 1_000_000), (Order::EmergencyStop, 2 * TURN + 5_000)] {
+            let mut bench = link(Config::DEFAULT, LINE);
+            let mut ecu = SimpleEcu { id1: (RUN, 0), id6: left_in, code: 2500, ..SimpleEcu::default() };
+            for _ in 0..2 {
+                bench.receive(&zk::identity(160, 4, 0));
+            }
+            bench.order(0, order).unwrap();
+            let mut obeyed_at = None;
+            for step in 1..=40u64 {
+                bench.rx(step * 50_000 + 20_000, &zk::state(STATE_RUNNING));
+                for (at, frame) in bench.frames() {
+                    ecu.obey(&frame);
+                    if obeyed_at.is_none() && ecu.obeyed() == expected(order) {
+                        obeyed_at = Some(at);
+                    }
+                }
+            }
+            assert_eq!(ecu.obeyed(), expected(order), "left in {left_in:?}");
+            assert!(obeyed_at.is_some_and(|at| at <= within), "{order:?} left in {left_in:?}: {obeyed_at:?}");
+        }
+    }
+}
+
+/// ZK-6, ZK-9: what a frame says of version, maximum and idle rpm is believed at once if it is the first, and a
+/// change only when two in a row say the same: one damaged frame in 256 passes the CRC.
+#[test]
+fn zk_16_one_odd_frame_changes_no_identity() {
+    let known = |bench: &Bench<ZkLink>| {
+        let report = bench.machine.report();
+        (report.version.unwrap().value.get(), report.max_rpm.unwrap().value.get())
+    };
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.receive(&zk::identity(160, 4, 0));
+    assert_eq!(known(&bench), (4, 160_000), "the first");
+    bench.event_kinds();
+    for (max, version) in [(40, 4), (160, 1), (40, 1), (160, 4), (40, 1), (160, 4), (40, 1), (40, 2), (41, 1)]
+    {
+        bench.receive(&zk::identity(max, version, 0));
+        assert_eq!(known(&bench), (4, 160_000), "{max} {version}");
+    }
+    assert_eq!(bench.event_kinds(), []);
+    bench.receive(&zk::identity(41, 1, 0));
+    assert_eq!(known(&bench), (1, 41_000), "the second in a row");
+    assert_eq!(bench.event_kinds(), [Event::VersionKnown(Version::new(1).unwrap())]);
+
+    for (frame, idle) in [(30, 30), (60, 30), (30, 30), (60, 30), (50, 30), (60, 30), (60, 60)] {
+        bench.receive(&zk::idle(frame, false));
+        assert_eq!(bench.machine.report().idle_rpm.unwrap().value.get(), idle * 1000, "{frame}");
+    }
+}
+
+/// The control: without the stop all of them go out.
+#[test]
+fn without_an_emergency_stop_everything_goes_out() {
+    let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
+    for _ in 0..2 {
+        bench.receive(&zk::identity(160, 5, 0));
+    }
+    bench.receive(&zk::idle(30, true));
+    pressure(&mut bench, 1013);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, curve(30)).unwrap();
+    bench.run_to(240_000);
+    let frames = bench.bytes();
+    for expected in [zk::action(8), zk::unlock(), zk::curve(30), zk::pressure(1013), zk::throttle(STANDBY, 0)]
+    {
+        assert!(frames.contains(&expected.to_vec()), "{expected:02x?} in {frames:02x?}");
+    }
+    // The demand never waits for two turns.
+    let gaps: Vec<_> = ids(&frames).split(|id| *id == 1).map(<[u8]>::len).collect();
+    assert!(gaps.iter().all(|gap| *gap <= 2), "an unlocked command is two frames in one turn: {gaps:?}");
+}

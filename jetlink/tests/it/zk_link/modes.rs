@@ -1,0 +1,322 @@
+//! Modes 1, 2 and 3, and the hand-over to PWM.
+
+use super::*;
+
+/// ZK-9, mode 1: switch and throttle in ID 1. ZK-8: standby is SW 2, an emergency stop SW 1, run SW 3.
+#[test]
+fn zk_9_mode_1_switch_and_throttle_in_id_1() {
+    let mut bench = running(3);
+    for (order, sw, tenths) in [
+        (Order::Standby, STANDBY, 0),
+        (throttle(0), RUN, 0),
+        (throttle(1), RUN, 1),
+        (throttle(1000), RUN, 1000),
+        (Order::Standby, STANDBY, 0),
+        (Order::EmergencyStop, STOP, 0),
+    ] {
+        bench.order(bench.now(), order).unwrap();
+        for frame in turns(&mut bench, 3) {
+            assert_eq!(frame, zk::throttle(sw, tenths), "{order:?}");
+        }
+    }
+}
+
+/// ZK-9, mode 2: ID 6 carries the switch with RPM_X = 0 and ID 1 the throttle, in turns.
+#[test]
+fn zk_9_mode_2_switch_in_id_6() {
+    let config = Config { split_switch: true, ..Config::DEFAULT };
+    let mut bench = ecu_with(config, 4, 160);
+    runs(&mut bench);
+    for (order, sw, tenths) in
+        [(Order::Standby, STANDBY, 0), (throttle(425), RUN, 425), (Order::EmergencyStop, STOP, 0)]
+    {
+        bench.order(bench.now(), order).unwrap();
+        let (mode, demand) = (zk::mode(0, sw).to_vec(), zk::throttle(sw, tenths).to_vec());
+        // To run, the throttle goes first: the switch must not come into force with an old one.
+        let (first, second) = if sw == RUN { (demand, mode) } else { (mode, demand) };
+        assert_eq!(turns(&mut bench, 4), [first.clone(), second.clone(), first, second], "{order:?}");
+    }
+}
+
+/// ZK-7: mode 2 is of version 4. Before two reports agree on the version, and below 4, ID 1 carries both.
+#[test]
+fn zk_7_mode_2_waits_for_version_4() {
+    let config = Config { split_switch: true, ..Config::DEFAULT };
+    let mut bench = link(config, LINE);
+    bench.order(0, Order::Standby).unwrap();
+    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "version not known");
+    bench.receive(&zk::identity(160, 3, 0));
+    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "version 3");
+    bench.receive(&zk::identity(160, 4, 0));
+    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "one report against another");
+    bench.receive(&zk::identity(160, 4, 0));
+    let ids = ids(&turns(&mut bench, 6));
+    assert!(ids.contains(&6) && ids.contains(&1), "version 4: {ids:?}");
+}
+
+/// ZK-9, mode 3: ID 7 carries the rpm, ID 6 switch and RPM_X. The rpm goes first, so that the mode does not come
+/// into force with an old one.
+#[test]
+fn zk_9_mode_3_rpm_in_id_7() {
+    let mut bench = running(4);
+    bench.order(bench.now(), rpm(100_000)).unwrap();
+    // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
+    let (demand, mode) = (zk::rpm(2500).to_vec(), zk::mode(4, RUN).to_vec());
+    assert_eq!(turns(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
+    // A new rpm is in force at the latest two turns later.
+    bench.order(bench.now(), rpm(100_079)).unwrap();
+    let two = turns(&mut bench, 2);
+    assert!(two.contains(&zk::rpm(2501).to_vec()), "never rounded above the demand: {two:02x?}");
+}
+
+/// ZK-9: RPM_X for every maximum that an ECU can report, and an rpm never above the demand.
+#[test]
+fn zk_9_rpm_x_for_every_maximum() {
+    for max in 1..=255u8 {
+        let mut bench = ecu_with(Config::DEFAULT, 5, max);
+        runs(&mut bench);
+        let max_rpm = u32::from(max) * 1000;
+        // The printed ranges: 40950 × RPM_X. Above the last of them 6 reaches furthest.
+        let x = (1..=6).find(|x| 40_950 * x >= max_rpm).unwrap_or(6);
+        for demand in [0, 1, 33_333.min(max_rpm), max_rpm / 2 + 7, max_rpm - 1, max_rpm] {
+            if demand > max_rpm {
+                continue;
+            }
+            bench.order(bench.now(), rpm(demand)).unwrap();
+            let frames = turns(&mut bench, 2);
+            let mode = frames.iter().find(|frame| id(frame) == 6).expect("mode");
+            assert_eq!(mode[..], zk::mode(x as u8, RUN), "{max}");
+            let code = frames.iter().find(|frame| id(frame) == 7).expect("rpm");
+            let code = u32::from(code[1] & 0x0F) << 8 | u32::from(code[2]);
+            assert!(code * x * 10 <= demand, "{demand} of {max_rpm}");
+            assert!(demand - code * x * 10 < x * 10 || code == 4095, "{demand} of {max_rpm}");
+        }
+        assert_eq!(
+            bench.order(bench.now(), rpm(max_rpm + 1)),
+            Err(Rejected::AboveMaxRpm { max: Rpm::new(max_rpm) })
+        );
+    }
+}
+
+/// Any way from one order to another, by mode: (order before, order after, SW that the ECU must end up with).
+/// ZK-8: SW 0 is never sent on the way.
+#[test]
+fn zk_8_no_transition_hands_over_to_pwm() {
+    let orders =
+        [Order::Standby, throttle(0), throttle(700), rpm(0), rpm(80_000), rpm(160_000), Order::EmergencyStop];
+    for split_switch in [false, true] {
+        for before in orders {
+            for after in orders {
+                for turns_before in 1..=3 {
+                    let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
+                    runs(&mut bench);
+                    let mut ecu = SimpleEcu::default();
+                    bench.order(bench.now(), before).unwrap();
+                    for frame in turns(&mut bench, turns_before) {
+                        ecu.obey(&frame);
+                    }
+                    bench.order(bench.now(), after).unwrap();
+                    for frame in turns(&mut bench, 4) {
+                        let switch = match id(&frame) {
+                            1 => Some(frame[1] >> 2 & 3),
+                            6 => Some(frame[2] & 3),
+                            _ => None,
+                        };
+                        assert_ne!(switch, Some(PWM), "{before:?} to {after:?}: {frame:02x?}");
+                        ecu.obey(&frame);
+                        assert!(ecu.target_rpm <= 160_000, "{before:?} to {after:?}: {ecu:?}");
+                    }
+                    assert_eq!(ecu.obeyed(), expected(after), "{before:?} to {after:?} after {turns_before}");
+                }
+            }
+        }
+    }
+}
+
+/// ZK-8: SW 0 goes out when the hand-over is ordered by name, and takes ID 6 out of the way first.
+#[test]
+fn zk_8_hand_over_to_pwm_by_its_name() {
+    for before in [Order::Standby, throttle(500), rpm(80_000)] {
+        let mut bench = running(4);
+        let mut ecu = SimpleEcu::default();
+        bench.order(bench.now(), before).unwrap();
+        turns(&mut bench, 2).iter().for_each(|frame| ecu.obey(frame));
+        bench.order(bench.now(), Order::Pwm).unwrap();
+        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        assert_eq!(ecu.obeyed(), (PWM, None, Some(0)), "{before:?}");
+        // And back again.
+        bench.order(bench.now(), Order::Standby).unwrap();
+        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        assert_eq!(ecu.obeyed(), (STANDBY, None, Some(0)), "{before:?}");
+    }
+}
+
+/// ZK-9: an ECU that another host, or this one before its reset, left in mode 2 or 3 ignores the switch of ID 1.
+/// A stop and a standby reach it all the same.
+#[test]
+fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
+    for left_in in [(0, RUN), (4, RUN)] {
+        let left = || SimpleEcu { id1: (RUN, 0), id6: left_in, code: 2500, ..SimpleEcu::default() };
+        let mut bench = met_running(4);
+        let mut ecu = left();
+        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        turns(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
+        assert_eq!(ecu.obeyed(), expected(Order::EmergencyStop), "left in {left_in:?}");
+        // Where nothing is known of ID 6, standby goes by ID 1, and by both when the ECU does not follow.
+        let mut bench = met_running(4);
+        let mut ecu = left();
+        bench.order(bench.now(), Order::Standby).unwrap();
+        for _ in 0..20 {
+            turns(&mut bench, 1).iter().for_each(|frame| ecu.obey(frame));
+            bench.receive(&zk::state(STATE_RUNNING));
+        }
+        assert_eq!(ecu.obeyed(), expected(Order::Standby), "left in {left_in:?}");
+    }
+}
+
+/// ZK-9: while the ECU's maximum changes, and with it RPM_X, the target is never above the demand.
+#[test]
+fn zk_9_a_change_of_the_maximum_never_raises_the_target() {
+    for (before, after) in [(160, 40), (40, 160), (255, 1), (100, 200)] {
+        for turns_before in 2..=5 {
+            let mut bench = ecu_with(Config::DEFAULT, 4, before);
+            runs(&mut bench);
+            let demand = 30_000;
+            bench.order(bench.now(), rpm(demand)).unwrap();
+            let mut ecu = SimpleEcu::default();
+            turns(&mut bench, turns_before).iter().for_each(|frame| ecu.obey(frame));
+            for _ in 0..2 {
+                bench.receive(&zk::identity(after, 4, 0));
+                for frame in turns(&mut bench, 4) {
+                    ecu.obey(&frame);
+                    assert!(ecu.target_rpm <= demand, "{before} to {after} after {turns_before}: {ecu:?}");
+                }
+            }
+            assert_eq!(bench.machine.report().max_rpm.unwrap().value.get(), u32::from(after) * 1000);
+        }
+    }
+}
+
+/// ZK-9: a status ID 6 that gives another version (one corrupted frame in 256 passes the CRC) does not make a stop
+/// go where an ECU in mode 3 does not look.
+#[test]
+fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
+    for version in [1, 3, 5] {
+        for (frames, order) in [
+            (1, Order::EmergencyStop),
+            (2, Order::EmergencyStop),
+            (1, Order::Standby),
+            (2, Order::Standby),
+            (1, throttle(100)),
+            (2, throttle(100)),
+        ] {
+            let mut bench = running(4);
+            let mut ecu = SimpleEcu::default();
+            bench.order(bench.now(), rpm(100_000)).unwrap();
+            turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+            for _ in 0..frames {
+                bench.receive(&zk::identity(160, version, 0));
+            }
+            bench.order(bench.now(), order).unwrap();
+            let sent = turns(&mut bench, 6);
+            if version < 4 && frames == 2 && matches!(order, Order::Run(_)) {
+                // Two reports agree on another ECU, which does not know ID 6: to run it is ID 1 alone (ZK-7).
+                assert!(sent.iter().all(|frame| frame[..] == zk::throttle(RUN, 100)), "{sent:02x?}");
+                continue;
+            }
+            sent.iter().for_each(|frame| ecu.obey(frame));
+            assert_eq!(ecu.obeyed(), expected(order), "version {version}, {frames} frames");
+        }
+    }
+}
+
+/// ZK-9: leaving mode 3 for a throttle, the throttle of long ago never comes into force again.
+#[test]
+fn zk_9_leaving_mode_3_uses_no_old_throttle() {
+    for turns_in_mode_3 in 2..=5 {
+        let mut bench = running(4);
+        let mut ecu = SimpleEcu::default();
+        bench.order(bench.now(), throttle(1000)).unwrap();
+        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        bench.order(bench.now(), rpm(40_000)).unwrap();
+        turns(&mut bench, turns_in_mode_3).iter().for_each(|frame| ecu.obey(frame));
+        bench.order(bench.now(), throttle(100)).unwrap();
+        for frame in turns(&mut bench, 4) {
+            ecu.obey(&frame);
+            let (switch, _, throttle) = ecu.obeyed();
+            assert_eq!(switch, RUN);
+            assert!(throttle.is_none_or(|throttle| throttle <= 100), "{ecu:?} after {turns_in_mode_3}");
+        }
+    }
+}
+
+/// ZK-8, ZK-9: a hand-over from mode 3 leads from run to PWM, and not through the switch that ID 1 carried before
+/// the start.
+#[test]
+fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
+    let mut bench = running(4);
+    let mut ecu = SimpleEcu::default();
+    bench.order(bench.now(), Order::Standby).unwrap();
+    turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+    bench.order(bench.now(), rpm(80_000)).unwrap();
+    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    bench.order(bench.now(), Order::Pwm).unwrap();
+    for frame in turns(&mut bench, 4) {
+        ecu.obey(&frame);
+        assert!([RUN, PWM].contains(&ecu.obeyed().0), "{ecu:?}");
+    }
+    assert_eq!(ecu.obeyed().0, PWM);
+}
+
+/// ZK-8: ID 6 lets go when it said so on the wire, and not before: a transmission that failed is made up for.
+#[test]
+fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
+    let mut bench = running(4);
+    let mut ecu = SimpleEcu::default();
+    bench.order(bench.now(), rpm(80_000)).unwrap();
+    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    bench.run_to(bench.now() + 20_000);
+    let mut bench = bench.by_hand();
+    bench.frames();
+    bench.order(bench.now(), Order::Pwm).unwrap();
+    let mut failed = false;
+    for _ in 0..100 {
+        bench.run_to(bench.now() + 10_000);
+        let frames = bench.bytes();
+        if !failed && frames.iter().any(|frame| id(frame) == 6) {
+            failed = true;
+            bench.not_sent_at(bench.now(), NotSent::Failed);
+            continue;
+        }
+        frames.iter().for_each(|frame| ecu.obey(frame));
+        if bench.busy() {
+            bench.sent_at(bench.now());
+        }
+    }
+    assert!(failed);
+    assert_eq!(ecu.obeyed(), expected(Order::Pwm));
+}
+
+/// ZK-9: "When RPM_X is 0, the RPM of ID 7 is invalid": an ECU may forget what came before the mode, or keep the rpm
+/// of the last time. No more than one frame's time may pass until the new one is in force.
+#[test]
+fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
+    let mut bench = running(4);
+    let mut ecu = SimpleEcu { ignores_early_rpm: true, ..SimpleEcu::default() };
+    bench.order(bench.now(), rpm(100_000)).unwrap();
+    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    bench.order(bench.now(), throttle(0)).unwrap();
+    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    bench.order(bench.now(), rpm(40_000)).unwrap();
+    bench.frames();
+    bench.run_to(bench.now() + 4 * TURN);
+    let mut wrong_since: Option<u64> = None;
+    for (at, frame) in bench.frames() {
+        let wrong_for = wrong_since.map_or(0, |since| at - since);
+        assert!(wrong_for < 10_000, "{:?} for {wrong_for} µs", ecu.obeyed());
+        ecu.obey(&frame);
+        let wrong = ecu.obeyed().1.is_some_and(|target| target > 40_000);
+        wrong_since = wrong.then(|| wrong_since.unwrap_or(at));
+    }
+    assert_eq!(ecu.obeyed(), expected(rpm(40_000)));
+}

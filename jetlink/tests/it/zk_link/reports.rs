@@ -1,0 +1,180 @@
+//! Link state, and what is known of the ECU.
+
+use super::*;
+
+/// Up after one frame, because it has a CRC; lost by the timer to the tick, once; the turns go on (ZK-10).
+#[test]
+fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    assert_eq!(bench.machine.state(), LinkState::Silent);
+    bench.rx(123_456, &zk::state(STATE_STANDBY));
+    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(us(123_456))));
+    bench.events();
+    bench.run_to(623_455);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![]));
+    bench.run_to(623_456);
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    bench.frames();
+    bench.run_to(10_623_456);
+    assert_eq!((bench.frames().len(), bench.event_kinds()), (200, vec![]));
+    bench.receive(&zk::state(STATE_STANDBY));
+    assert_eq!(
+        (bench.machine.state(), bench.event_kinds()),
+        (LinkState::Up, vec![Event::LinkUp, Event::Phase(Phase::Standby)])
+    );
+}
+
+/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are kept.
+#[test]
+fn zk_15_unknown_ids_are_frames() {
+    for id in [0, 10, 11, 12, 13, 14] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        let frame = zk::status(id, 55_550, [1, 2, 3]);
+        bench.receive(&frame);
+        assert_eq!(bench.machine.state(), LinkState::Up);
+        let counters = bench.machine.counters();
+        assert_eq!((counters.frames, counters.unknown_frames, counters.bytes_skipped), (1, 1, 0));
+        let report = bench.machine.report();
+        assert_eq!(report.unknown.unwrap().value.as_bytes(), frame);
+        assert_eq!(report.rpm.unwrap().value.get(), 55_550, "every status carries the rpm");
+    }
+}
+
+/// ZK-15: unknown states, errors and switches keep their number.
+#[test]
+fn zk_15_unknown_numbers_are_kept() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    // state 25, error 29, switch 3
+    bench.receive(&zk::status(1, 0, [25 | (29 << 5 & 0xE0), 29 >> 3 | 3 << 5, 76]));
+    let report = bench.machine.report();
+    assert_eq!((report.state.unwrap().value.code, report.phase.unwrap().value), (25, Phase::Unknown));
+    assert_eq!(report.switch.unwrap().value, ReportedSwitch::Unknown(3));
+    let Faults::Zk(error) = report.faults.unwrap().value else { panic!("ZK") };
+    assert_eq!((error.code(), error.name()), (29, "unknown"));
+}
+
+/// ZK-8, ZK-5: the state in plain words and the switch that the ECU says it obeys.
+#[test]
+fn zk_8_phases_and_reported_switch() {
+    for (states, phase) in [
+        (0..=0, Phase::Stopped),
+        (1..=1, Phase::Standby),
+        (2..=5, Phase::Starting),
+        (6..=11, Phase::Running),
+        (12..=12, Phase::Cooling),
+        (13..=13, Phase::Starting),
+        (14..=19, Phase::Service),
+        (20..=31, Phase::Unknown),
+    ] {
+        for state in states {
+            for (code, switch) in
+                [(0, ReportedSwitch::Stop), (1, ReportedSwitch::Standby), (2, ReportedSwitch::Run)]
+            {
+                let mut bench = link(Config::DEFAULT, LINE);
+                bench.receive(&zk::status(1, 0, [state, code << 5, 0]));
+                let report = bench.machine.report();
+                assert_eq!(
+                    (report.phase.unwrap().value, report.switch.unwrap().value),
+                    (phase, switch),
+                    "{state}"
+                );
+            }
+        }
+    }
+}
+
+/// Every status ID lands in the report, with the time that it came.
+#[test]
+fn zk_5_values_carry_their_time() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.rx(1_000, &zk::identity(160, 5, 0));
+    for (t, frame) in [
+        (2_000, zk::status(1, 12_340, [11, 0b10 << 5 | 0b010 << 2, 38])),
+        (3_000, zk::status(3, 12_350, [45, 0x34, 0x12])),
+        (4_000, zk::status(4, 12_360, [0x2C, 0x01 | 2 << 1, 10])),
+        (5_000, zk::status(5, 12_370, [100, 40, 30])),
+        (6_000, zk::status(7, 12_380, [0x10, 0x01 | 5 << 2, 1])),
+        (7_000, zk::status(8, 12_390, [33, 0x12, 0x34])),
+        (8_000, zk::status(9, 12_400, [95, 0, 0])),
+    ] {
+        bench.rx(t, &frame);
+    }
+    let report = *bench.machine.report();
+    macro_rules! check {
+        ($($field:ident.$get:ident = $value:expr, at $at:expr;)+) => {
+            $(
+                let value = report.$field.unwrap();
+                assert_eq!((value.value.$get(), value.at), ($value, us($at)), stringify!($field));
+            )+
+        };
+    }
+    check! {
+        max_rpm.get = 160_000, at 1_000;
+        version.get = 5, at 1_000;
+        rate.hz = 20, at 1_000;
+        egt.tenths = (512 + 38 - 50) * 10, at 2_000;
+        throttle.tenths = 450, at 3_000;
+        pressure.get = 0x1234 * 2, at 3_000;
+        current.get = 30_000, at 4_000;           // 0x12C = 300 × 0.1 A
+        thrust.get = (2 * 256 + 10) * 100, at 4_000;
+        ignition_pump.get = 2_000, at 5_000;
+        fuel_flow.get = 0x110 * 10, at 6_000;
+        fuel_total.get = (64 + 5) * 100, at 6_000;
+        idle_rpm.get = 33_000, at 7_000;
+        startup.as_millis = 0x234 * 100, at 7_000;
+        ecu_temperature.tenths = 450, at 8_000;
+        rpm.get = 12_400, at 8_000;
+    }
+    assert_eq!((report.curve_increase.unwrap().value, report.curve_decrease.unwrap().value), (40, 30));
+    assert_eq!((report.closed_loop.unwrap().value, report.pressure_requested.unwrap().value), (true, false));
+    assert_eq!(report.state.unwrap().value.name, "running");
+}
+
+/// ZK-5: a throttle above 100 % has no meaning and is not taken over.
+#[test]
+fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.receive(&zk::status(3, 0, [101, 0, 0]));
+    assert_eq!(bench.machine.report().throttle, None);
+    bench.receive(&zk::status(3, 0, [100, 0, 0]));
+    assert_eq!(bench.machine.report().throttle.unwrap().value, Throttle::FULL);
+}
+
+/// Events when something changes, and only then.
+#[test]
+fn events_of_a_start() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    let version = Version::new(4).unwrap();
+    for (frame, events) in [
+        (zk::state(STATE_STOP), vec![Event::LinkUp, Event::Phase(Phase::Stopped)]),
+        (zk::state(STATE_STOP), vec![]),
+        (zk::identity(160, 4, 0), vec![Event::VersionKnown(version), Event::RateConfirmed(Rate::Hz20)]),
+        (zk::identity(160, 4, 0), vec![]),
+        (zk::state(STATE_IGNITION), vec![]),
+        (zk::state(4), vec![Event::Phase(Phase::Starting)]),
+        (zk::state(STATE_RUNNING), vec![]),
+        (zk::state(STATE_RUNNING), vec![Event::Phase(Phase::Running)]),
+    ] {
+        bench.receive(&frame);
+        assert_eq!(bench.event_kinds(), events, "{frame:02x?}");
+    }
+    let faulty = zk::status(1, 0, [STATE_RUNNING | 4 << 5, 1, 76]); // error 0b01100: main valve
+    bench.receive(&faulty);
+    assert_eq!(bench.event_kinds(), [], "one report is no fault");
+    bench.receive(&faulty);
+    let events = bench.event_kinds();
+    let [Event::Faults(Faults::Zk(error))] = events[..] else { panic!("{events:?}") };
+    assert_eq!(error.name(), "main-valve");
+}
+
+/// ZK-16: a corrupted frame costs itself; the link counts it.
+#[test]
+fn zk_16_a_corrupted_frame_is_counted() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    let mut bad = zk::status(1, 0, [STATE_RUNNING, 0, 76]); // none of its bytes looks like a head
+    bad[5] ^= 0x10;
+    bench.receive(&[&bad[..], &zk::state(STATE_STOP)].concat());
+    let counters = bench.machine.counters();
+    assert_eq!((counters.crc_failures, counters.frames, counters.bytes_skipped), (1, 1, 7));
+    assert_eq!(bench.machine.report().phase.unwrap().value, Phase::Stopped);
+}

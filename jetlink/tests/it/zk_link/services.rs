@@ -1,0 +1,266 @@
+//! Service commands.
+
+use super::*;
+
+/// ZK-13: ID 3 immediately before ID 4 or 5, with nothing in between, and status ID 5 confirms.
+#[test]
+fn zk_13_unlock_goes_immediately_before() {
+    for (command, frame, before, shown) in [
+        (curve(40), zk::curve(40), zk::settings(7, 39), zk::settings(7, 40)),
+        (ignition(2000), zk::ignition_pump(100), zk::settings(99, 39), zk::settings(100, 39)),
+    ] {
+        let mut bench = ecu(3);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        service(&mut bench, command).unwrap();
+        bench.run_to(90_000);
+        // At the turn, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
+        assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec()), (54_167, frame.to_vec())]);
+        // When its last stop bit is out.
+        assert_eq!(bench.events(), [(58_334, Event::ServiceSent(command))]);
+        bench.receive(&before);
+        assert_eq!(bench.event_kinds(), [], "the old value confirms nothing");
+        bench.receive(&shown);
+        assert_eq!(bench.event_kinds(), [Event::ServiceConfirmed(command)]);
+        let rest = turns(&mut bench, 100);
+        assert!(rest.iter().all(|frame| id(frame) == 1), "once: {rest:02x?}");
+        // The next one is taken.
+        service(&mut bench, command).unwrap();
+    }
+}
+
+/// ZK-13: without a confirmation three attempts, each with its own unlock, two seconds apart; then it failed.
+#[test]
+fn zk_13_retries_and_failure() {
+    let mut bench = ecu(3);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, curve(40)).unwrap();
+    bench.run_to(1_000_000);
+    assert_eq!(service(&mut bench, curve(50)), Err(Rejected::Busy));
+    assert_eq!(service(&mut bench, action(Action::TestPump)), Err(Rejected::Busy));
+    for t in 1_000..12_000 {
+        if t % 40 == 0 {
+            bench.rx(t * 1000, &zk::settings(7, 39));
+        }
+    }
+    let frames = bench.frames();
+    let ours: Vec<_> = frames.iter().filter(|(_, frame)| id(frame) != 1).collect();
+    let sent: Vec<_> = ours.iter().map(|(_, frame)| frame.clone()).collect();
+    let pair = [zk::unlock().to_vec(), zk::curve(40).to_vec()];
+    assert_eq!(sent, [&pair[..], &pair, &pair].concat());
+    let unlocks: Vec<u64> = ours.iter().step_by(2).map(|(at, _)| *at).collect();
+    for pair in unlocks.windows(2) {
+        assert!((2_000_000..=2_200_000).contains(&(pair[1] - pair[0])), "{unlocks:?}");
+    }
+    let events = bench.events();
+    let sent = events.iter().filter(|(_, event)| *event == Event::ServiceSent(curve(40))).count();
+    let failed: Vec<_> = events
+        .iter()
+        .filter(|(_, event)| *event == Event::ServiceFailed(curve(40)))
+        .map(|(at, _)| *at)
+        .collect();
+    assert_eq!((sent, failed.len()), (3, 1));
+    assert!(failed[0] >= unlocks[2] + 2_000_000, "the last attempt has its time, too");
+    service(&mut bench, curve(50)).unwrap();
+}
+
+/// ZK-13: an emergency stop between the unlock and its command goes first; the command does not follow a stop.
+#[test]
+fn zk_13_a_stop_between_unlock_and_command() {
+    let mut bench = ecu(3);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, curve(40)).unwrap();
+    bench.run_to(52_000);
+    assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec())]);
+    bench.order(52_000, Order::EmergencyStop).unwrap();
+    heard_to(&mut bench, 1_000_000);
+    let frames = bench.frames();
+    assert_eq!(frames[0], (54_167, zk::throttle(STOP, 0).to_vec()));
+    assert!(frames.iter().all(|(_, frame)| frame[..] == zk::throttle(STOP, 0)), "nothing but the stop");
+    let at: Vec<u64> = frames.iter().skip(1).map(|(at, _)| *at).collect();
+    assert_eq!(at, (2..=20).map(|turn| turn * TURN).collect::<Vec<_>>(), "at every turn, in no burst");
+}
+
+/// A service command that a stop pre-empted is over: nobody wants a drain or a new curve minutes later, when the
+/// stop is released.
+#[test]
+fn a_stop_ends_a_waiting_service_command() {
+    for command in [action(Action::Drain), curve(40)] {
+        let mut bench = ecu(3);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        service(&mut bench, command).unwrap();
+        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        bench.run_to(600_000_000);
+        bench.frames();
+        bench.order(bench.now(), Order::Standby).unwrap();
+        let frames = turns(&mut bench, 20);
+        // With the ECU silent for so long the stop went by ID 6 as well.
+        assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
+        let told = bench.event_kinds();
+        assert_eq!(told.iter().filter(|event| **event == Event::ServiceFailed(command)).count(), 1);
+        assert!(!told.contains(&Event::ServiceSent(command)));
+        service(&mut bench, command).unwrap();
+    }
+}
+
+/// An order other than standby ends a service command at every stage, and says so; standby ends none.
+#[test]
+fn an_order_ends_a_service_command_at_every_stage() {
+    let orders = [throttle(0), rpm(50_000), Order::EmergencyStop, Order::Pwm];
+    for order in orders {
+        // Waiting; the unlock going out; the command going out; waiting for status ID 5.
+        for (at, out, was_sent) in
+            [(40_000, 0, false), (52_000, 1, false), (56_000, 2, false), (70_000, 2, true)]
+        {
+            let mut bench = ecu(4);
+            bench.order(bench.now(), Order::Standby).unwrap();
+            service(&mut bench, curve(40)).unwrap();
+            bench.order(at, order).unwrap();
+            let out_before = bench.frames().into_iter().filter(|(sent, _)| *sent < at).count();
+            assert_eq!(out_before, out);
+            bench.run_to(10_000_000);
+            let behind = bench.bytes();
+            assert!(behind.iter().all(|frame| !(2..=5).contains(&id(frame))), "{order:?} at {at}");
+            let told = bench.event_kinds();
+            let count = |event| told.iter().filter(|told| **told == event).count();
+            assert_eq!(count(Event::ServiceFailed(curve(40))), 1, "{order:?} at {at}");
+            assert_eq!(count(Event::ServiceSent(curve(40))), usize::from(was_sent), "{order:?} at {at}");
+        }
+    }
+    let mut bench = ecu(4);
+    for _ in 0..2 {
+        bench.order(bench.now(), Order::Standby).unwrap();
+        let _ = service(&mut bench, curve(40));
+    }
+    bench.run_to(100_000);
+    assert_eq!(bench.event_kinds(), [Event::ServiceSent(curve(40))]);
+}
+
+/// A service command that needs a stopped engine does not go out once the engine is ordered to run.
+#[test]
+fn an_order_to_run_ends_a_waiting_service_command() {
+    for command in [action(Action::Drain), action(Action::OpenPump), curve(40)] {
+        let mut bench = ecu(5);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        turns(&mut bench, 1);
+        // The rate has the next turn, so the command waits until the order to run is out.
+        service(&mut bench, action(Action::Rate20Hz)).unwrap();
+        service(&mut bench, command).unwrap();
+        bench.order(bench.now(), throttle(0)).unwrap();
+        let frames = turns(&mut bench, 200);
+        let run = frames.iter().position(|frame| frame[..] == zk::throttle(RUN, 0)).expect("runs");
+        let behind = &frames[run..];
+        // The rate is asked for again until the ECU confirms it.
+        let rate = zk::action(7);
+        assert!(
+            behind.iter().all(|frame| id(frame) == 1 || frame[..] == rate),
+            "{command:?}: {:?}",
+            ids(behind)
+        );
+        let told = bench.event_kinds();
+        assert!(
+            told.contains(&Event::ServiceFailed(command)) && !told.contains(&Event::ServiceSent(command))
+        );
+    }
+}
+
+/// ZK-13: an unlock that was not sent unlocks nothing, so it is sent again before the command.
+#[test]
+fn zk_13_an_unlock_that_failed_is_sent_again() {
+    let mut bench = ecu(3).by_hand();
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, curve(40)).unwrap();
+    bench.run_to(50_000);
+    assert_eq!(bench.bytes(), [zk::unlock()]);
+    bench.not_sent_at(51_000, NotSent::Failed);
+    assert_eq!(bench.frames(), []);
+    let mut sent = Vec::new();
+    for _ in 0..20 {
+        let t = bench.now() + 10_000;
+        bench.run_to(t);
+        if bench.busy() {
+            bench.sent_at(t);
+        }
+        sent.extend(bench.bytes());
+    }
+    let at = sent.iter().position(|frame| id(frame) == 5).expect("the command");
+    assert_eq!(sent[at - 1], zk::unlock());
+    assert_eq!(sent.iter().filter(|frame| id(frame) == 5).count(), 1);
+}
+
+/// A plain action goes out once, between two frames of the demand.
+#[test]
+fn an_action_goes_out_once() {
+    for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.parameter())) {
+        let mut bench = ecu(5);
+        bench.order(bench.now(), Order::Standby).unwrap();
+        service(&mut bench, action(one)).unwrap();
+        let frames = turns(&mut bench, 60);
+        let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
+        assert_eq!(sent, [zk::action(one.parameter())]);
+        let told = bench.event_kinds();
+        assert_eq!(told.iter().filter(|event| **event == Event::ServiceSent(action(one))).count(), 1);
+    }
+}
+
+/// An action is told as sent when its last stop bit is out.
+#[test]
+fn an_action_is_told_when_it_is_out() {
+    let mut bench = ecu(5);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, action(Action::Drain)).unwrap();
+    bench.run_to(54_166);
+    assert_eq!((bench.bytes().len(), bench.events()), (1, vec![]));
+    bench.run_to(54_167);
+    assert_eq!(bench.events(), [(54_167, Event::ServiceSent(action(Action::Drain)))]);
+}
+
+/// A service command that never gets through is tried three times, and has then failed.
+#[test]
+fn a_service_command_that_never_gets_through_has_failed() {
+    for command in [action(Action::Drain), curve(40)] {
+        let mut bench = ecu(5).by_hand();
+        let tried = match command {
+            Service::Zk(ZkService::Action(one)) => zk::action(one.parameter()),
+            _ => zk::unlock(),
+        };
+        bench.order(bench.now(), Order::Standby).unwrap();
+        service(&mut bench, command).unwrap();
+        let mut attempts = 0;
+        for _ in 0..1_000 {
+            bench.run_to(bench.now() + 10_000);
+            attempts += bench.bytes().into_iter().filter(|frame| frame[..] == tried).count();
+            if bench.busy() {
+                bench.not_sent_at(bench.now(), NotSent::Failed);
+            }
+        }
+        let told = bench.event_kinds();
+        let count = |event| told.iter().filter(|told| **told == event).count();
+        assert_eq!((attempts, count(Event::ServiceFailed(command))), (3, 1), "{command:?}");
+        assert_eq!(count(Event::ServiceSent(command)), 0);
+    }
+}
+
+/// An action that the UART did not send is sent again, and is told when it went out.
+#[test]
+fn an_action_that_was_not_sent_is_sent_again() {
+    let mut bench = ecu(5).by_hand();
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, action(Action::ClosePump)).unwrap();
+    bench.run_to(50_000);
+    assert_eq!(bench.bytes(), [zk::action(13)]);
+    bench.not_sent_at(51_000, NotSent::Failed);
+    assert!(!bench.event_kinds().contains(&Event::ServiceSent(action(Action::ClosePump))));
+    let mut sent_again = 0;
+    for _ in 0..100 {
+        let t = bench.now() + 10_000;
+        bench.run_to(t);
+        sent_again += bench.bytes().into_iter().filter(|frame| frame[..] == zk::action(13)).count();
+        if bench.busy() {
+            bench.sent_at(t);
+        }
+    }
+    let told = bench.event_kinds();
+    let count = |event| told.iter().filter(|told| **told == event).count();
+    assert_eq!((sent_again, count(Event::ServiceSent(action(Action::ClosePump)))), (1, 1));
+    assert_eq!(count(Event::ServiceFailed(action(Action::ClosePump))), 0);
+}

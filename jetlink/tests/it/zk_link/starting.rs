@@ -1,0 +1,177 @@
+//! What goes out until the engine runs.
+
+use super::*;
+
+/// The demand is kept at its minimum until the engine is released, whatever the ECU reports: ignition demands it.
+#[test]
+fn the_demand_waits_for_its_release() {
+    let mut bench = ecu(3); // throttle and switch in ID 1, whatever switch it reports
+    bench.order(bench.now(), throttle(600)).unwrap();
+    for (released, tenths) in [(false, 0), (true, 600), (false, 0)] {
+        bench.act(|link, _| link.release(released));
+        for state in 0..=31 {
+            bench.receive(&zk::state(state));
+            for frame in turns(&mut bench, 2) {
+                assert_eq!(frame, zk::throttle(RUN, tenths), "state {state}");
+            }
+        }
+    }
+}
+
+/// A state with the shaft turning at 50 000 rpm, well above half of idle.
+fn turning(state: u8) -> [u8; 7] {
+    let switch = if matches!(state, 0 | 1 | 12) { 1 } else { 2 };
+    zk::status(1, 50_000, [state, switch << 5, 76])
+}
+
+/// The supervision on top of the link: ordered to start, with the stick at 60 % behind it.
+fn started() -> Bench<Engine> {
+    let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
+    let mut bench = Bench::new(Engine::new(&config), LINE);
+    bench.machine = Engine::new(&config);
+    bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
+    for _ in 0..30 {
+        engine_turn(&mut bench, &zk::identity(160, 3, 0));
+        engine_turn(&mut bench, &zk::state(STATE_STANDBY));
+    }
+    for command in [Command::Arm, Command::Standby, Command::Run(Demand::Throttle(Throttle::IDLE))] {
+        bench.act(|engine, now| engine.command(now, command, Origin::Rc, true)).unwrap();
+    }
+    bench
+}
+
+/// A status of the ECU, and what goes out up to the next turn while the source asks for 60 %.
+fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
+    let t = (bench.now() / TURN + 1) * TURN;
+    bench.rx(t - 10_000, frame);
+    let demand = Command::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
+    // Refused while it is no start yet.
+    let _ = bench.act(|engine, now| engine.command(now, demand, Origin::Rc, true));
+    bench.frames();
+    bench.run_to(t + 5_000);
+    let mut frames = bench.bytes();
+    assert_eq!(frames.len(), 1, "{frames:02x?}");
+    frames.remove(0)
+}
+
+/// The demand goes out when two reports say that the engine runs and its shaft turns. Until then, whatever is reported of a
+/// start, it stays at idle.
+#[test]
+fn the_demand_waits_for_a_running_engine() {
+    for running in 6..=11 {
+        let mut bench = started();
+        for state in [1, 2, 3, 4, 5, STATE_UNKNOWN, running] {
+            let frame = if state < 6 { zk::state(state) } else { turning(state) };
+            assert_eq!(engine_turn(&mut bench, &frame), zk::throttle(RUN, 0), "state {state}");
+        }
+        // From here it rises at 50 %/s: 2.5 % a turn.
+        for turn in 0..40u16 {
+            let frame = engine_turn(&mut bench, &turning(running));
+            let tenths = u16::from(frame[1] & 3) << 8 | u16::from(frame[2]);
+            assert_eq!(frame, zk::throttle(RUN, tenths));
+            assert!(tenths.abs_diff((turn * 25).min(600)) <= 25, "{tenths} at turn {turn}");
+        }
+        assert_eq!(engine_turn(&mut bench, &turning(running)), zk::throttle(RUN, 600));
+        // ZK-15: a state without a name ends nothing.
+        for _ in 0..10 {
+            assert_eq!(engine_turn(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
+        }
+    }
+    // Running with a shaft that stands releases nothing.
+    let mut bench = started();
+    for state in [3, 5, 11, 11, 11, 11] {
+        assert_eq!(engine_turn(&mut bench, &zk::state(state)), zk::throttle(RUN, 0), "state {state}");
+    }
+}
+
+/// One report that does not fit a running engine takes the run off the wire, and nothing else; two that agree end it.
+#[test]
+fn one_odd_report_withholds_the_run_and_two_end_it() {
+    for odd in [zk::state(0), zk::state(1), zk::state(12), zk::state(3), zk::state(5), turning(12)] {
+        let mut bench = started();
+        for state in [3, 5, 11, 11, 11] {
+            engine_turn(&mut bench, &if state < 6 { zk::state(state) } else { turning(state) });
+        }
+        for _ in 0..40 {
+            engine_turn(&mut bench, &turning(11));
+        }
+        for _ in 0..3 {
+            assert_eq!(engine_turn(&mut bench, &odd), zk::keep_alive(), "{odd:02x?}");
+            assert_eq!(engine_turn(&mut bench, &turning(11)), zk::keep_alive(), "one does not confirm it");
+            assert_eq!(engine_turn(&mut bench, &turning(11)), zk::throttle(RUN, 600), "two do");
+        }
+        assert_eq!(engine_turn(&mut bench, &odd), zk::keep_alive());
+        for _ in 0..10 {
+            assert_eq!(engine_turn(&mut bench, &odd), zk::throttle(STANDBY, 0), "{odd:02x?}");
+        }
+    }
+}
+
+/// What the report says of phase, faults and switch is debounced: the first counts at once, a change when two agree.
+#[test]
+fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    let says = |state: u8, error: u8, switch: u8| {
+        zk::status(1, 0, [state | error << 5, error >> 3 | switch << 5, 76])
+    };
+    let known = |bench: &Bench<ZkLink>| {
+        let report = bench.machine.report();
+        let Faults::Zk(error) = report.faults.unwrap().value else { panic!("ZK") };
+        (report.phase.unwrap().value, error.code(), report.switch.unwrap().value)
+    };
+    let running = (Phase::Running, 0, ReportedSwitch::Run);
+    bench.receive(&says(11, 0, 2));
+    assert_eq!(known(&bench), running, "the first counts");
+    for (state, error, switch) in [(0, 0, 2), (11, 12, 2), (11, 0, 1), (0, 12, 0)] {
+        let changed = (
+            phase_of(state),
+            error,
+            [ReportedSwitch::Stop, ReportedSwitch::Standby, ReportedSwitch::Run][usize::from(switch)],
+        );
+        for _ in 0..3 {
+            let t = bench.now() + 10_000;
+            bench.rx(t, &says(state, error, switch));
+            assert_eq!(known(&bench), running, "{state} {error} {switch}");
+            bench.receive(&says(11, 0, 2));
+            assert_eq!((known(&bench), bench.machine.report().phase.unwrap().at), (running, us(t)));
+        }
+        bench.receive(&says(state, error, switch));
+        bench.receive(&says(state, error, switch));
+        assert_eq!(known(&bench), changed, "two in a row");
+        bench.receive(&says(11, 0, 2));
+        bench.receive(&says(11, 0, 2));
+    }
+}
+
+fn phase_of(state: u8) -> Phase {
+    match state {
+        0 => Phase::Stopped,
+        1 => Phase::Standby,
+        2..=5 | 13 => Phase::Starting,
+        6..=11 => Phase::Running,
+        12 => Phase::Cooling,
+        14..=19 => Phase::Service,
+        _ => Phase::Unknown,
+    }
+}
+
+/// In mode 3 the minimum is the engine's idle rpm, 0 while that is not known.
+#[test]
+fn the_rpm_waits_for_its_release() {
+    for (idle, demand, target) in
+        [(None, 100_000, 0), (Some(30), 100_000, 30_000), (Some(30), 20_000, 20_000)]
+    {
+        let mut bench = ecu(4);
+        if let Some(idle) = idle {
+            bench.receive(&zk::idle(idle, false));
+        }
+        bench.receive(&zk::state(STATE_IGNITION));
+        bench.order(bench.now(), rpm(demand)).unwrap();
+        let mut ecu = SimpleEcu::default();
+        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+        assert_eq!(ecu.obeyed(), (RUN, Some(target), None), "{idle:?}");
+        runs(&mut bench);
+        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+        assert_eq!(ecu.obeyed(), (RUN, Some(demand), None), "{idle:?}");
+    }
+}

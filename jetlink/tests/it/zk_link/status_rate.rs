@@ -1,0 +1,84 @@
+//! The status rate.
+
+use super::*;
+
+/// ZK-11: when status ID 6 shows another rate it is set by ID 2, and confirmed by ID 6.
+#[test]
+fn zk_11_rate_is_set_and_confirmed() {
+    for (wanted, parameter) in [(Rate::Hz20, 7), (Rate::Hz50, 8), (Rate::Hz100, 9)] {
+        for reported in 0..=3u8 {
+            let mut bench = link(Config { rate: wanted, ..Config::DEFAULT }, LINE);
+            bench.order(0, Order::Standby).unwrap();
+            bench.run_to(300_000);
+            assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "not before ID 6 has said it");
+            bench.receive(&zk::identity(160, 1, reported));
+            bench.run_to(500_000);
+            let asked: Vec<_> = bench.bytes().into_iter().filter(|frame| id(frame) == 2).collect();
+            if reported == rate_code(wanted) {
+                assert_eq!(asked, Vec::<Vec<u8>>::new());
+            } else {
+                assert_eq!(asked, [zk::action(parameter)]);
+                assert!(!bench.event_kinds().contains(&Event::RateConfirmed(wanted)));
+                bench.receive(&zk::identity(160, 1, rate_code(wanted)));
+            }
+            assert!(bench.event_kinds().contains(&Event::RateConfirmed(wanted)), "{wanted:?} {reported}");
+            bench.run_to(5_000_000);
+            assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "confirmed");
+        }
+    }
+}
+
+/// ZK-11: asked again every second, five times, then given up; an ECU that was lost is asked anew.
+#[test]
+fn zk_11_rate_is_retried_and_given_up() {
+    let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
+    bench.order(0, Order::Standby).unwrap();
+    for turn in 0..500 {
+        bench.rx(turn * 20_000 + 5_000, &zk::identity(160, 4, 0));
+    }
+    let asked: Vec<u64> =
+        bench.frames().into_iter().filter(|(_, frame)| id(frame) == 2).map(|(at, _)| at).collect();
+    assert_eq!(asked.len(), 5);
+    assert!(asked.windows(2).all(|pair| (1_000_000..=1_040_000).contains(&(pair[1] - pair[0]))), "{asked:?}");
+    let given_up =
+        bench.event_kinds().into_iter().filter(|event| *event == Event::RateNotConfirmed(Rate::Hz50));
+    assert_eq!(given_up.count(), 1);
+    let t = bench.now() + 2_000_000; // silence
+    bench.rx(t, &zk::identity(160, 4, 0));
+    bench.run_to(t + 100_000);
+    assert!(bench.bytes().contains(&zk::action(8).to_vec()));
+}
+
+/// ZK-11: an ECU that falls back to another rate while it is heard is set again.
+#[test]
+fn zk_11_rate_is_watched() {
+    let mut bench = ecu(4);
+    bench.receive(&zk::identity(160, 4, 2));
+    bench.run_to(200_000);
+    assert!(bench.bytes().contains(&zk::action(7).to_vec()));
+}
+
+/// ZK-11: a rate by service command: refused where the line cannot carry it; the turns follow it.
+#[test]
+fn zk_11_rate_by_service_command() {
+    for (baud, rate, fits) in [
+        (2400, Action::Rate20Hz, true),
+        (2400, Action::Rate50Hz, false),
+        (4800, Action::Rate50Hz, true),
+        (4800, Action::Rate100Hz, false),
+        (9600, Action::Rate100Hz, true),
+    ] {
+        let mut bench = link(Config::DEFAULT, Line::new(baud));
+        bench.receive(&zk::identity(160, 4, 0));
+        let expected = if fits { Ok(()) } else { Err(Rejected::RateTooFast) };
+        assert_eq!(service(&mut bench, action(rate)), expected, "{baud} {rate:?}");
+    }
+    let mut bench = ecu(4);
+    bench.order(bench.now(), Order::Standby).unwrap();
+    service(&mut bench, action(Action::Rate100Hz)).unwrap();
+    bench.rx(205_000, &zk::identity(160, 4, 2));
+    assert!(bench.bytes().contains(&zk::action(9).to_vec()));
+    assert_eq!(bench.event_kinds(), [Event::RateConfirmed(Rate::Hz100)]);
+    bench.run_to(1_205_000);
+    assert_eq!(bench.frames().len(), 100);
+}

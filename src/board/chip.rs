@@ -1,0 +1,6 @@
+//! The family of the chip that the board has.
+
+#[cfg(feature = "stm32f4")]
+pub use super::stm32f4::*;
+#[cfg(feature = "stm32h7")]
+pub use super::stm32h7::*;
