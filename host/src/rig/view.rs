@@ -13,4 +13,6 @@ mod why;
 mod wire;
 
 #[cfg(test)]
+mod picture;
+#[cfg(test)]
 mod tests;

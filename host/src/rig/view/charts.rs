@@ -36,17 +36,22 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     }
 }
 
-/// A curve: a point at each end of each band.
-type Curve = Vec<(f64, f64)>;
+/// A curve in pieces where it is known: a point at each end of each band.
+type Curve = Vec<Vec<(f64, f64)>>;
 
 fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine: usize, subject: &Subject) {
     let now = seconds(model.at - Instant::MIN);
     let points = thinned(model.record.since(engine, now - SPAN), usize::from(area.width) * 2);
     let curve = |value: &dyn Fn(&Point) -> Option<Band>, scale: f64| -> Curve {
-        let of_point = |point: &Point| {
-            value(point).map(|band| [band.least, band.most].map(|value| (point.t - now, value * scale)))
+        let known = points.chunk_by(|a, b| value(a).is_some() == value(b).is_some());
+        let piece = |points: &[Point]| {
+            let both = |point: &Point, band: Band| {
+                [band.least, band.most].map(|value| (point.t - now, value * scale))
+            };
+            let of_point = |point: &Point| value(point).map(|band| both(point, band));
+            points.iter().filter_map(of_point).flatten().collect::<Vec<_>>()
         };
-        points.iter().filter_map(of_point).flatten().collect()
+        known.map(piece).filter(|piece| !piece.is_empty()).collect()
     };
     let egt_full = subject.egt_limit.unwrap_or(800.0);
     // Both have one axis: the EGT is drawn so that its limit is at the highest speed.
@@ -94,9 +99,10 @@ fn chart(
     top_name: &str,
 ) {
     let quiet = theme.style(Tone::Quiet);
-    let sets = curves.iter().map(|(name, tone, curve)| {
-        let set = Dataset::default().name(*name).marker(theme.marker()).graph_type(GraphType::Scatter);
-        set.style(theme.style(*tone)).data(curve)
+    let sets = curves.iter().flat_map(|(name, tone, pieces)| {
+        let set = Dataset::default().name(*name).marker(theme.marker()).graph_type(GraphType::Line);
+        let set = set.style(theme.style(*tone));
+        pieces.iter().map(move |piece| set.clone().data(piece))
     });
     let label = |text: &str| Span::styled(text.to_owned(), quiet);
     let block = Block::bordered().border_set(theme.border()).border_style(quiet).title(title);

@@ -7,6 +7,7 @@ use super::super::play::script;
 use super::super::session;
 use super::draw::draw;
 use super::model::{Asked, Model, Page, Popup};
+use super::picture;
 use super::theme::Theme;
 use clap::Parser;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -365,4 +366,34 @@ fn a_played_run_is_a_file_that_gives_the_same_bytes() {
     assert_eq!(first, None, "{:?} {:?} {}", around(&again.bytes), around(&played.bytes), played.script);
     assert_eq!(again.bytes.len(), played.bytes.len());
     assert_eq!(again.outcomes.length, played.outcomes.length);
+}
+
+/// Writes them with `JETLINK_WRITE_PICTURES=1 cargo test --package host pictures_and_texts`.
+#[test]
+fn pictures_and_texts_of_the_documentation_are_what_the_screen_shows() {
+    let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
+    let write = std::env::var_os("JETLINK_WRITE_PICTURES").is_some();
+    // The source of left has fallen silent.
+    let mut played = play("picture", &format!("{HEAD}seed 1\n"), &[], 131.2);
+    played.model.passing.auto = true;
+    for (width, height) in [(80, 24), (200, 50)] {
+        let buffer = buffer(&played.model, COLOUR, width, height);
+        let name = format!("rig-{width}x{height}");
+        for (name, content) in [
+            (format!("{name}.txt"), text(&buffer)),
+            (format!("{name}.svg"), picture::svg(&buffer, false)),
+            (format!("{name}-dark.svg"), picture::svg(&buffer, true)),
+        ] {
+            assert!(content.len() < 150_000, "{name} has {} bytes", content.len());
+            let path = docs.join(&name);
+            if write {
+                std::fs::write(&path, &content).unwrap();
+            }
+            let committed = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(committed == content, "docs/screens/{name} is not what the screen shows");
+            if name.ends_with(".svg") {
+                roxmltree::Document::parse(&content).expect("well-formed XML");
+            }
+        }
+    }
 }
