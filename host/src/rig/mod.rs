@@ -203,7 +203,9 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     });
 
     // A request in the last moment ends nothing any more.
-    let ended_by = end.requested().filter(|_| outcomes.end == End::Interrupted);
+    let ended_by = end
+        .requested()
+        .filter(|by| outcomes.end == End::Interrupted || (outcomes.is_played() && *by != EndedBy::Key));
     let problems = summary::problems(&outcomes);
     let mut text = summary::text(&outcomes, &problems, ended_by);
     // With the terminal or the reader gone, nobody reads.

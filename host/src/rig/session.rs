@@ -182,8 +182,11 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             });
             let message =
                 Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
+            // A played run has no time of its own.
+            let ended =
+                |complete| if complete || player.is_played() { End::Complete } else { End::Interrupted };
             if !notes.take().into_iter().chain([message]).all(&mut show) {
-                end.replace(End::Interrupted);
+                end.replace(ended(told_complete));
                 return;
             }
 
@@ -210,9 +213,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 let passing = turn.passing.map(Message::Passing);
                 let go_on = notes.take().into_iter().chain(passing).all(&mut show);
                 if turn.end || !go_on {
-                    // A played run has no time of its own.
-                    let ended = complete || player.is_played();
-                    end.replace(if ended { End::Complete } else { End::Interrupted });
+                    end.replace(ended(complete));
                     return;
                 }
                 if !turn.again {

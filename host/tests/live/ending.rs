@@ -261,6 +261,49 @@ fn a_dumb_terminal_and_plain_get_lines() {
 }
 
 #[test]
+fn a_played_run_is_saved_and_its_command_printed() {
+    let script = file("played-live.txt");
+    let mut terminal = Terminal::start(&["--standby", "--save-script", script.to_str().unwrap()]);
+    terminal.is_live();
+    terminal.types(b"d");
+    wait_until("it is done", || terminal.output().contains("played: disarm"));
+    terminal.types(b" ");
+    wait_until("it is done", || terminal.output().contains("emergency-stop"));
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    assert!(
+        text.contains(&format!("To play it again: cargo rig --script {} --fast", script.display())),
+        "{text}"
+    );
+    let saved = std::fs::read_to_string(&script).expect("the script");
+    assert!(saved.contains(" left disarm\n") && saved.contains(" all emergency-stop\n"), "{saved}");
+    let again = jetlink(&["--fast", "--script", script.to_str().unwrap()]).output().expect("it runs");
+    let again = String::from_utf8(again.stdout).expect("UTF-8");
+    let summary = |text: &str| text.split_once("\nSummary after ").map(|(_, summary)| summary.to_owned());
+    let live = summary(&text).expect("a summary");
+    assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
+}
+
+/// What a smaller screen had is gone when it grows.
+#[test]
+fn a_terminal_can_change_its_size() {
+    let mut terminal = Terminal::start(&["--standby", "--duration", "600s"]);
+    terminal.is_live();
+    for (columns, rows, what) in [(30, 10, "columns"), (150, 40, "Titan")] {
+        let before = terminal.output().len();
+        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&terminal.side, size).expect("a size");
+        signal(&terminal.child, "WINCH");
+        wait_until(what, || terminal.output().get(before..).is_some_and(|new| new.contains(what)));
+        let output = terminal.output();
+        assert!(output.get(before..).is_some_and(|new| new.contains("\u{1b}[2J")), "it is drawn anew");
+    }
+    terminal.types(b"q");
+    assert_eq!(terminal.end().0.code(), Some(0));
+}
+
+#[test]
 fn a_run_that_is_complete_stays_until_it_is_ended() {
     let mut terminal = Terminal::start(&["--standby", "--duration", "2s"]);
     wait_until("the verdict", || terminal.output().contains("verdict: PASS"));
