@@ -5,8 +5,8 @@ use super::zk::link::ZkLink;
 use super::{EcuConfig, Service};
 use crate::command::{Order, Rejected};
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Link, Output, Sign};
-use crate::report::{Counters, LinkState, NotSent, Report};
+use crate::link::{Link, LinkStatus, Output, Sign};
+use crate::report::NotSent;
 use crate::units::Hectopascals;
 use embassy_time::Instant;
 
@@ -131,31 +131,7 @@ impl Link for AnyLink {
         each!(self, link => link.closing_pump())
     }
 
-    fn report(&self) -> &Report {
-        each!(self, link => link.report())
-    }
-
-    fn state(&self) -> LinkState {
-        each!(self, link => link.state())
-    }
-
-    fn last_rx(&self) -> Option<Instant> {
-        each!(self, link => link.last_rx())
-    }
-
-    fn up_since(&self) -> Option<Instant> {
-        each!(self, link => link.up_since())
-    }
-
-    fn shutting_down(&self) -> bool {
-        each!(self, link => link.shutting_down())
-    }
-
-    fn frames(&self) -> u32 {
-        each!(self, link => link.frames())
-    }
-
-    fn counters(&self) -> Counters {
-        each!(self, link => link.counters())
+    fn status(&self) -> &LinkStatus {
+        each!(self, link => link.status())
     }
 }

@@ -218,7 +218,7 @@ impl Engine {
         }
         let result = match &self.mode {
             Mode::Stop(_) => Err(Rejected::StopLatched),
-            Mode::Listen(_) if self.link.state() == LinkState::Lost => Err(Rejected::NoLink),
+            Mode::Listen(_) if self.link.status().state == LinkState::Lost => Err(Rejected::NoLink),
             Mode::Listen(_) => Err(Rejected::Listening),
             // A demand that the ECU cannot do changes nothing, not even what its source commanded before.
             _ if can.is_err() => Err(can.err().unwrap_or(Rejected::NotSupported)),
@@ -325,7 +325,7 @@ impl Engine {
             return Err(Rejected::StopLatched);
         }
         if matches!(self.mode, Mode::Listen(_)) {
-            let lost = self.link.state() == LinkState::Lost;
+            let lost = self.link.status().state == LinkState::Lost;
             return Err(if lost { Rejected::NoLink } else { Rejected::Listening });
         }
         if let Some(above) = self.sources.above(now, origin) {
@@ -355,7 +355,7 @@ impl Engine {
         if !self.armed {
             return Err(Rejected::Start(Interlock::NotArmed));
         }
-        let state = EngineState::of(self.at, self.link.state(), self.link.report());
+        let state = EngineState::of(self.at, self.link.status().state, &self.link.status().report);
         // At its stop it may be an ECU that does not hear us.
         if !matches!(self.mode, Mode::Standby) || state != EngineState::Standby {
             return Err(Rejected::Start(Interlock::NotStandby));
@@ -366,8 +366,13 @@ impl Engine {
     /// A demand beyond the engine's maximum becomes the maximum. Reported once, until one within it comes.
     fn clamp(&mut self, demand: Demand) -> Demand {
         let Demand::Rpm(rpm) = demand else { return demand };
-        let own =
-            self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
+        let own = self
+            .link
+            .status()
+            .report
+            .max_rpm
+            .map(|max| max.value)
+            .filter(|_| self.link.speed_control().is_ok());
         // A governor's maximum is none of an ECU that has not given its version yet.
         let waits = self.waits_for_version();
         let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
@@ -394,12 +399,12 @@ impl Engine {
         {
             return Err(Rejected::Start(Interlock::NotIdle));
         }
-        if self.link.state() != LinkState::Up {
+        if self.link.status().state != LinkState::Up {
             return Err(Rejected::NoLink);
         }
         // Standby is no start, so a phase that the ECU no longer reports does not keep the stop: an AMT error set
         // carries none.
-        let reported = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
+        let reported = self.link.status().report.phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
         if reported {
             self.require_stopped()?;
         }
@@ -420,7 +425,7 @@ impl Engine {
                 let Some(governor) = self.config.governor else { return Err(why) };
                 // At work it deals with old speeds itself: they are no reason to lose the source.
                 let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
-                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
+                let known = self.link.status().report.rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
                 if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
             }
             Ok(()) => Ok(()),
@@ -430,7 +435,7 @@ impl Engine {
     /// What keeps the engine from a start, the first thing found.
     fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
         let rules = &self.config.start;
-        let report = self.link.report();
+        let report = &self.link.status().report;
         if rules.arming && !self.armed {
             return Err(Interlock::NotArmed);
         }
@@ -466,10 +471,10 @@ impl Engine {
     /// Whether the ECU has been heard for a while without a gap.
     fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
         let time = self.config.start.link_stable;
-        let stable = self.link.up_since().is_some_and(|since| now >= since + time);
+        let stable = self.link.status().up_since.is_some_and(|since| now >= since + time);
         // A gap that has begun is not yet a loss.
         let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
-        let heard = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
+        let heard = self.link.status().state == LinkState::Up && self.link.gap_at().is_some();
         if stable && steady && heard { Ok(()) } else { Err(Interlock::Link) }
     }
 
@@ -477,7 +482,7 @@ impl Engine {
     fn cold(&self, now: Instant) -> Result<(), Interlock> {
         let rules = &self.config.start;
         let max_age = rules.link_stable.max(Duration::from_secs(1));
-        let egt = self.link.report().egt.filter(|egt| egt.age(now) <= max_age);
+        let egt = self.link.status().report.egt.filter(|egt| egt.age(now) <= max_age);
         // A thermocouple that is broken says −50 °C, which is not cool.
         let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
             return Err(Interlock::EgtUnknown);
@@ -490,14 +495,14 @@ impl Engine {
         match demand {
             Demand::Throttle(throttle) => throttle <= self.config.start.idle_band,
             Demand::Rpm(rpm) => {
-                let idle = self.link.report().idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
+                let idle = self.link.status().report.idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
                 rpm <= idle
             }
         }
     }
 
     fn require_stopped(&self) -> Result<(), Rejected> {
-        if self.link.state() != LinkState::Up {
+        if self.link.status().state != LinkState::Up {
             return Err(Rejected::NoLink);
         }
         match self.phase() {
