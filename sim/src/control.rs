@@ -30,6 +30,17 @@ pub enum Command {
 }
 
 impl Command {
+    /// Reads the bytes of one frame.
+    pub fn read(protocol: Protocol, bytes: &[u8]) -> Result<Self, BadFrame> {
+        match protocol {
+            Protocol::Amt => amt::parse_command(bytes).map(Self::Amt).map_err(BadFrame::Amt),
+            Protocol::Zk => {
+                let bytes = bytes.try_into().map_err(|_| BadFrame::Length(bytes.len()))?;
+                zk::parse_command(bytes).map(Self::Zk).map_err(BadFrame::Zk)
+            }
+        }
+    }
+
     /// The switch, where there is one: not in AMT's CTF, nor in ZK ID 6 with SW 0, which leaves the switch as it is.
     pub const fn switch(self) -> Option<Switch> {
         match self {
@@ -75,6 +86,8 @@ pub enum BadFrame {
     Amt(amt::BadCommand),
     /// ZK.
     Zk(zk::BadCommand),
+    /// ZK: so many bytes, where a frame has four.
+    Length(usize),
 }
 
 /// As many bytes as a control frame has.
@@ -195,36 +208,30 @@ impl Reader {
     }
 
     fn frame(&mut self) -> Option<Frame> {
-        let (length, command) = match self.protocol {
-            Protocol::Amt => {
-                let bytes: &[Entry; amt::LENGTH] = self.bytes.first_chunk()?;
-                let command = amt::parse_command(&bytes.map(|entry| entry.byte));
-                (amt::LENGTH, command.map(Command::Amt).map_err(BadFrame::Amt))
-            }
-            Protocol::Zk => {
-                let bytes: &[Entry; zk::LENGTH] = self.bytes.first_chunk()?;
-                let command = zk::parse_command(&bytes.map(|entry| entry.byte));
-                if matches!(self.framing, Framing::Heads)
-                    && matches!(command, Err(zk::BadCommand::Head | zk::BadCommand::Crc))
-                {
-                    // What is left of a frame that a reset has cut short.
-                    self.bytes.remove(0);
-                    return None;
-                }
-                (zk::LENGTH, command.map(Command::Zk).map_err(BadFrame::Zk))
-            }
+        let length = match self.protocol {
+            Protocol::Amt => amt::LENGTH,
+            Protocol::Zk => zk::LENGTH,
         };
+        let entries = self.bytes.get(..length)?;
+        let mut raw = [0; amt::LENGTH];
+        for (to, entry) in raw.iter_mut().zip(entries) {
+            *to = entry.byte;
+        }
+        let command = Command::read(self.protocol, &raw[..length]);
+        if matches!(self.framing, Framing::Heads)
+            && matches!(command, Err(BadFrame::Zk(zk::BadCommand::Head | zk::BadCommand::Crc)))
+        {
+            // What is left of a frame that a reset has cut short.
+            self.bytes.remove(0);
+            return None;
+        }
         if let Ok(Command::Zk(ZkCommand::Switch { factor, .. })) = command {
             self.factor = factor;
         }
-        let mut raw = [0; amt::LENGTH];
-        for (to, entry) in raw.iter_mut().zip(&self.bytes[..length]) {
-            *to = entry.byte;
-        }
         let frame = Frame {
-            start: self.bytes[0].start,
-            end: self.bytes[length - 1].end,
-            delivered: self.bytes[..length].iter().all(|entry| entry.fate == Fate::Delivered),
+            start: entries[0].start,
+            end: entries[length - 1].end,
+            delivered: entries.iter().all(|entry| entry.fate == Fate::Delivered),
             raw,
             length,
             command,

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use crate::support::bench::micros;
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
-    ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, Wire, ZK_IDLE, percent, rpm, run,
+    ALL, BOTH, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, Wire, ZK_IDLE, percent, rpm, run,
 };
 
 /// What moves fuel or heats: everything but the rates and the end of what was opened.
@@ -41,7 +41,7 @@ fn amt_13_loss_does_not_call_off_ctf() {
     assert_eq!(scenario.wire(), Wire::Ctf);
     scenario.command(run(60)).unwrap();
     assert_eq!(scenario.wire(), Wire::Ctf);
-    scenario.pass(5 * SECOND); // the source is silent
+    scenario.pass_us(5 * SECOND); // the source is silent
     assert_eq!((scenario.telemetry().loss, scenario.wire()), (LossStage::FailSafe, Wire::Ctf));
     scenario.says(Says::Cooling);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
@@ -61,11 +61,11 @@ fn zk_8_a_hand_over_lasts() {
     assert_eq!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce));
     assert_eq!(scenario.wire(), Wire::Pwm);
     assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::StandbyFirst), "once");
-    scenario.says(Says::Starting).says(Says::Running).pass(60 * SECOND);
+    scenario.says(Says::Starting).says(Says::Running).pass_us(60 * SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Pwm, Wire::Pwm));
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     // A stream of run does not take it back; standby does.
-    scenario.fly(run(50), Origin::Rc, 3 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 3 * SECOND);
     assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
     assert_eq!(scenario.wire(), Wire::Pwm);
     scenario.shut_down().unwrap();
@@ -92,12 +92,12 @@ fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     for reached in [false, true] {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         assert_eq!(scenario.command_from(Command::Standby, Origin::Bench), Ok(Accepted::Behind(Origin::Rc)));
-        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.command_from(Command::HandOverToPwm, Origin::Bench), Ok(Accepted::InForce));
         if reached {
             scenario.says(Says::Starting).says(Says::Running);
         }
-        scenario.fly(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
         for origin in [Origin::Mavlink, Origin::Bench] {
             for _ in 0..2 {
                 scenario.command(run(50)).unwrap_err();
@@ -117,8 +117,8 @@ fn zk_8_a_hand_over_counts_as_a_start() {
     ] {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         if change == Command::Standby {
-            scenario.values.egt = 120;
-            scenario.pass(2 * EVERY);
+            scenario.values.egt_celsius = 120;
+            scenario.pass_us(2 * FRAME_PERIOD_US);
         }
         scenario.command(change).unwrap();
         scenario.command(Command::Standby).unwrap();
@@ -137,16 +137,16 @@ fn zk_8_a_hand_over_counts_as_a_start() {
 fn zk_13_nothing_that_moves_fuel_goes_to_an_ecu_that_is_in_a_gap() {
     for service in MOVE_FUEL {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-        scenario.silent().pass(140_000);
+        scenario.silent().pass_us(140_000);
         assert!(scenario.would_answer(action(service)).is_ok(), "{service:?} before the gap");
-        scenario.pass(20_000);
+        scenario.pass_us(20_000);
         assert_eq!(scenario.telemetry().link, LinkState::Up);
         let refused = Err(Rejected::Start(Interlock::Link));
         assert_eq!(scenario.command(action(service)), refused, "{service:?} in the gap");
         // The first reports of an ECU that comes back may still be those of before.
         scenario.says(Says::Standby);
         assert_eq!(scenario.would_answer(action(service)), refused, "{service:?} after it");
-        scenario.pass(SECOND);
+        scenario.pass_us(SECOND);
         assert_eq!(scenario.would_answer(action(service)), Ok(Accepted::InForce), "{service:?} 1 s later");
     }
 }
@@ -179,8 +179,8 @@ fn service_commands_need_a_stopped_engine() {
             {
                 let mut scenario = ready();
                 if hot {
-                    scenario.values.egt = 101;
-                    scenario.pass(2 * EVERY);
+                    scenario.values.egt_celsius = 101;
+                    scenario.pass_us(2 * FRAME_PERIOD_US);
                 } else {
                     scenario.command(Command::Disarm).unwrap();
                 }
@@ -194,7 +194,7 @@ fn service_commands_need_a_stopped_engine() {
         assert_eq!(ready().command(Command::Service(Service::Zk(curve))), answer, "{says:?}");
     }
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-    scenario.silent().pass(2 * SECOND);
+    scenario.silent().pass_us(2 * SECOND);
     assert_eq!(scenario.command(action(Action::Drain)), Err(Rejected::NoLink));
 }
 
@@ -206,8 +206,8 @@ fn an_open_pump_can_be_closed() {
         scenario.command(action(Action::OpenPump)).unwrap();
         scenario.silent();
         for _ in 0..4 {
-            let t = scenario.now() + EVERY;
-            scenario.bench.rx(t, &zk_frames::state(state));
+            let t = scenario.now_us() + FRAME_PERIOD_US;
+            scenario.bench.rx_at_us(t, &zk_frames::state(state));
         }
         assert_eq!(scenario.telemetry().report.phase.unwrap().value, Phase::Service);
         assert_eq!(scenario.command(action(Action::ClosePump)), Ok(Accepted::InForce), "state {state}");
@@ -339,7 +339,7 @@ proptest! {
             if runs { Scenario::started_with(ecu, config, percent(60)) } else { Scenario::with(ecu, config) };
         let mut latched = false;
         for (wait, step) in steps {
-            scenario.pass(wait);
+            scenario.pass_us(wait);
             let commands = match step {
                 Step::Says(says) => { scenario.says(says); vec![] }
                 Step::Silent => { scenario.silent(); vec![] }
@@ -347,7 +347,7 @@ proptest! {
                 Step::Fly(command, origin, tenths) => vec![(command, origin); tenths as usize],
             };
             for (command, origin) in commands {
-                scenario.pass(crate::support::scenario::PERIOD);
+                scenario.pass_us(crate::support::scenario::COMMAND_PERIOD_US);
                 // A demand on its way moves with the time, not with the command.
                 scenario.bench.act(|engine, now| engine.timeout(now));
                 let before = scenario.telemetry();

@@ -10,7 +10,9 @@ use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 
-use crate::support::scenario::{EVERY, Ecu, SECOND, Says, Scenario, Values, Wire, percent, rpm, run};
+use crate::support::scenario::{
+    Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, Values, Wire, percent, rpm, run,
+};
 
 fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     let mut governor = Governor::DEFAULT;
@@ -23,8 +25,8 @@ fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
     let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
     scenario.values.rpm = Some(rpm);
     scenario.values.half_percents = throttle * 2;
-    scenario.values.egt = 500;
-    scenario.fly(run(throttle), Origin::Rc, SECOND);
+    scenario.values.egt_celsius = 500;
+    scenario.fly_us(run(throttle), Origin::Rc, SECOND);
     scenario.bench.events();
     scenario
 }
@@ -76,11 +78,11 @@ fn it_is_refused_while_no_speed_is_known() {
 
     let mut scenario = at(governed(|_| {}), 30, 50_000);
     scenario.values.fault = 1; // an error set gives no rpm
-    scenario.fly(run(30), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(run(30), Origin::Rc, 2 * SECOND);
     assert_eq!(scenario.command(target(50_000)), Err(Rejected::RpmNotKnown), "old");
     scenario.values.fault = 0;
-    scenario.fly(run(30), Origin::Rc, 3 * EVERY);
-    scenario.fly(target(50_000), Origin::Rc, 3 * SECOND);
+    scenario.fly_us(run(30), Origin::Rc, 3 * FRAME_PERIOD_US);
+    scenario.fly_us(target(50_000), Origin::Rc, 3 * SECOND);
     assert_eq!(scenario.telemetry().commanded, Some(rpm(50_000)));
     assert!(matches!(scenario.order(), Order::Run(Demand::Throttle(_))), "the ECU gets a throttle");
 }
@@ -90,10 +92,10 @@ fn it_is_refused_while_no_speed_is_known() {
 fn it_takes_over_without_a_bump() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
     scenario.sent();
-    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     let sent = scenario.sent();
     assert!(sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
-    scenario.fly(run(60), Origin::Rc, SECOND);
+    scenario.fly_us(run(60), Origin::Rc, SECOND);
     assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(590..=610))));
 }
 
@@ -104,7 +106,7 @@ fn it_is_limited_in_slew_and_authority() {
     let mut scenario = at(governed(|g| (g.slew, g.authority) = (100, authority)), 30, 40_000);
     let mut before = 300;
     for i in 0..100 {
-        scenario.fly(target(100_000), Origin::Rc, 100_000);
+        scenario.fly_us(target(100_000), Origin::Rc, 100_000);
         let now = scenario.tenths();
         assert!(now <= before + 11, "10 % a second: {now} after {before}");
         assert!(now <= 700, "authority: {now}");
@@ -112,9 +114,9 @@ fn it_is_limited_in_slew_and_authority() {
         before = now;
     }
     // For a minute at its limit: the integral did not wind up.
-    scenario.fly(target(100_000), Origin::Rc, 60 * SECOND);
+    scenario.fly_us(target(100_000), Origin::Rc, 60 * SECOND);
     scenario.values.rpm = Some(104_000);
-    scenario.fly(target(100_000), Origin::Rc, 300_000);
+    scenario.fly_us(target(100_000), Origin::Rc, 300_000);
     assert!(scenario.tenths() < 690, "{}", scenario.tenths());
 }
 
@@ -124,27 +126,27 @@ fn it_is_limited_in_slew_and_authority() {
 fn it_never_holds_throttle_up_on_old_telemetry() {
     for exhaust in [Exhaust::Burns, Exhaust::Broken] {
         let mut scenario = at(governed(|_| {}), 60, 80_000);
-        scenario.fly(target(85_000), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(target(85_000), Origin::Rc, 2 * SECOND);
         assert!(throttle(&scenario) > 500);
         // Error sets: heard, and without an rpm.
         let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
         let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
         scenario.silent();
         let mut now = last;
-        while now + EVERY < last + 600_000 {
-            now += EVERY;
-            scenario.bench.rx(now, &error);
+        while now + FRAME_PERIOD_US < last + 600_000 {
+            now += FRAME_PERIOD_US;
+            scenario.bench.rx_at_us(now, &error);
             let _ = scenario.command(target(85_000));
             assert!(throttle(&scenario) > 500, "{exhaust:?} {} µs", now - last);
         }
-        scenario.to(last + 599_999);
+        scenario.run_to_us(last + 599_999);
         assert!(throttle(&scenario) > 500);
-        scenario.to(last + 600_000);
+        scenario.run_to_us(last + 600_000);
         assert_eq!(throttle(&scenario), 0, "{exhaust:?}");
         scenario.sent();
         for _ in 0..40 {
-            now = scenario.now() + EVERY;
-            scenario.bench.rx(now, &error);
+            now = scenario.now_us() + FRAME_PERIOD_US;
+            scenario.bench.rx_at_us(now, &error);
             let _ = scenario.command(target(85_000));
             assert_eq!(throttle(&scenario), 0);
         }
@@ -153,7 +155,7 @@ fn it_never_holds_throttle_up_on_old_telemetry() {
         scenario.values.rpm = Some(40_000);
         scenario.values.half_percents = 0;
         scenario.says = Some(Says::Running);
-        scenario.fly(target(85_000), Origin::Rc, 500_000);
+        scenario.fly_us(target(85_000), Origin::Rc, 500_000);
         assert!(scenario.tenths() <= 160, "30 % a second: {}", scenario.tenths());
     }
 }
@@ -162,13 +164,13 @@ fn it_never_holds_throttle_up_on_old_telemetry() {
 #[test]
 fn it_goes_on_where_it_was_when_a_cut_line_is_mended() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
-    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
-    scenario.silent().fly(target(80_000), Origin::Rc, EVERY);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.silent().fly_us(target(80_000), Origin::Rc, FRAME_PERIOD_US);
     scenario.sent();
-    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     assert_eq!(scenario.sent(), []);
     scenario.says = Some(Says::Running);
-    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     let sent = scenario.sent();
     assert!(sent.len() >= 19 && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
@@ -177,22 +179,22 @@ fn it_goes_on_where_it_was_when_a_cut_line_is_mended() {
 #[test]
 fn a_lost_source_brings_the_governors_throttle_down() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
-    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     let held = scenario.tenths();
-    scenario.pass(500_000 - 100_000 + SECOND);
+    scenario.pass_us(500_000 - 100_000 + SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
     // The shaft falls, and nobody pushes it up.
     scenario.values.rpm = Some(60_000);
     let mut before = scenario.tenths();
     assert!(before <= held + 5);
     for _ in 0..40 {
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         assert!(scenario.tenths() <= before);
         before = scenario.tenths();
     }
     assert_eq!((before, scenario.wire()), (0, Wire::Run(0)));
     // It speaks again, far from there: held off, then by the governor from there on.
-    scenario.fly(target(80_000), Origin::Rc, SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     assert_eq!(scenario.tenths(), 0);
     assert_eq!(scenario.command(target(80_000)), Ok(Accepted::Held));
 }
@@ -208,7 +210,7 @@ fn it_goes_on_after_a_reset() {
     scenario.values.rpm = Some(80_000);
     scenario.values.half_percents = 120;
     scenario.says = Some(Says::Running);
-    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     let sent = scenario.sent();
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
@@ -221,16 +223,16 @@ fn a_lost_line_is_no_lost_source() {
         let mut config = governed(|_| {});
         config.supervision.loss.standby_after = Some(Duration::from_secs(2));
         let mut scenario = at(config, 60, 80_000);
-        scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
         if fault {
             scenario.values.fault = 1;
         } else {
             scenario.silent();
         }
         // Below the serial delay time of the ECU, 4 s.
-        scenario.fly(target(80_000), Origin::Rc, 3_500_000);
+        scenario.fly_us(target(80_000), Origin::Rc, 3_500_000);
         scenario.sent();
-        scenario.fly(target(80_000), Origin::Rc, 400_000);
+        scenario.fly_us(target(80_000), Origin::Rc, 400_000);
         let telemetry = scenario.telemetry();
         assert_eq!(telemetry.loss, LossStage::None, "{fault}");
         assert!(matches!(telemetry.ordered.order, Order::Doubt(_)), "{fault}");
@@ -238,7 +240,7 @@ fn a_lost_line_is_no_lost_source() {
         assert_eq!(scenario.sent(), sent, "{fault}: old speeds hold nothing up");
         assert_eq!(telemetry.counters.commands_rejected, 0);
         // The control: the source is lost.
-        scenario.pass(10 * SECOND);
+        scenario.pass_us(10 * SECOND);
         assert_eq!(scenario.order(), Order::Standby, "{fault}");
     }
 }
@@ -253,7 +255,7 @@ fn a_speed_is_as_old_as_its_own_setting_says() {
         let mut config = governed(|_| {});
         config.supervision.start.link_stable = link_stable;
         let mut scenario = at(config, 60, 80_000);
-        scenario.silent().pass(age);
+        scenario.silent().pass_us(age);
         assert_eq!(scenario.command(target(80_000)), answer, "{age}");
     }
 }
@@ -266,13 +268,13 @@ fn a_limit_brings_it_to_idle() {
     config.supervision.limits.over_temperature =
         Limit { at: Some(Celsius::from_tenths(7000)), action: Action::FailSafe };
     let mut scenario = at(config, 60, 80_000);
-    scenario.fly(target(80_000), Origin::Rc, 2 * SECOND);
-    scenario.values.egt = 720;
-    scenario.fly(target(30_000), Origin::Rc, 5 * SECOND);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+    scenario.values.egt_celsius = 720;
+    scenario.fly_us(target(30_000), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.tenths(), 0);
     // The control: a throttle goes to the one configured.
     let mut scenario = at(config, 60, 80_000);
-    scenario.values.egt = 720;
-    scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+    scenario.values.egt_celsius = 720;
+    scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.tenths(), 500);
 }

@@ -8,11 +8,11 @@ use jetlink::limit::LimitKind;
 use jetlink::report::{EcuState, LinkState};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
-use crate::support::bench::us;
+use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    ALL, BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, ZK_IDLE, ZK_MAX, percent,
-    rpm, run,
+    ALL, BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire,
+    ZK_IDLE, ZK_MAX, percent, rpm, run,
 };
 
 // ---------------------------------------------------------------------------------------------
@@ -55,7 +55,7 @@ fn amt_3_states_in_plain_words() {
         let mut scenario = Scenario::nothing_heard(Ecu::Amt, Ecu::Amt.config());
         assert_eq!(scenario.telemetry().state, Offline);
         for i in 1..=3 {
-            scenario.bench.rx(i * EVERY, &amt_frames::normal(state, switch, raw_rpm));
+            scenario.bench.rx_at_us(i * FRAME_PERIOD_US, &amt_frames::normal(state, switch, raw_rpm));
         }
         let shown = scenario.telemetry().state;
         match (shown, expected) {
@@ -67,9 +67,9 @@ fn amt_3_states_in_plain_words() {
     // AMT-8: an error set carries no state. What was said before counts for 3 s, then the fault is all that is known.
     let mut scenario = Scenario::started(Ecu::Amt, percent(0));
     scenario.values.fault = 0x01;
-    scenario.pass(2_900_000);
+    scenario.pass_us(2_900_000);
     assert_eq!(scenario.telemetry().state, Running);
-    scenario.pass(200_000);
+    scenario.pass_us(200_000);
     assert_eq!(scenario.telemetry().state, Fault);
 }
 
@@ -79,8 +79,8 @@ fn zk_states_in_plain_words() {
     for code in 0..32u8 {
         for switch in 0..4u8 {
             let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
-            scenario.bench.rx(EVERY, &zk_frames::status(1, 0, [code, switch << 5, 76]));
-            scenario.bench.rx(2 * EVERY, &zk_frames::status(1, 0, [code, switch << 5, 76]));
+            scenario.bench.rx_at_us(FRAME_PERIOD_US, &zk_frames::status(1, 0, [code, switch << 5, 76]));
+            scenario.bench.rx_at_us(2 * FRAME_PERIOD_US, &zk_frames::status(1, 0, [code, switch << 5, 76]));
             let running = switch == 2;
             let ending = switch < 2;
             let expected = match code {
@@ -102,8 +102,8 @@ fn zk_states_in_plain_words() {
         }
         // An engine that does not run, with a fault, is in fault.
         let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
-        scenario.bench.rx(EVERY, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
-        scenario.bench.rx(2 * EVERY, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
+        scenario.bench.rx_at_us(FRAME_PERIOD_US, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
+        scenario.bench.rx_at_us(2 * FRAME_PERIOD_US, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
         let state = scenario.telemetry().state;
         let alive = matches!(code, 2..=11 | 13);
         assert_eq!(state == EngineState::Fault, !alive, "code {code}: {state:?}");
@@ -114,22 +114,22 @@ fn zk_states_in_plain_words() {
 #[test]
 fn a_state_is_as_old_as_its_report() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
-    let last = scenario.now();
+    let last = scenario.now_us();
     scenario.silent();
     // Another status keeps the link up.
     for i in 1..=100 {
         let t = last + i * 30_000;
-        scenario.bench.rx(t, &zk_frames::status(8, TURNING, [5, 0, 0]));
+        scenario.bench.rx_at_us(t, &zk_frames::status(8, TURNING, [5, 0, 0]));
         assert_eq!(scenario.telemetry().state, EngineState::Running, "{} µs", i * 30_000);
     }
-    scenario.bench.rx(last + 3 * SECOND + 1, &zk_frames::status(8, TURNING, [5, 0, 0]));
+    scenario.bench.rx_at_us(last + 3 * SECOND + 1, &zk_frames::status(8, TURNING, [5, 0, 0]));
     assert_eq!(scenario.telemetry().state, EngineState::NotKnown);
     assert_eq!(scenario.telemetry().link, LinkState::Up);
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.silent().pass(ecu.config().timing.lost_after.as_micros() - 1);
+        scenario.silent().pass_us(ecu.config().timing.lost_after.as_micros() - 1);
         assert_eq!(scenario.telemetry().state, EngineState::Running);
-        scenario.pass(1);
+        scenario.pass_us(1);
         assert_eq!(scenario.telemetry().state, EngineState::Offline, "{ecu:?}");
     }
 }
@@ -140,7 +140,7 @@ fn a_state_is_not_what_was_commanded() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        scenario.pass(SECOND);
+        scenario.pass_us(SECOND);
         assert_eq!(scenario.telemetry().state, EngineState::Standby, "{ecu:?}: the ECU says so");
         scenario.command(Command::EmergencyStop).unwrap();
         scenario.says(Says::Running);
@@ -174,13 +174,13 @@ fn a_stream_of_run_alone_starts_nothing() {
     for ecu in BOTH {
         for says in [Says::Stopped, Says::Standby, Says::Cooling] {
             let mut scenario = Scenario::new(ecu);
-            scenario.says(says).pass(2 * SECOND);
+            scenario.says(says).pass_us(2 * SECOND);
             scenario.command(Command::Arm).unwrap();
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
             for _ in 0..50 {
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
-                scenario.pass(100_000);
+                scenario.pass_us(100_000);
             }
             assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?} {says:?}");
         }
@@ -202,7 +202,7 @@ fn it_has_to_be_armed() {
         // Disarming stops no engine that runs.
         scenario.says(Says::Starting).says(Says::Running);
         scenario.command(Command::Disarm).unwrap();
-        scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(500));
 
         let mut scenario = Scenario::ready(ecu, ecu.with(|s| s.start.arming = false));
@@ -256,21 +256,21 @@ fn the_link_has_to_be_up_for_long_enough() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.start.link_stable = Duration::from_millis(1500));
         let mut scenario = Scenario::with(ecu, config);
-        scenario.says(Says::Standby).silent().pass(2 * SECOND);
+        scenario.says(Says::Standby).silent().pass_us(2 * SECOND);
         assert_eq!(scenario.telemetry().link, LinkState::Lost);
         scenario.command(Command::Arm).unwrap();
         scenario.bench.events();
         scenario.says(Says::Standby);
         let up = scenario.bench.events().iter().find(|(_, event)| *event == Event::LinkUp).expect("up").0;
-        let left = up + 1_499_999 - scenario.now();
-        scenario.fly(Command::Standby, Origin::Rc, left);
+        let left = up + 1_499_999 - scenario.now_us();
+        scenario.fly_us(Command::Standby, Origin::Rc, left);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}");
-        scenario.to(up + 1_500_000);
+        scenario.run_to_us(up + 1_500_000);
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
 
         let mut scenario = Scenario::ready(ecu, config);
-        scenario.silent().fly(Command::Standby, Origin::Rc, 2 * SECOND);
+        scenario.silent().fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
     }
 }
@@ -280,10 +280,10 @@ fn the_ecu_has_to_report_no_fault() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.values.fault = 1;
-        scenario.pass(2 * EVERY);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Fault), "{ecu:?}");
         scenario.values.fault = 0;
-        scenario.pass(2 * EVERY);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
@@ -294,12 +294,12 @@ fn the_ecu_has_to_report_no_fault() {
 fn the_exhaust_has_to_be_cool() {
     for (ecu, cool, hot, shown) in [(Ecu::Zk, 100, 101, 1010), (Ecu::Amt, 97, 101, 1018)] {
         let mut scenario = Scenario::ready(ecu, ecu.config());
-        scenario.values.egt = if ecu == Ecu::Amt { 102 } else { hot };
-        scenario.pass(2 * EVERY);
+        scenario.values.egt_celsius = if ecu == Ecu::Amt { 102 } else { hot };
+        scenario.pass_us(2 * FRAME_PERIOD_US);
         let too_hot = Interlock::TooHot(Celsius::from_tenths(shown));
         assert_eq!(scenario.command(run(0)), refused(too_hot), "{ecu:?}");
-        scenario.values.egt = cool;
-        scenario.pass(2 * EVERY);
+        scenario.values.egt_celsius = cool;
+        scenario.pass_us(2 * FRAME_PERIOD_US);
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
@@ -308,8 +308,8 @@ fn the_exhaust_has_to_be_cool() {
     scenario.silent();
     // Without a gap in the beat.
     for _ in 0..24 {
-        let t = scenario.now() + EVERY;
-        scenario.bench.rx(t, &zk_frames::idle(5, false));
+        let t = scenario.now_us() + FRAME_PERIOD_US;
+        scenario.bench.rx_at_us(t, &zk_frames::idle(5, false));
         scenario.command(Command::Standby).unwrap();
     }
     assert_eq!(scenario.command(run(0)), refused(Interlock::EgtUnknown));
@@ -352,22 +352,22 @@ fn one_engine_of_a_group_starts_at_a_time() {
         scenario.others_allow_start = false;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::StartWaits), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
-        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now())));
+        assert!(!scenario.bench.machine.blocks_other_starts(at_us(scenario.now_us())));
         scenario.others_allow_start = true;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
-        let started = scenario.now();
-        let keeps = |scenario: &Scenario, t| scenario.bench.machine.blocks_other_starts(us(t));
+        let started = scenario.now_us();
+        let keeps = |scenario: &Scenario, t| scenario.bench.machine.blocks_other_starts(at_us(t));
         assert!(keeps(&scenario, started));
         // Longer than the gap of 10 s, and still starting.
-        scenario.says(Says::Starting).fly(run(0), Origin::Rc, 12 * SECOND);
-        assert!(keeps(&scenario, scenario.now()));
+        scenario.says(Says::Starting).fly_us(run(0), Origin::Rc, 12 * SECOND);
+        assert!(keeps(&scenario, scenario.now_us()));
         scenario.says(Says::Running);
-        assert!(!keeps(&scenario, scenario.now()), "{ecu:?}");
+        assert!(!keeps(&scenario, scenario.now_us()), "{ecu:?}");
 
         // Quick: the gap is what counts.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        let started = scenario.now();
+        let started = scenario.now_us();
         scenario.says(Says::Starting).says(Says::Running);
         assert!(keeps(&scenario, started + 10 * SECOND - 1));
         assert!(!keeps(&scenario, started + 10 * SECOND));
@@ -383,7 +383,7 @@ fn a_refusal_is_typed_counted_and_told_once() {
         assert_eq!(scenario.command(run(50)), refused(Interlock::NotIdle));
         for _ in 1..10 {
             assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
         }
         let told = [Rejected::Start(Interlock::NotIdle), Rejected::StandbyFirst];
         let told = told.map(|why| Event::CommandRejected(why, Origin::Rc));
@@ -409,7 +409,7 @@ fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
             assert_eq!(events.iter().filter(|event| matches!(event, Event::RunCancelled(_))).count(), 1);
             for _ in 0..50 {
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
             }
             assert_eq!(scenario.wire(), Wire::Standby);
             // The control: standby first.
@@ -427,10 +427,10 @@ fn one_odd_report_does_not_withdraw_a_run() {
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..10 {
             scenario.command(run(50)).unwrap();
-            scenario.pass(10_000);
+            scenario.pass_us(10_000);
             scenario.odd(Says::Stopped, scenario.values);
             assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
-            scenario.pass(2 * EVERY);
+            scenario.pass_us(2 * FRAME_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}: two reports say that it runs");
             let told = scenario.bench.event_kinds();
             let told: Vec<_> = told.iter().filter(|event| !matches!(event, Event::Ordered(_))).collect();
@@ -438,7 +438,7 @@ fn one_odd_report_does_not_withdraw_a_run() {
         }
         // The control: two.
         for _ in 0..2 {
-            scenario.pass(10_000);
+            scenario.pass_us(10_000);
             scenario.odd(Says::Stopped, scenario.values);
         }
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
@@ -451,9 +451,9 @@ fn one_odd_report_does_not_withdraw_a_run() {
 fn a_start_waits_for_the_ecu() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
-        scenario.fly(run(0), Origin::Rc, 4 * SECOND);
+        scenario.fly_us(run(0), Origin::Rc, 4 * SECOND);
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
-        scenario.silent().fly(run(0), Origin::Rc, 2 * SECOND);
+        scenario.silent().fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: lost before it came alive");
         assert!(scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::RunCancelled(_))));
     }
@@ -468,13 +468,13 @@ fn the_throttle_stays_at_idle_until_the_engine_runs() {
         scenario.bench.frames();
         for says in [Says::Standby, Says::Starting, Says::Unknown] {
             scenario.says = Some(says);
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             let sent = scenario.sent();
             assert!(sent.iter().all(|wire| *wire == Wire::Run(0)), "{ecu:?} {says:?}: {sent:?}");
         }
         assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.says = Some(Says::Running);
-        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
     }
 }
@@ -488,17 +488,17 @@ fn one_odd_report_does_not_drop_the_throttle() {
         for up in [None, Some(10)] {
             let config = ecu.with(|s| s.slew.up = up);
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
-            scenario.fly(run(80), Origin::Rc, 100 * SECOND);
+            scenario.fly_us(run(80), Origin::Rc, 100 * SECOND);
             scenario.sent();
             for says in [Says::Starting, Says::Standby, Says::Cooling, Says::Stopped, Says::Unknown] {
                 scenario.command(run(80)).unwrap();
                 let values = Values { rpm: Some(SLOW), ..scenario.values };
-                scenario.pass(10_000);
+                scenario.pass_us(10_000);
                 scenario.odd(says, values);
                 assert_eq!(scenario.order(), Order::Doubt(percent(80)), "{ecu:?} {says:?}");
-                scenario.fly(run(80), Origin::Rc, PERIOD);
+                scenario.fly_us(run(80), Origin::Rc, COMMAND_PERIOD_US);
                 assert_eq!(scenario.order(), Order::Run(percent(80)), "{ecu:?} {says:?}");
-                scenario.fly(run(80), Origin::Rc, 2 * PERIOD);
+                scenario.fly_us(run(80), Origin::Rc, 2 * COMMAND_PERIOD_US);
                 let sent = scenario.sent();
                 assert!(sent.len() >= 4, "{ecu:?} {says:?}: {sent:?}");
                 assert!(sent.iter().all(|wire| *wire == Wire::Run(800)), "{ecu:?} {says:?}: {sent:?}");
@@ -506,7 +506,7 @@ fn one_odd_report_does_not_drop_the_throttle() {
             // The control: it goes back to starting and stays there, with a shaft that no longer turns.
             scenario.says = Some(Says::Starting);
             scenario.values.rpm = Some(SLOW);
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
         }
     }
@@ -519,13 +519,13 @@ fn a_start_has_its_time_to_the_tick() {
         for says in [Says::Standby, Says::Starting] {
             let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
             let mut scenario = Scenario::ready(ecu, config);
-            let start = scenario.now();
+            let start = scenario.now_us();
             scenario.command(run(0)).unwrap();
             scenario.says = Some(says);
-            scenario.fly(run(0), Origin::Rc, 20 * SECOND - 1);
+            scenario.fly_us(run(0), Origin::Rc, 20 * SECOND - 1);
             assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {says:?}");
             scenario.bench.events();
-            scenario.pass(1);
+            scenario.pass_us(1);
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
             let passed = scenario.passed();
@@ -534,13 +534,13 @@ fn a_start_has_its_time_to_the_tick() {
                 (passed[0].what, passed[0].value, passed[0].limit),
                 (LimitKind::StartTimeout, 20_000, 20_000)
             );
-            assert_eq!(passed[0].at, us(start + 20 * SECOND));
+            assert_eq!(passed[0].at, at_us(start + 20 * SECOND));
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
         }
         // The control: it runs in time, and that is that.
         let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
-        scenario.fly(run(0), Origin::Rc, 30 * SECOND);
+        scenario.fly_us(run(0), Origin::Rc, 30 * SECOND);
         assert!(matches!(scenario.order(), Order::Run(_)));
         assert_eq!(scenario.limits(), []);
     }
@@ -553,22 +553,22 @@ fn the_ecus_own_start_up_time_counts_twice() {
     scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, 40]));
     let startup = scenario.telemetry().report.startup.expect("version 5 gives it").value;
     assert!(startup > Duration::from_secs(1), "{startup}");
-    scenario.says(Says::Standby).pass(2 * SECOND);
+    scenario.says(Says::Standby).pass_us(2 * SECOND);
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
-    let start = scenario.now();
+    let start = scenario.now_us();
     scenario.command(run(0)).unwrap();
     scenario.says = Some(Says::Starting);
     let twice = startup.as_micros() * 2;
-    scenario.fly(run(0), Origin::Rc, twice - 1);
+    scenario.fly_us(run(0), Origin::Rc, twice - 1);
     assert!(matches!(scenario.order(), Order::Run(_)));
     scenario.bench.events();
-    scenario.pass(1);
+    scenario.pass_us(1);
     assert_eq!(scenario.order(), Order::Standby);
     let passed = scenario.passed();
     let limit = i32::try_from(twice / 1000).unwrap();
     assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
-    assert_eq!(passed[0].at, us(start + twice));
+    assert_eq!(passed[0].at, at_us(start + twice));
 }
 
 /// Not for shorter than an engine can start in, and not without end: the range of the configured time.
@@ -578,14 +578,14 @@ fn the_ecus_own_start_up_time_has_bounds() {
         let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
         let [high, low] = tenths_of_a_second.to_be_bytes();
         scenario.bench.receive(&zk_frames::status(8, 0, [5, high, low]));
-        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.says(Says::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();
         scenario.command(run(0)).unwrap();
         scenario.says = Some(Says::Starting);
-        scenario.fly(run(0), Origin::Rc, seconds * SECOND - 1);
+        scenario.fly_us(run(0), Origin::Rc, seconds * SECOND - 1);
         assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
-        scenario.pass(1);
+        scenario.pass_us(1);
         assert_eq!(scenario.order(), Order::Standby, "{tenths_of_a_second}");
     }
 }
@@ -597,7 +597,7 @@ fn nobody_starts_while_it_listens() {
     for ecu in BOTH {
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
-        scenario.pass(5 * SECOND);
+        scenario.pass_us(5 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::NoLink), "{ecu:?}");
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
         assert_eq!(scenario.sent(), [], "nothing but ID 0");
@@ -608,10 +608,10 @@ fn nobody_starts_while_it_listens() {
 
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
-        scenario.fly(Command::Standby, Origin::Rc, SECOND - 1);
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND - 1);
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
-        scenario.pass(1);
+        scenario.pass_us(1);
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::InForce), "{ecu:?}");
         assert_eq!(scenario.order(), Order::Standby);
     }
@@ -627,7 +627,7 @@ fn an_rpm_demand_needs_speed_control() {
     scenario.says(Says::Starting).says(Says::Running);
     scenario.bench.events();
     for demand in [ZK_MAX, ZK_MAX + 1, u32::MAX] {
-        scenario.fly(Command::Run(rpm(demand)), Origin::Rc, 2 * SECOND + PERIOD);
+        scenario.fly_us(Command::Run(rpm(demand)), Origin::Rc, 2 * SECOND + COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Run(rpm(ZK_MAX)), "{demand}");
         assert_eq!(scenario.wire(), Wire::RpmControl);
     }
@@ -644,13 +644,13 @@ fn one_odd_report_does_not_end_a_start() {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         scenario.command(run(0)).unwrap();
         scenario.says(Says::Starting);
-        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
         for _ in 0..reports {
-            scenario.pass(EVERY / 4);
+            scenario.pass_us(FRAME_PERIOD_US / 4);
             scenario.odd(Says::Running, scenario.values);
         }
         assert_eq!(scenario.telemetry().start_by.is_none(), ends, "{reports}");
-        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
         // 50 % a second, in steps of 20 ms.
         let expected = if ends { 490..=500 } else { 0..=0 };
         assert!(expected.contains(&scenario.tenths()), "{reports}: {}", scenario.tenths());
@@ -663,7 +663,7 @@ fn a_loss_that_ends_at_once_is_a_loss() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.silent();
-        scenario.bench.jump_to(scenario.now() + 2 * SECOND);
+        scenario.bench.jump_to_us(scenario.now_us() + 2 * SECOND);
         scenario.command_from(Command::Standby, Origin::Bench).unwrap();
         for _ in 0..2 {
             scenario.odd(Says::Standby, scenario.values);
@@ -672,7 +672,7 @@ fn a_loss_that_ends_at_once_is_a_loss() {
         let answer = scenario.command_from(run(0), Origin::Bench);
         assert_eq!(answer, Err(Rejected::Start(Interlock::Link)), "{ecu:?}");
         scenario.says(Says::Standby);
-        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.command_from(run(0), Origin::Bench), Ok(Accepted::InForce), "{ecu:?}");
     }
 }

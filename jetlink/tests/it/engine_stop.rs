@@ -8,10 +8,10 @@ use jetlink::engine::retained::RetainedState;
 use jetlink::event::{Event, LossStage};
 use jetlink::report::LinkState;
 
-use crate::support::bench::{micros, us};
+use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    ALL, BOTH, EVERY, Ecu, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
+    ALL, BOTH, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
 };
 
 fn drain() -> Command {
@@ -27,19 +27,19 @@ fn drain() -> Command {
 fn a_stop_goes_out_at_once() {
     for after in [0, 1, 7_000, 20_000, 49_999] {
         let mut amt = Scenario::started(Ecu::Amt, percent(50));
-        amt.pass(after);
+        amt.pass_us(after);
         amt.sent();
         amt.command(Command::EmergencyStop).unwrap();
-        amt.pass(EVERY);
+        amt.pass_us(FRAME_PERIOD_US);
         assert_eq!(amt.sent(), [Wire::Stop], "{after}");
 
         let mut zk = Scenario::started(Ecu::Zk, percent(50));
-        zk.pass(after);
+        zk.pass_us(after);
         let busy = zk.bench.busy();
         zk.bench.frames();
         zk.command(Command::EmergencyStop).unwrap();
-        let at = zk.now();
-        zk.pass(20 * EVERY);
+        let at = zk.now_us();
+        zk.pass_us(20 * FRAME_PERIOD_US);
         let frames = zk.bench.frames();
         // A frame takes 4.2 ms.
         assert!(frames[0].0 - at <= if busy { 4_200 } else { 0 }, "{after}: {frames:?}");
@@ -56,8 +56,8 @@ fn a_stop_goes_out_at_once() {
 fn a_stop_waits_for_nothing() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.pass(EVERY - 1);
-        let now = us(scenario.now());
+        scenario.pass_us(FRAME_PERIOD_US - 1);
+        let now = at_us(scenario.now_us());
         // Nobody takes anything out meanwhile.
         let machine = &mut scenario.bench.machine;
         for percent in (0..=100).cycle().take(10_000) {
@@ -72,7 +72,7 @@ fn a_stop_waits_for_nothing() {
         for percent in (0..=100).cycle().take(10_000) {
             assert_eq!(machine.command(now, run(percent), Origin::Rc, true), Err(Rejected::StopLatched));
         }
-        scenario.pass(20 * EVERY);
+        scenario.pass_us(20 * FRAME_PERIOD_US);
         let sent = scenario.sent();
         assert!(sent.len() >= 10 && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
     }
@@ -95,7 +95,7 @@ fn a_stop_is_latched() {
             }
             assert_eq!(scenario.command(Command::Arm), Err(Rejected::StopLatched));
             assert!(!scenario.telemetry().armed);
-            scenario.pass(20 * SECOND).silent().pass(5 * SECOND).says(says);
+            scenario.pass_us(20 * SECOND).silent().pass_us(5 * SECOND).says(says);
             let telemetry = scenario.telemetry();
             assert!(telemetry.stop_latched);
             assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::EmergencyStop, LossStage::None));
@@ -164,7 +164,7 @@ fn a_stop_is_released_when_the_engine_has_stopped() {
         for seconds in [2, 10] {
             let mut scenario = Scenario::started(ecu, percent(0));
             scenario.command(Command::EmergencyStop).unwrap();
-            scenario.says(Says::Stopped).silent().pass(seconds * SECOND);
+            scenario.says(Says::Stopped).silent().pass_us(seconds * SECOND);
             assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NoLink), "{ecu:?} {seconds}");
             assert_eq!(scenario.order(), Order::EmergencyStop);
             scenario.says(Says::Stopped);
@@ -180,8 +180,8 @@ fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
     scenario.command(Command::EmergencyStop).unwrap();
     scenario.silent();
     for i in 0..40 {
-        let t = scenario.now() + 125_000;
-        scenario.bench.rx(t, &amt_frames::error(0x01));
+        let t = scenario.now_us() + 125_000;
+        scenario.bench.rx_at_us(t, &amt_frames::error(0x01));
         if i == 8 {
             // A second after it was seen running.
             assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NotStopped));
@@ -219,7 +219,7 @@ fn a_release_allows_no_start() {
         scenario.command(Command::EmergencyStop).unwrap();
         scenario.command(Command::ReleaseStop).unwrap();
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
-        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
         // Nor does it arm.
         scenario.command(Command::Standby).unwrap();
@@ -274,14 +274,14 @@ fn after_a_reset_it_listens() {
         (start_cut_short(), Order::Listen),
     ] {
         let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
-        zk.pass(20 * EVERY);
+        zk.pass_us(20 * FRAME_PERIOD_US);
         let sent = zk.bench.bytes();
         assert!(
             sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()),
             "{sent:02x?}"
         );
         let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
-        amt.pass(20 * EVERY);
+        amt.pass_us(20 * FRAME_PERIOD_US);
         assert_eq!(amt.bench.bytes(), Vec::<Vec<u8>>::new());
         for scenario in [&zk, &amt] {
             assert_eq!(scenario.order(), order);
@@ -289,7 +289,7 @@ fn after_a_reset_it_listens() {
         }
     }
     let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), record(Order::Standby, Origin::Rc));
-    zk.pass(20 * EVERY);
+    zk.pass_us(20 * FRAME_PERIOD_US);
     let sent = zk.sent();
     assert!(sent.len() >= 20 && sent.iter().all(|wire| *wire == Wire::Standby), "{sent:?}");
 }
@@ -303,15 +303,15 @@ fn a_running_engine_goes_on_with_what_was_kept() {
         scenario.introduce();
         scenario.values.half_percents = 120;
         scenario.says = Some(Says::Running);
-        scenario.to(2 * EVERY - 1);
+        scenario.run_to_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
         assert!(scenario.telemetry().in_doubt.is_some());
-        scenario.to(2 * EVERY);
+        scenario.run_to_us(2 * FRAME_PERIOD_US);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.ordered.order, telemetry.active_source), (Order::Run(percent(60)), Origin::Rc));
         assert_eq!(telemetry.in_doubt, None);
         assert!(scenario.bench.event_kinds().contains(&Event::Resumed(percent(60))), "{ecu:?}");
-        scenario.to(4 * EVERY);
+        scenario.run_to_us(4 * FRAME_PERIOD_US);
         let sent = scenario.sent();
         assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}");
         // Its source speaks on: no bump and no stage of loss.
@@ -324,7 +324,7 @@ fn a_running_engine_goes_on_with_what_was_kept() {
         scenario.introduce();
         scenario.values.half_percents = 120;
         scenario.says = Some(Says::Unknown);
-        scenario.fly(run(60), Origin::Rc, 3 * SECOND);
+        scenario.fly_us(run(60), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
         let sent = scenario.sent();
         match ecu {
@@ -338,7 +338,7 @@ fn a_running_engine_goes_on_with_what_was_kept() {
         // Nobody speaks: the stages of loss, counted from here on.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
         scenario.introduce();
-        scenario.says(Says::Running).pass(5 * SECOND);
+        scenario.says(Says::Running).pass_us(5 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe), "{ecu:?}");
     }
 }
@@ -352,22 +352,22 @@ fn a_reset_ends_a_start() {
         before.command(run(0)).unwrap();
         before.values.rpm = Some(rpm);
         before.says(Says::Starting);
-        before.fly(run(0), Origin::Rc, SECOND);
+        before.fly_us(run(0), Origin::Rc, SECOND);
         assert!(!before.bench.machine.record().ran);
         let mut scenario = before.reset(ecu.config());
-        scenario.to(2 * EVERY - 1);
+        scenario.run_to_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{ecu:?}");
-        scenario.to(2 * EVERY);
+        scenario.run_to_us(2 * FRAME_PERIOD_US);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: two reports say that it starts");
-        scenario.fly(run(60), Origin::Rc, SECOND);
+        scenario.fly_us(run(60), Origin::Rc, SECOND);
         let sent = scenario.sent();
         assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{ecu:?} {sent:?}");
         // The control: one that has reached running goes on.
         before.values.rpm = Some(TURNING);
         before.says(Says::Running);
-        before.fly(run(60), Origin::Rc, 2 * SECOND);
+        before.fly_us(run(60), Origin::Rc, 2 * SECOND);
         let mut scenario = before.reset(ecu.config());
-        scenario.fly(run(60), Origin::Rc, SECOND);
+        scenario.fly_us(run(60), Origin::Rc, SECOND);
         assert_eq!(scenario.wire(), Wire::Run(600), "{ecu:?}");
     }
 }
@@ -384,24 +384,24 @@ fn a_running_engine_goes_on_with_what_its_ecu_says() {
             scenario.says = Some(Says::Running);
             if ecu == Ecu::Zk {
                 // Its throttle comes in a frame of its own, after the state.
-                scenario.pass(6 * EVERY);
+                scenario.pass_us(6 * FRAME_PERIOD_US);
                 assert_eq!(scenario.order(), Order::Listen, "the throttle is not known yet");
                 scenario.bench.receive(&zk_frames::status(3, 12_000, [65, 0, 0]));
                 assert_eq!(scenario.order(), Order::Listen);
-                scenario.pass(EVERY);
+                scenario.pass_us(FRAME_PERIOD_US);
             } else {
-                scenario.pass(2 * EVERY - 1);
+                scenario.pass_us(2 * FRAME_PERIOD_US - 1);
                 assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
-                scenario.pass(1);
+                scenario.pass_us(1);
             }
             let telemetry = scenario.telemetry();
             assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {kept:?}");
             assert_eq!((telemetry.active_source, telemetry.loss), (Origin::Node, LossStage::Hold));
-            let from = scenario.now();
-            scenario.to(from + SECOND);
+            let from = scenario.now_us();
+            scenario.run_to_us(from + SECOND);
             assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::FailSafe));
             assert!(scenario.sent().iter().all(|wire| *wire == Wire::Run(650)), "{ecu:?}");
-            scenario.pass(5 * SECOND);
+            scenario.pass_us(5 * SECOND);
             assert_eq!(scenario.tenths(), 0);
         }
         // Whoever speaks takes over without a bump, the lowest source too.
@@ -418,24 +418,24 @@ fn a_running_engine_goes_on_with_what_its_ecu_says() {
         assert_eq!(scenario.command_from(run(66), Origin::Bench), Ok(Accepted::InForce));
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (650, LossStage::None));
         // It rises by 1 %, at 50 % a second.
-        scenario.to(scenario.now() + 20_000);
+        scenario.run_to_us(scenario.now_us() + 20_000);
         assert_eq!(scenario.tenths(), 660);
     }
     // Two sets of an AMT ECU that do not agree on the throttle: no answer yet.
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
     for half_percents in [130, 60, 130, 60] {
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         scenario.odd(Says::Running, Values { half_percents, ..scenario.values });
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
     }
     // A throttle that never comes: after 3 s it goes on at idle.
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
     scenario.says = Some(Says::Running);
-    scenario.pass(3 * SECOND - 1);
+    scenario.pass_us(3 * SECOND - 1);
     assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
-    scenario.pass(EVERY);
+    scenario.pass_us(FRAME_PERIOD_US);
     assert_eq!(scenario.order(), Order::Run(percent(0)));
-    scenario.pass(60 * SECOND);
+    scenario.pass_us(60 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)), "it is heard to run");
 }
 
@@ -447,9 +447,9 @@ fn a_kept_rpm_goes_on_as_an_rpm() {
     assert_eq!(scenario.order(), Order::Doubt(rpm(90_000)), "the version is not known");
     assert_eq!(scenario.sent(), []);
     scenario.introduce();
-    scenario.pass(EVERY);
+    scenario.pass_us(FRAME_PERIOD_US);
     assert_eq!(scenario.order(), Order::Run(rpm(90_000)));
-    scenario.fly(Command::Run(rpm(90_000)), Origin::Rc, SECOND);
+    scenario.fly_us(Command::Run(rpm(90_000)), Origin::Rc, SECOND);
     let sent = scenario.sent();
     assert!(sent.len() >= 19 && sent.iter().all(|wire| *wire == Wire::RpmControl), "{sent:?}");
 }
@@ -469,16 +469,16 @@ fn an_engine_that_does_not_run_is_in_standby() {
                     (Order::Standby, Origin::Node),
                     "{ecu:?} {says:?}"
                 );
-                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
                 assert_eq!(scenario.wire(), Wire::Standby);
             }
         }
     }
     // AMT-9: an ECU that has just been powered up, too, in its first frame.
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept_run(percent(60)));
-    scenario.bench.rx(EVERY, &amt_frames::setup("9.35 140617 "));
+    scenario.bench.rx_at_us(FRAME_PERIOD_US, &amt_frames::setup("9.35 140617 "));
     assert_eq!(scenario.order(), Order::Standby);
-    scenario.pass(EVERY);
+    scenario.pass_us(FRAME_PERIOD_US);
     assert_eq!(scenario.sent(), [Wire::Standby]);
 }
 
@@ -503,7 +503,7 @@ fn a_latched_stop_survives_a_reset() {
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
             assert!(scenario.telemetry().stop_latched);
             scenario.says = Some(says);
-            scenario.pass(2 * EVERY);
+            scenario.pass_us(2 * FRAME_PERIOD_US);
             let sent = scenario.sent();
             assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
             scenario.says(says);
@@ -530,16 +530,16 @@ fn amt_8_an_ecu_with_a_fault_after_a_reset() {
         (None, 26, Order::Listen, vec![]),
     ] {
         let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
-        (scenario.values.fault, scenario.values.egt) = (1, egt);
+        (scenario.values.fault, scenario.values.egt_celsius) = (1, egt);
         scenario.says = Some(Says::Running);
-        scenario.pass(2 * EVERY - 1);
+        scenario.pass_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!(scenario.sent(), [], "no answer is better than a wrong one: {egt}");
-        scenario.pass(2 * EVERY + 1);
+        scenario.pass_us(2 * FRAME_PERIOD_US + 1);
         assert_eq!((scenario.order(), scenario.sent()), (order, sent), "{egt}");
         if kept.is_none() {
-            scenario.to(11 * SECOND - 1);
+            scenario.run_to_us(11 * SECOND - 1);
             assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{egt}");
-            scenario.to(11 * SECOND);
+            scenario.run_to_us(11 * SECOND);
             assert_eq!(scenario.order(), Order::Standby, "{egt}");
         }
     }
@@ -550,13 +550,13 @@ fn amt_8_an_ecu_with_a_fault_after_a_reset() {
 fn what_is_kept_is_what_is_in_force() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(60));
-        scenario.fly(run(60), Origin::Rc, 4 * EVERY);
+        scenario.fly_us(run(60), Origin::Rc, 4 * FRAME_PERIOD_US);
         let kept = scenario.bench.machine.record();
         assert_eq!(Some(RetainedState { arm_commanded: 0, ..kept }), kept_run(percent(60)));
         assert_eq!(kept.arm_commanded, 1 << 3, "RC, the fourth of all origins");
-        scenario.pass(10 * SECOND);
+        scenario.pass_us(10 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
-        scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+        scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(60)));
         scenario.command(Command::Disarm).unwrap();
         assert!(!scenario.bench.machine.record().armed);
@@ -582,24 +582,24 @@ fn what_is_kept_is_what_is_in_force() {
 fn a_lost_source_stays_lost() {
     for ecu in BOTH {
         let mut before = Scenario::started(ecu, percent(80));
-        before.pass(10 * SECOND);
+        before.pass_us(10 * SECOND);
         assert_eq!((before.tenths(), before.telemetry().loss), (0, LossStage::FailSafe));
         let mut scenario = before.reset(ecu.config());
-        scenario.pass(600_000);
+        scenario.pass_us(600_000);
         assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
         assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!(scenario.tenths(), 0);
         // It speaks for 1 s, and waits for 2 s to take over.
-        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 0);
-        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.tenths(), 800, "{ecu:?}: it has spoken for long enough");
 
         // A reset puts the life of the engine in doubt: when the stages of loss have run out, 11.5 s of silence of which
         // each reset takes 0.2 s at least, it ends there.
         let mut scenario = Scenario::started(ecu, percent(80));
         for reset in 0..8 {
-            scenario.pass(1_300_000);
+            scenario.pass_us(1_300_000);
             assert!(reset < 3 || scenario.tenths() == 0, "{ecu:?} {reset}");
             scenario = scenario.reset(ecu.config());
         }
@@ -613,11 +613,11 @@ fn one_odd_report_after_a_reset_stops_nothing() {
     for (odd, expected) in [(1, Order::Run(percent(60))), (2, Order::Standby)] {
         let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(percent(60)));
         for _ in 0..odd {
-            scenario.pass(EVERY / 4);
+            scenario.pass_us(FRAME_PERIOD_US / 4);
             scenario.odd(Says::Standby, scenario.values);
         }
         scenario.says = Some(Says::Running);
-        scenario.fly(run(60), Origin::Rc, SECOND);
+        scenario.fly_us(run(60), Origin::Rc, SECOND);
         assert_eq!(scenario.order(), expected, "{odd}");
     }
 }
@@ -631,10 +631,10 @@ fn a_kept_stop_stays_with_the_higher_source() {
         (Origin::Bench, Origin::Emergency, Origin::Emergency),
     ] {
         let mut engine = Engine::new(&Ecu::Amt.config());
-        engine.keep(record(Order::EmergencyStop, kept));
-        engine.command(us(0), Command::EmergencyStop, again, true).unwrap();
+        engine.restore(record(Order::EmergencyStop, kept));
+        engine.command(at_us(0), Command::EmergencyStop, again, true).unwrap();
         assert_eq!(engine.record().origin, holds);
-        engine.start(us(0), record(Order::EmergencyStop, kept));
+        engine.start(at_us(0), record(Order::EmergencyStop, kept));
         assert_eq!((engine.record().order, engine.record().origin), (Order::EmergencyStop, holds));
     }
 }
@@ -646,7 +646,7 @@ fn a_reset_does_not_call_ctf_off() {
     before.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
     assert_eq!(before.wire(), Wire::Ctf);
     let mut scenario = before.reset(Ecu::Amt.config());
-    scenario.fly(run(50), Origin::Rc, SECOND);
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
     // And the engine that it stopped was commanded to.
     before.says(Says::Cooling);

@@ -7,34 +7,35 @@ use jetlink::limit::LimitKind;
 use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm};
 
-use crate::support::bench::us;
+use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, percent, run,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent,
+    run,
 };
 
 /// A scenario with an engine that runs at 50 % with these limits.
 fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
     let config = ecu.with(|s| change(&mut s.limits));
     let mut scenario = Scenario::started_with(ecu, config, percent(50));
-    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
     assert_eq!(scenario.limits(), []);
     scenario
 }
 
 /// From now on its exhaust burns: an AMT ECU with a fault gives no other sign of life (AMT-8).
 fn burns(scenario: &mut Scenario) {
-    scenario.values.egt = 500;
-    scenario.fly(run(50), Origin::Rc, SECOND);
+    scenario.values.egt_celsius = 500;
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
 }
 
 /// What is told when some frames in a row say this, and the engine's own values after it.
 fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
     let before = scenario.values;
     scenario.values = values;
-    scenario.fly(run(50), Origin::Rc, u64::from(frames) * EVERY);
+    scenario.fly_us(run(50), Origin::Rc, u64::from(frames) * FRAME_PERIOD_US);
     scenario.values = before;
-    scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
     scenario.passed().into_iter().map(|passed| (passed.what, passed.value, passed.limit)).collect()
 }
 
@@ -44,7 +45,7 @@ fn two_values_in_a_row_pass_a_limit() {
     use LimitKind::{LowRpm, OverSpeed, OverTemperature};
     type Change = fn(&mut Limits);
     let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
-        let values = |rpm, egt| Values { rpm: Some(rpm), egt, half_percents: 0, fault: 0 };
+        let values = |rpm, egt| Values { rpm: Some(rpm), egt_celsius: egt, half_percents: 0, fault: 0 };
         [
             (
                 |l| l.over_speed = Limit::report(Rpm::new(13_000)),
@@ -104,21 +105,21 @@ fn a_limit_is_told_with_its_time() {
     for ecu in BOTH {
         let mut scenario = running(ecu, |l| l.over_speed = Limit::report(Rpm::new(13_000)));
         let values = Values { rpm: Some(14_000), ..scenario.values };
-        let from = scenario.now();
+        let from = scenario.now_us();
         scenario.silent();
         for i in 1..=3 {
-            scenario.bench.rx(from + i * 70_000, &ecu.frame(Says::Running, values));
+            scenario.bench.rx_at_us(from + i * 70_000, &ecu.frame(Says::Running, values));
         }
         let passed = scenario.passed();
         assert_eq!(passed.len(), 1);
-        assert_eq!(passed[0].at, us(from + 140_000), "{ecu:?}");
+        assert_eq!(passed[0].at, at_us(from + 140_000), "{ecu:?}");
     }
 }
 
 /// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
 #[test]
 fn the_engines_own_figures_serve() {
-    let values = |rpm| Values { rpm: Some(rpm), egt: 26, half_percents: 0, fault: 0 };
+    let values = |rpm| Values { rpm: Some(rpm), egt_celsius: 26, half_percents: 0, fault: 0 };
     let quiet = |limits: &mut Limits| {
         limits.implausible = Limit::NONE;
         limits.flame_out = Limit::NONE;
@@ -137,7 +138,7 @@ fn the_engines_own_figures_serve() {
     scenario.command(run(0)).unwrap();
     scenario.values.rpm = Some(1_000);
     scenario.says = Some(Says::Starting);
-    scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+    scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
     assert_eq!(scenario.limits(), []);
 }
 
@@ -155,11 +156,11 @@ fn hot_start() {
             scenario.says(Says::Starting).says(says);
             scenario.bench.events();
             for i in 0..40 {
-                scenario.values.egt = 26 + rate * i / 20;
+                scenario.values.egt_celsius = 26 + rate * i / 20;
                 if i % 2 == 0 {
                     let _ = scenario.command(run(0));
                 }
-                scenario.pass(EVERY);
+                scenario.pass_us(FRAME_PERIOD_US);
             }
             let passed = scenario.passed();
             if told {
@@ -177,13 +178,13 @@ fn hot_start() {
                 let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
                 let mut scenario = Scenario::ready(ecu, config);
                 scenario.command(run(0)).unwrap();
-                scenario.values.egt = 400;
-                scenario.says(Says::Starting).fly(run(0), Origin::Rc, 3 * SECOND + wait * EVERY);
+                scenario.values.egt_celsius = 400;
+                scenario.says(Says::Starting).fly_us(run(0), Origin::Rc, 3 * SECOND + wait * FRAME_PERIOD_US);
                 scenario.bench.events();
-                scenario.values.egt = odd;
-                scenario.pass(EVERY);
-                scenario.values.egt = 400;
-                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                scenario.values.egt_celsius = odd;
+                scenario.pass_us(FRAME_PERIOD_US);
+                scenario.values.egt_celsius = 400;
+                scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
                 assert_eq!(scenario.limits(), [], "{ecu:?} {odd} {wait}");
             }
         }
@@ -194,17 +195,17 @@ fn hot_start() {
 fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
     scenario.values.rpm = Some(20_000);
-    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
     scenario.bench.events();
     for percent in before {
-        scenario.fly(run(*percent), Origin::Rc, 2 * PERIOD);
+        scenario.fly_us(run(*percent), Origin::Rc, 2 * COMMAND_PERIOD_US);
     }
     for i in 1..=30 {
         scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
         let _ = scenario.command(run(demand));
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
     }
-    scenario.fly(run(demand), Origin::Rc, SECOND);
+    scenario.fly_us(run(demand), Origin::Rc, SECOND);
     scenario.limits()
 }
 
@@ -233,7 +234,7 @@ fn one_odd_shaft_speed_is_no_flame_out() {
                         limits.implausible = implausible;
                         limits.low_rpm = Limit::NONE;
                     });
-                    scenario.fly(run(50), Origin::Rc, wait * EVERY);
+                    scenario.fly_us(run(50), Origin::Rc, wait * FRAME_PERIOD_US);
                     let values = Values { rpm: Some(odd), ..scenario.values };
                     let told = told_after(&mut scenario, 1, values);
                     assert_eq!(told, [], "{ecu:?} {odd} {wait}");
@@ -260,8 +261,8 @@ fn implausible_telemetry() {
         scenario.silent();
         let mut rpm = TURNING;
         for _ in 0..10 {
-            let t = scenario.now() + 400_000;
-            scenario.bench.run_to(t);
+            let t = scenario.now_us() + 400_000;
+            scenario.bench.run_to_us(t);
             for _ in 0..4 {
                 rpm += 500;
                 let values = Values { rpm: Some(rpm), ..scenario.values };
@@ -282,7 +283,7 @@ fn supply_low() {
                 Ecu::Amt => amt_frames::alternate(0x06).to_vec(),
                 Ecu::Zk => zk_frames::status(2, TURNING, [0, 100, 0]).to_vec(),
             };
-            scenario.pass(10_000);
+            scenario.pass_us(10_000);
             scenario.bench.receive(&frame);
             scenario.telemetry().report.supply.and_then(|supply| supply.value.voltage).expect("a scale")
         };
@@ -329,26 +330,26 @@ fn actions() {
         let limit = |action| Limit { at: Some(Rpm::new(13_000)), action };
         let mut scenario = running(ecu, |l| l.over_speed = limit(Action::Standby));
         scenario.values.rpm = Some(14_000);
-        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
         let ordered = scenario.telemetry().ordered;
         assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?}");
         assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
         assert_eq!(scenario.wire(), Wire::Standby);
 
         let mut scenario = running(ecu, |l| l.over_speed = limit(Action::FailSafe));
-        let from = scenario.now();
+        let from = scenario.now_us();
         scenario.values.rpm = Some(14_000);
-        scenario.fly(run(50), Origin::Rc, 2 * EVERY);
+        scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
         assert_eq!(scenario.limits(), [LimitKind::OverSpeed]);
-        scenario.fly(run(50), Origin::Rc, 500_000);
+        scenario.fly_us(run(50), Origin::Rc, 500_000);
         // 50 % a second.
         assert!((200..350).contains(&scenario.tenths()), "{ecu:?}: {}", scenario.tenths());
-        scenario.fly(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
         assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
-        assert!(scenario.now() > from);
+        assert!(scenario.now_us() > from);
         // A source that takes over does not lift it; standby and a new start do.
         assert!(matches!(scenario.command_from(run(1), Origin::Emergency), Ok(Accepted::InForce)));
-        scenario.fly(run(70), Origin::Emergency, 5 * SECOND);
+        scenario.fly_us(run(70), Origin::Emergency, 5 * SECOND);
         assert_eq!(scenario.tenths(), 0);
         let told: Vec<_> =
             scenario.bench.event_kinds().into_iter().filter(|e| matches!(e, Event::Limit(_))).collect();
@@ -370,7 +371,7 @@ fn a_limit_that_is_passed_refuses_a_start() {
             Ecu::Zk.with(|s| s.limits.supply_low = Limit { at: Some(Millivolts::new(12_000)), action });
         let mut scenario = Scenario::ready(Ecu::Zk, config);
         for _ in 0..3 {
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
             scenario.bench.receive(&zk_frames::status(2, 0, [50, 50, 0]));
         }
         assert_eq!(scenario.limits(), [LimitKind::SupplyLow]);
@@ -396,9 +397,9 @@ fn a_limit_acts_after_a_reset() {
             });
             let before = Scenario::started_with(ecu, config, percent(60));
             let mut scenario = before.reset(config);
-            scenario.values.egt = if faults_only { 500 } else { 900 };
+            scenario.values.egt_celsius = if faults_only { 500 } else { 900 };
             scenario.values.fault = u8::from(faults_only) * 2;
-            scenario.fly(run(60), Origin::Rc, 5 * SECOND);
+            scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
             let expected = match action {
                 Action::Standby => Order::Standby,
                 // With faults in place of a state nothing says that it runs: its exhaust burns, and it is answered.
@@ -425,7 +426,7 @@ fn an_engine_that_its_limit_shut_down_has_failed() {
             scenario.says(says);
             burns(&mut scenario);
             scenario.values.fault = 2;
-            scenario.fly(run(50), Origin::Rc, SECOND);
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
             assert_eq!(scenario.order(), Order::Standby);
             assert_eq!(scenario.bench.machine.failed(), failed, "{ecu:?} {says:?}");
             assert_eq!(scenario.telemetry().failed, failed);
@@ -439,13 +440,13 @@ fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
     let config = Ecu::Amt.with(|s| s.limits.implausible.action = Action::Standby);
     let before = Scenario::started_with(Ecu::Amt, config, percent(60));
     let mut scenario = before.reset(config);
-    scenario.pass(EVERY / 2);
+    scenario.pass_us(FRAME_PERIOD_US / 2);
     scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
-    scenario.fly(run(60), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(run(60), Origin::Rc, 2 * SECOND);
     assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))));
     // The control: two of them are.
     for _ in 0..2 {
-        scenario.pass(1000);
+        scenario.pass_us(1000);
         scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
     }
     assert_eq!(scenario.limits(), [LimitKind::Implausible]);

@@ -7,28 +7,28 @@ use super::*;
 fn link_up_after_two_frames_and_lost_to_the_tick() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
-    assert_eq!((bench.machine.status().state, bench.deadline()), (LinkState::Silent, Some(1_000_000)));
-    bench.rx(100_000, &frame);
+    assert_eq!((bench.machine.status().state, bench.deadline_us()), (LinkState::Silent, Some(1_000_000)));
+    bench.rx_at_us(100_000, &frame);
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Silent, vec![]));
-    bench.rx(225_000, &frame);
+    bench.rx_at_us(225_000, &frame);
     assert_eq!(bench.machine.status().state, LinkState::Up);
     assert_eq!(bench.events()[0], (225_000, Event::LinkUp));
-    bench.run_to(300_000);
-    assert_eq!(bench.deadline(), Some(1_225_000));
-    bench.timeout_at(1_224_999);
+    bench.run_to_us(300_000);
+    assert_eq!(bench.deadline_us(), Some(1_225_000));
+    bench.timeout_at_us(1_224_999);
     assert_eq!(
         (bench.machine.status().state, bench.event_kinds()),
         (LinkState::Up, vec![]),
         "early calls do nothing"
     );
-    bench.timeout_at(1_225_000);
+    bench.timeout_at_us(1_225_000);
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
-    assert_eq!(bench.machine.status().last_rx, Some(us(225_000)));
-    bench.run_to(60_000_000);
+    assert_eq!(bench.machine.status().last_rx, Some(at_us(225_000)));
+    bench.run_to_us(60_000_000);
     assert_eq!(bench.event_kinds(), [], "once");
-    bench.rx(60_000_000, &frame);
+    bench.rx_at_us(60_000_000, &frame);
     assert_eq!(bench.machine.status().state, LinkState::Lost);
-    bench.rx(60_125_000, &frame);
+    bench.rx_at_us(60_125_000, &frame);
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
 }
 
@@ -38,10 +38,10 @@ fn two_frames_far_apart_are_not_two_in_a_row() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
     for t in [900_000, 2_900_000, 4_900_000, 6_900_000] {
-        bench.rx(t, &frame);
+        bench.rx_at_us(t, &frame);
         assert_ne!(bench.machine.status().state, LinkState::Up, "{t}");
     }
-    bench.rx(7_899_999, &frame);
+    bench.rx_at_us(7_899_999, &frame);
     assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
@@ -57,13 +57,13 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
     }
     assert_eq!((bench.machine.status().state, bench.machine.status().last_rx), (LinkState::Silent, None));
     reply_to(&mut bench, &frame);
-    let t = bench.now();
+    let t = bench.now_us();
     assert_eq!(
         (bench.machine.status().state, bench.machine.status().last_rx),
-        (LinkState::Silent, Some(us(t)))
+        (LinkState::Silent, Some(at_us(t)))
     );
     reply_to(&mut bench, &frame);
-    let heard = bench.now();
+    let heard = bench.now_us();
     assert_eq!(bench.machine.status().state, LinkState::Up);
     bench.event_kinds();
     for _ in 0..7 {
@@ -72,7 +72,7 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
     }
     assert_eq!(
         (bench.machine.status().state, bench.machine.status().last_rx),
-        (LinkState::Up, Some(us(heard)))
+        (LinkState::Up, Some(at_us(heard)))
     );
     bench.machine.line_error(LineError::Noise);
     reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
@@ -88,7 +88,7 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
 #[test]
 fn an_ecu_never_heard_is_lost_once() {
     let mut bench = default();
-    bench.run_to(100_000_000);
+    bench.run_to_us(100_000_000);
     assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
     assert_eq!(bench.machine.status().last_rx, None);
 }
@@ -102,5 +102,5 @@ fn amt_9_a_restart_of_the_ecu_is_told() {
     assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
     let report = &bench.machine.status().report;
     assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
-    assert_eq!(report.amt_setup.unwrap().at, us(bench.now()));
+    assert_eq!(report.amt_setup.unwrap().at, at_us(bench.now_us()));
 }

@@ -22,7 +22,7 @@ use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use proptest::prelude::*;
 
-use crate::support::bench::{Bench, Machine, micros, us};
+use crate::support::bench::{Bench, Machine, at_us, micros};
 use crate::support::frames::amt::{
     AUTO_STOP, CLEARANCE, EMERGENCY, FULL_OPERATION, IDLE_CALIBRATION, NO_CLEARANCE, RUN, STARTED_UP,
     STARTING, alternate, control, error, normal, setup,
@@ -34,7 +34,7 @@ const RUN_OPS: u8 = 0x14;
 const CTF_OPS: u8 = 0x91;
 
 /// Between two frames: 8 a second at 2400 baud.
-const EVERY: u64 = 125_000;
+const FRAME_PERIOD_US: u64 = 125_000;
 
 const SLOW: Line = Line::new(2400);
 
@@ -59,13 +59,13 @@ fn ctf() -> Service {
 
 /// A frame now, and the bytes of its reply.
 fn reply_to<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> Vec<u8> {
-    answer_to(bench, frame).unwrap_or_else(|| panic!("a reply at {}", bench.now()))
+    answer_to(bench, frame).unwrap_or_else(|| panic!("a reply at {}", bench.now_us()))
 }
 
 /// A frame now, and the bytes of its reply, if there is one.
 fn answer_to<M: Machine>(bench: &mut Bench<M>, frame: &[u8]) -> Option<Vec<u8>> {
-    let t = bench.now() + EVERY;
-    bench.run_to(t);
+    let t = bench.now_us() + FRAME_PERIOD_US;
+    bench.run_to_us(t);
     bench.frames();
     bench.receive(frame);
     let mut frames = bench.frames();

@@ -15,7 +15,7 @@ fn amt_10_orders_and_their_switch() {
         (throttle(5), RUN_OPS, 1),
         (Order::EmergencyStop, STOP_OPS, 0),
     ] {
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{order:?}");
     }
 }
@@ -48,7 +48,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
             for (order, expected) in
                 [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle(0), RUN_OPS)]
             {
-                bench.order(bench.now(), order).unwrap();
+                bench.order(bench.now_us(), order).unwrap();
                 assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), Some((expected, 0)));
             }
         }
@@ -90,7 +90,7 @@ fn an_engine_found_running_goes_on_at_its_own_throttle() {
     ] {
         let mut bench = engine_after(Config::DEFAULT, None);
         for ((damaged, frame), reply) in frames.iter().zip(replies) {
-            bench.run_to(bench.now() + EVERY / 2);
+            bench.run_to_us(bench.now_us() + FRAME_PERIOD_US / 2);
             if *damaged {
                 bench.machine.line_error(LineError::Framing);
             }
@@ -138,10 +138,10 @@ fn an_emergency_stop_is_in_the_next_reply() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = running();
     assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
-    let t = bench.now();
-    bench.rx(t + 15_000, &frame); // the reply to the first is still going out
+    let t = bench.now_us();
+    bench.rx_at_us(t + 15_000, &frame); // the reply to the first is still going out
     bench.order(t + 16_000, Order::EmergencyStop).unwrap();
-    bench.run_to(t + 40_000);
+    bench.run_to_us(t + 40_000);
     assert_eq!(bench.bytes(), [control(STOP_OPS, 0)]);
     for _ in 0..100 {
         assert_eq!(ops_thr(&mut bench, &frame), (STOP_OPS, 0), "and in every other");
@@ -153,8 +153,8 @@ fn an_emergency_stop_is_in_the_next_reply() {
 #[test]
 fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
     let mut bench = running();
-    bench.run_to(bench.now() + EVERY); // the reply before is out
-    let now = us(bench.now());
+    bench.run_to_us(bench.now_us() + FRAME_PERIOD_US); // the reply before is out
+    let now = at_us(bench.now_us());
     let link = &mut bench.machine;
     // At once, without the drain that the bench does between two inputs.
     Link::receive(link, now, &normal(FULL_OPERATION, RUN, 100));
@@ -182,16 +182,16 @@ fn amt_13_ctf_only_by_its_name() {
         assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS);
     }
     assert_eq!(bench.event_kinds(), [Event::ServiceSent(ctf())]);
-    bench.order(bench.now(), throttle(300)).unwrap();
+    bench.order(bench.now_us(), throttle(300)).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS, "a source that streams demands does not call it off");
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame), (AUTO_OPS, 0), "a normal stop is never CTF");
     for (order, ops) in [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS)] {
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         assert_eq!(bench.act(|link, now| link.service(now, ctf())), Err(Rejected::NotOrderedToRun));
         assert_eq!(ops_thr(&mut bench, &frame), (ops, 0));
     }
-    bench.order(bench.now(), throttle(300)).unwrap();
+    bench.order(bench.now_us(), throttle(300)).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS, "nothing of it is left for the next start");
 }
 
@@ -200,7 +200,7 @@ fn amt_13_ctf_only_by_its_name() {
 fn amt_13_no_order_sends_ctf() {
     for order in [Order::Standby, Order::EmergencyStop, throttle(700)] {
         let mut bench = running();
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
             assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
         }
@@ -213,7 +213,7 @@ fn amt_14_the_demand_waits_for_its_release() {
     for start_percent in [0, 100] {
         let start_throttle = Throttle::from_percent(start_percent).unwrap();
         let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
-        bench.order(bench.now(), throttle(250)).unwrap();
+        bench.order(bench.now_us(), throttle(250)).unwrap();
         for state in [CLEARANCE, STARTING, FULL_OPERATION, FULL_OPERATION, 0b10101] {
             assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, start_percent * 2));
         }
@@ -265,12 +265,12 @@ fn the_demand_rises_at_its_rate_after_a_start() {
             flown(&mut bench, 800, &hot(normal(state, RUN, rpm)));
         }
     }
-    let began = bench.now();
+    let began = bench.now_us();
     let mut before = 0;
     for _ in 0..20 {
         let (ops, half_percents) = flown(&mut bench, 800, &hot(normal(FULL_OPERATION, RUN, 70))).unwrap();
         // 50 %/s is a half percent every 10 ms.
-        let most = ((bench.now() - began) / 10_000).min(160);
+        let most = ((bench.now_us() - began) / 10_000).min(160);
         assert_eq!(ops, RUN_OPS);
         assert!(u64::from(half_percents) <= most && half_percents >= before, "{half_percents} of {most}");
         assert!(u64::from(half_percents) + 4 >= most, "no slower either: {half_percents} of {most}");
@@ -314,7 +314,7 @@ fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
     for _ in 0..10 {
         assert_eq!(flown(&mut bench, 800, &unknown), Some((RUN_OPS, 160)));
     }
-    let report = bench.machine.telemetry(us(bench.now())).report;
+    let report = bench.machine.telemetry(at_us(bench.now_us())).report;
     assert_eq!(report.phase.unwrap().value, Phase::Unknown);
     let state = report.state.unwrap().value;
     assert_eq!((state.code, state.name), (0b10101, "unknown"));
@@ -363,14 +363,14 @@ fn amt_12_a_gap_is_doubt() {
     let good = hot(normal(FULL_OPERATION, RUN, 100));
     let starting = hot(normal(STARTING, RUN, 10));
     let silence = |bench: &mut Bench<jetlink::engine::Engine>, micros: u64| {
-        let end = bench.now() + micros - EVERY;
-        bench.run_to(bench.now() + 50_000); // the reply before is out
+        let end = bench.now_us() + micros - FRAME_PERIOD_US;
+        bench.run_to_us(bench.now_us() + 50_000); // the reply before is out
         bench.frames();
-        while bench.now() + 100_000 < end {
+        while bench.now_us() + 100_000 < end {
             let _ = command(bench, run_at(800));
-            bench.run_to(bench.now() + 100_000);
+            bench.run_to_us(bench.now_us() + 100_000);
         }
-        bench.run_to(end);
+        bench.run_to_us(end);
         assert_eq!(bench.frames(), [], "silence is answered with silence");
     };
     let doubts = |bench: &mut Bench<_>| bench.event_kinds().contains(&Event::LifeInDoubt);
@@ -456,28 +456,28 @@ fn three_sets_that_fail_are_a_gap() {
     let gap = |bench: &Bench<AmtLink>| bench.machine.gap_at().map(|at| at.as_micros());
     let mut bench = default();
     assert_eq!(gap(&bench), None, "nothing was heard yet");
-    bench.rx(1_000_000, &frame);
+    bench.rx_at_us(1_000_000, &frame);
     assert_eq!(gap(&bench), Some(1_375_000));
     bench.machine.line_error(LineError::Framing);
-    bench.rx(1_125_000, &frame);
+    bench.rx_at_us(1_125_000, &frame);
     assert_eq!(gap(&bench), Some(1_500_000), "damaged, it keeps the beat");
-    bench.rx(1_250_000, &[0x12, 0x34, 0x56]);
+    bench.rx_at_us(1_250_000, &[0x12, 0x34, 0x56]);
     assert_eq!(gap(&bench), Some(1_500_000), "three bytes are no set");
     for step in 3..200u64 {
-        let t = 1_000_000 + step * EVERY;
+        let t = 1_000_000 + step * FRAME_PERIOD_US;
         bench.machine.line_error(LineError::Framing);
-        bench.rx(t, &frame);
-        let beats = if t < 11_000_000 { t } else { 1_000_000 + 79 * EVERY };
+        bench.rx_at_us(t, &frame);
+        let beats = if t < 11_000_000 { t } else { 1_000_000 + 79 * FRAME_PERIOD_US };
         assert_eq!(gap(&bench), Some(beats + 375_000), "{t}");
     }
     bench.act(|link, _| link.gap());
     assert_eq!(gap(&bench), None, "it is announced once");
-    let t = bench.now() + EVERY;
-    bench.rx(t, &frame);
+    let t = bench.now_us() + FRAME_PERIOD_US;
+    bench.rx_at_us(t, &frame);
     assert_eq!(gap(&bench), Some(t + 375_000));
     // A steady babble keeps no beat beyond its first burst.
     for byte in 1..=1000u64 {
-        bench.rx(t + 40_000 + byte * 4_167, &[0x55]);
+        bench.rx_at_us(t + 40_000 + byte * 4_167, &[0x55]);
     }
     assert!(gap(&bench).unwrap() < t + 500_000);
 }
@@ -488,8 +488,8 @@ fn refused_orders_change_nothing() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = running();
     let rpm = Order::Run(Demand::Rpm(Rpm::new(30_000)));
-    assert_eq!(bench.order(bench.now(), rpm), Err(Rejected::NoSpeedControl));
-    assert_eq!(bench.order(bench.now(), Order::Pwm), Err(Rejected::NotSupported));
+    assert_eq!(bench.order(bench.now_us(), rpm), Err(Rejected::NoSpeedControl));
+    assert_eq!(bench.order(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
     let zk = Service::Zk(ZkService::Action(zk::codec::Action::Drain));
     assert_eq!(bench.act(|link, now| link.service(now, zk)), Err(Rejected::NotSupported));
     assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));

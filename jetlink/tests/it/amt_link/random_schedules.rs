@@ -31,8 +31,8 @@ proptest! {
         bench.order(0, Order::Standby).unwrap();
         let (mut stopped, mut runs) = (false, false);
         for (wait, step) in steps {
-            let t = bench.now() + wait;
-            bench.run_to(t);
+            let t = bench.now_us() + wait;
+            bench.run_to_us(t);
             // Replies that became due on the way were composed under the order so far.
             check_replies(&mut bench, line, stopped)?;
             match step {
@@ -46,18 +46,18 @@ proptest! {
                     let answer = bench.act(|link, now| link.service(now, ctf()));
                     prop_assert_eq!(answer.is_ok(), runs);
                 }
-                Step::Timeout => bench.timeout_at(t),
+                Step::Timeout => bench.timeout_at_us(t),
             }
             check_replies(&mut bench, line, stopped)?;
         }
-        bench.run_to(bench.now() + 100_000);
+        bench.run_to_us(bench.now_us() + 100_000);
         check_replies(&mut bench, line, stopped)?;
         let counters = bench.machine.status().counters;
         prop_assert_eq!(counters.sent + counters.replies_missed, counters.frames);
         prop_assert_eq!(counters.replies_late, 0);
         bench.events();
         let was_lost = bench.machine.status().state == LinkState::Lost;
-        bench.run_to(bench.now() + 10_000_000);
+        bench.run_to_us(bench.now_us() + 10_000_000);
         let lost = bench.event_kinds().into_iter().filter(|event| *event == Event::LinkLost).count();
         prop_assert_eq!(bench.machine.status().state, LinkState::Lost);
         prop_assert_eq!(lost, usize::from(!was_lost));
@@ -71,14 +71,14 @@ proptest! {
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, Line::new(115_200), timing), Line::new(115_200));
         for i in 1..=u64::from(up_after) {
             prop_assert_eq!(bench.machine.status().state, LinkState::Silent);
-            bench.rx(i * (lost_after - 1), &normal(CLEARANCE, AUTO_STOP, 0));
+            bench.rx_at_us(i * (lost_after - 1), &normal(CLEARANCE, AUTO_STOP, 0));
         }
         prop_assert_eq!(bench.machine.status().state, LinkState::Up);
         bench.events();
         let last = u64::from(up_after) * (lost_after - 1);
-        bench.run_to(last + lost_after - 1);
+        bench.run_to_us(last + lost_after - 1);
         prop_assert_eq!(bench.event_kinds(), vec![]);
-        bench.run_to(last + lost_after);
+        bench.run_to_us(last + lost_after);
         prop_assert_eq!(bench.event_kinds(), vec![Event::LinkLost]);
     }
 }

@@ -23,7 +23,7 @@ fn amt_11_every_kind_of_frame_gets_one_reply_at_once() {
         assert_eq!(reply_to(&mut bench, &frame), control(AUTO_OPS, 0), "{frame:02x?}");
     }
     let counters = bench.machine.status().counters;
-    bench.run_to(bench.now() + 30_000);
+    bench.run_to_us(bench.now_us() + 30_000);
     assert_eq!((counters.frames, counters.replies_missed), (12, 0));
     assert_eq!(bench.machine.status().counters.sent, 12);
 }
@@ -33,15 +33,15 @@ fn amt_11_every_kind_of_frame_gets_one_reply_at_once() {
 fn amt_11_nothing_is_sent_without_a_frame() {
     let mut bench = default();
     bench.order(0, Order::EmergencyStop).unwrap();
-    bench.run_to(10_000_000); // silence
-    bench.rx(10_000_000, &[0x00, 0x7F, 0xFE]); // noise
-    bench.rx(11_000_000, &normal(FULL_OPERATION, RUN, 100)[..5]); // a frame but for its last byte
-    bench.rx(12_000_000, &[0xFF, 0xFF, 0xFF]); // leaders
-    bench.run_to(20_000_000);
+    bench.run_to_us(10_000_000); // silence
+    bench.rx_at_us(10_000_000, &[0x00, 0x7F, 0xFE]); // noise
+    bench.rx_at_us(11_000_000, &normal(FULL_OPERATION, RUN, 100)[..5]); // a frame but for its last byte
+    bench.rx_at_us(12_000_000, &[0xFF, 0xFF, 0xFF]); // leaders
+    bench.run_to_us(20_000_000);
     assert_eq!(bench.frames(), []);
     assert_eq!(bench.machine.status().counters.replies_missed, 0);
     // And with the rest of a frame it comes.
-    bench.rx(20_000_000, &normal(FULL_OPERATION, RUN, 100)[1..]);
+    bench.rx_at_us(20_000_000, &normal(FULL_OPERATION, RUN, 100)[1..]);
     assert_eq!(bench.frames(), [(20_000_000, control(STOP_OPS, 0).to_vec())]);
 }
 
@@ -71,10 +71,10 @@ fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
         assert_eq!(line.time_of(5).as_micros(), five_bytes);
         assert_eq!(config.reply_slack(line), slack.map(micros), "{baud} {guard}");
         let mut bench = amt(config, line);
-        bench.rx(700_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        bench.rx_at_us(700_000, &normal(CLEARANCE, AUTO_STOP, 0));
         let sent = bench.transmissions();
         let start_by: Vec<_> = sent.iter().map(|(_, frame)| frame.start_by).collect();
-        let expected: Vec<_> = slack.map(|slack| Some(us(700_000 + slack))).into_iter().collect();
+        let expected: Vec<_> = slack.map(|slack| Some(at_us(700_000 + slack))).into_iter().collect();
         assert_eq!(start_by, expected, "{baud} {guard}");
         assert_eq!(bench.machine.status().counters.replies_missed, u32::from(slack.is_none()));
     }
@@ -97,9 +97,9 @@ fn amt_11_a_frame_during_a_transmission() {
         let line = Line::new(baud);
         let mut bench = amt(Config::DEFAULT, line);
         bench.receive(&frame);
-        bench.rx(second, &frame);
+        bench.rx_at_us(second, &frame);
         assert_eq!(bench.transmissions().len(), 1, "one at a time");
-        bench.run_to(100_000);
+        bench.run_to_us(100_000);
         let second_reply: Vec<_> = bench
             .transmissions()
             .iter()
@@ -118,10 +118,10 @@ fn amt_11_several_frames_during_a_transmission() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = amt(Config::DEFAULT, SLOW);
     for t in [0, 5_000, 10_000, 15_000] {
-        bench.rx(t, &frame);
+        bench.rx_at_us(t, &frame);
     }
     bench.event_kinds();
-    bench.run_to(100_000);
+    bench.run_to_us(100_000);
     let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
     assert_eq!(at, [0, 20_834]);
     let counters = bench.machine.status().counters;
@@ -135,17 +135,17 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
         [(NotSent::TooLate, 0, 0), (NotSent::GaveUp, 1, 0), (NotSent::Failed, 0, 1)]
     {
         let mut bench = default().by_hand();
-        bench.rx(100_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        bench.rx_at_us(100_000, &normal(CLEARANCE, AUTO_STOP, 0));
         assert_eq!(bench.frames().len(), 1);
-        bench.not_sent_at(110_000, why);
+        bench.not_sent_at_us(110_000, why);
         assert_eq!(bench.frames(), [], "not again");
         assert_eq!(bench.event_kinds(), [Event::NotSent(why)]);
         let counters = bench.machine.status().counters;
         assert_eq!((counters.sent, counters.replies_missed), (0, 1));
         assert_eq!((counters.given_up, counters.write_errors), (given_up, write_errors));
-        bench.rx(225_000, &normal(CLEARANCE, AUTO_STOP, 0));
+        bench.rx_at_us(225_000, &normal(CLEARANCE, AUTO_STOP, 0));
         assert_eq!(bench.frames(), [(225_000, control(AUTO_OPS, 0).to_vec())]);
-        bench.sent_at(246_000);
+        bench.sent_at_us(246_000);
         assert_eq!(bench.machine.status().counters.sent, 1);
     }
 }
@@ -162,8 +162,8 @@ fn amt_11_margin_of_the_window() {
         (1_375_000, 1_405_000, Some(0), 0),
         (1_500_000, 1_530_001, Some(0), 1),
     ] {
-        bench.rx(frame, &normal(CLEARANCE, AUTO_STOP, 0));
-        bench.sent_at(sent);
+        bench.rx_at_us(frame, &normal(CLEARANCE, AUTO_STOP, 0));
+        bench.sent_at_us(sent);
         let counters = bench.machine.status().counters;
         assert_eq!(counters.worst_reply_margin, worst.map(micros), "{frame}");
         assert_eq!(counters.replies_late, late, "{frame}");
@@ -179,10 +179,10 @@ fn amt_12_the_stream_is_answered_frame_by_frame() {
     let frames = 8 * 60;
     for i in 1..=frames {
         let frame = if i % 11 == 0 { alternate(0x18) } else { normal(FULL_OPERATION, RUN, 90) };
-        bench.rx(i * EVERY, &frame);
+        bench.rx_at_us(i * FRAME_PERIOD_US, &frame);
         assert_eq!(bench.frames().len(), 1);
     }
-    bench.run_to(3_600_000_000);
+    bench.run_to_us(3_600_000_000);
     assert_eq!(bench.frames(), [], "silence answers silence");
     let counters = bench.machine.status().counters;
     assert_eq!((u64::from(counters.sent), counters.replies_missed, counters.replies_late), (frames, 0, 0));

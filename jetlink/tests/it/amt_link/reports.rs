@@ -16,8 +16,8 @@ fn amt_5_amt_6_rpm_and_voltages_by_engine() {
         (Engine::Orion, None, None, None, None, None),
     ] {
         let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
-        bench.rx(100_000, &alternate(0xF8)); // its engine ID says nothing
-        bench.rx(225_000, &[0xFF, FULL_OPERATION << 3 | RUN, 100, 100, 150, 51]);
+        bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID says nothing
+        bench.rx_at_us(225_000, &[0xFF, FULL_OPERATION << 3 | RUN, 100, 100, 150, 51]);
         let report = &bench.machine.status().report;
         assert_eq!(report.rpm.map(|rpm| rpm.value.get()), rpm, "{engine:?}");
         assert_eq!(report.rpm_raw.unwrap().value, 100);
@@ -150,7 +150,7 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     let mut bench = running();
     let running = normal(FULL_OPERATION, RUN, 100);
     reply_to(&mut bench, &running);
-    let agreed = bench.now();
+    let agreed = bench.now_us();
     for other in [
         normal(STARTING, RUN, 1),
         normal(NO_CLEARANCE, EMERGENCY, 0),
@@ -161,18 +161,18 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     ] {
         reply_to(&mut bench, &other);
         let phase = bench.machine.status().report.phase.unwrap();
-        assert_eq!((phase.value, phase.at), (Phase::Running, us(agreed)), "{other:02x?}");
+        assert_eq!((phase.value, phase.at), (Phase::Running, at_us(agreed)), "{other:02x?}");
     }
     reply_to(&mut bench, &running);
-    let t = bench.now();
-    assert_eq!(bench.machine.status().report.phase.unwrap().at, us(t));
+    let t = bench.now_us();
+    assert_eq!(bench.machine.status().report.phase.unwrap().at, at_us(t));
     // Two that agree with each other are the new phase, as old as the second.
     for _ in 0..2 {
         reply_to(&mut bench, &normal(NO_CLEARANCE, EMERGENCY, 0));
     }
-    let t = bench.now();
+    let t = bench.now_us();
     let phase = bench.machine.status().report.phase.unwrap();
-    assert_eq!((phase.value, phase.at), (Phase::Stopped, us(t)));
+    assert_eq!((phase.value, phase.at), (Phase::Stopped, at_us(t)));
 }
 
 /// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault, changes none

@@ -6,15 +6,15 @@ use super::*;
 fn given_up(ecu: Ecu, rc_for: u64, lower: Option<Command>) -> (Scenario, u64) {
     let mut scenario = Scenario::started(ecu, percent(80));
     scenario.silent();
-    let end = scenario.now() + rc_for;
-    while scenario.now() < end {
+    let end = scenario.now_us() + rc_for;
+    while scenario.now_us() < end {
         scenario.command(run(80)).ok();
         if let Some(command) = lower {
             scenario.command_from(command, Origin::Mavlink).ok();
         }
-        scenario.pass(PERIOD);
+        scenario.pass_us(COMMAND_PERIOD_US);
     }
-    (scenario, end - PERIOD)
+    (scenario, end - COMMAND_PERIOD_US)
 }
 
 /// When the order is given up in doubt, the run was still RC's: a lower source's stream of standby waits for the loss of RC
@@ -25,16 +25,16 @@ fn standby_of_a_lower_source_waits_where_the_order_was_given_up() {
         let (mut scenario, last) = given_up(ecu, 11 * SECOND, Some(Command::Standby));
         assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
         // Default: 5 s after the fail-safe stage began.
-        let due = last + AGE + HOLD + 5 * SECOND;
-        while scenario.now() < due - PERIOD {
-            scenario.fly(Command::Standby, Origin::Mavlink, PERIOD);
-            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {} µs before", due - scenario.now());
+        let due = last + SOURCE_TIMEOUT_US + HOLD_US + 5 * SECOND;
+        while scenario.now_us() < due - COMMAND_PERIOD_US {
+            scenario.fly_us(Command::Standby, Origin::Mavlink, COMMAND_PERIOD_US);
+            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {} µs before", due - scenario.now_us());
         }
-        scenario.fly(Command::Standby, Origin::Mavlink, 2 * PERIOD);
+        scenario.fly_us(Command::Standby, Origin::Mavlink, 2 * COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
 
         let (mut scenario, _) = given_up(ecu, 11 * SECOND, None);
-        scenario.fly(Command::Standby, Origin::Rc, 2 * PERIOD);
+        scenario.fly_us(Command::Standby, Origin::Rc, 2 * COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: RC's own");
     }
 }
@@ -47,11 +47,11 @@ fn an_engine_that_comes_back_is_where_its_loss_would_have_taken_it() {
     for (later, expected) in [(SECOND, 80), (2_500_000, 30), (4 * SECOND, 0)] {
         let (mut scenario, last) = given_up(Ecu::Amt, 5 * SECOND, None);
         assert_eq!(scenario.order(), Order::Listen);
-        scenario.to(last + later - 2 * EVERY);
+        scenario.run_to_us(last + later - 2 * FRAME_PERIOD_US);
         scenario.values.half_percents = 160;
         scenario.says = Some(Says::Running);
         while !matches!(scenario.order(), Order::Run(_)) {
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
         }
         let tenths = scenario.tenths();
         assert!(tenths.abs_diff(expected * 10) <= 30, "{tenths} after {later} µs");
@@ -59,6 +59,6 @@ fn an_engine_that_comes_back_is_where_its_loss_would_have_taken_it() {
     let (mut scenario, _) = given_up(Ecu::Amt, 9 * SECOND, None);
     scenario.values.half_percents = 160;
     scenario.says = Some(Says::Running);
-    scenario.fly(run(80), Origin::Rc, 4 * EVERY);
+    scenario.fly_us(run(80), Origin::Rc, 4 * FRAME_PERIOD_US);
     assert_eq!(scenario.tenths(), 800, "RC is there");
 }

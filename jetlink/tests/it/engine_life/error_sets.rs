@@ -26,7 +26,7 @@ fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
         ("sensor open", 30 * SECOND, 1, |t| if t > 0 { -50 } else { 500 }, GoesOn),
         ("sensor shorted", 30 * SECOND, 1, |t| if t > 0 { 1_110 } else { 500 }, GoesOn),
         ("step down", 30 * SECOND, 1, |t| if t > SECOND { 26 } else { 500 }, GoesOn),
-        ("one odd set", 30 * SECOND, 1, |t| if t / EVERY == 20 { 26 } else { 500 }, GoesOn),
+        ("one odd set", 30 * SECOND, 1, |t| if t / FRAME_PERIOD_US == 20 { 26 } else { 500 }, GoesOn),
     ];
     for (name, time, fault, egt, becomes) in table {
         let mut scenario = with_faults(time, fault, run(50), egt);
@@ -67,10 +67,10 @@ fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
     for (fault, egt, burns) in table {
         let mut scenario = with_faults(2 * SECOND, fault, run(50), egt);
         scenario.command(run(50)).unwrap();
-        let last = scenario.now();
-        scenario.to(last + AGE + HOLD + RUN_OUT - 1);
+        let last = scenario.now_us();
+        scenario.run_to_us(last + SOURCE_TIMEOUT_US + HOLD_US + RUN_OUT_US - 1);
         assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{fault}");
-        scenario.pass(1);
+        scenario.pass_us(1);
         let expected = if burns { Order::Doubt(percent(0)) } else { Order::Standby };
         assert_eq!(scenario.order(), expected, "{fault}");
     }
@@ -84,16 +84,16 @@ fn amt_8_one_odd_error_set_ends_no_life() {
         scenario.values.fault = 0;
         // The fault clears, and the exhaust is below what burns: an engine at low power.
         for i in 1..=100 {
-            scenario.values.egt = 500 - 21 * i / 10;
+            scenario.values.egt_celsius = 500 - 21 * i / 10;
             scenario.command(run(50)).unwrap();
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
         }
-        scenario.fly(run(50), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.order(), Order::Run(percent(50)));
         scenario.values.fault = 1;
         for _ in 0..odd {
             scenario.command(run(50)).unwrap();
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
         }
         assert_eq!(scenario.order() == Order::Standby, odd == 2, "{odd}");
     }
@@ -116,7 +116,7 @@ fn amt_8_after_a_fault_run_is_said_to_a_running_engine_only() {
     ] {
         // Its sensor is broken, so that the exhaust says nothing.
         let mut scenario = with_faults(2 * SECOND, 1 << 3, run(50), |_| 500);
-        scenario.silent().pass(EVERY);
+        scenario.silent().pass_us(FRAME_PERIOD_US);
         scenario.command(run(50)).unwrap();
         scenario.sent();
         scenario.bench.receive(&report(Ecu::Amt, state, rpm));
@@ -131,9 +131,9 @@ fn an_engine_in_doubt_keeps_no_other_from_a_start() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
         assert!(matches!(scenario.telemetry().commanded, Some(Demand::Throttle(_))));
-        scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+        scenario.silent().fly_us(run(50), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.telemetry().commanded, Some(percent(50)), "{ecu:?}");
-        assert!(!scenario.bench.machine.blocks_other_starts(us(scenario.now() + 20 * SECOND)));
+        assert!(!scenario.bench.machine.blocks_other_starts(at_us(scenario.now_us() + 20 * SECOND)));
     }
 }
 
@@ -147,7 +147,7 @@ fn one_odd_report_of_starting_begins_nothing() {
         let values = scenario.values;
         for _ in 0..3 {
             scenario.odd(Says::Starting, values);
-            scenario.fly(run(0), Origin::Rc, 4 * EVERY);
+            scenario.fly_us(run(0), Origin::Rc, 4 * FRAME_PERIOD_US);
         }
         assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
         // Two that agree do, and rest ends it then.
@@ -179,13 +179,13 @@ fn a_source_whose_rpm_waits_for_the_version_is_heard() {
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
     // The line is cut for long enough that the version is forgotten, and comes back without it.
-    scenario.silent().fly(run(50), Origin::Rc, 2 * SECOND);
-    scenario.says(Says::Running).fly(run(50), Origin::Rc, SECOND);
+    scenario.silent().fly_us(run(50), Origin::Rc, 2 * SECOND);
+    scenario.says(Says::Running).fly_us(run(50), Origin::Rc, SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(50)));
     let waits = Rejected::NeedsVersion { needed: 4, known: None };
     assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(waits));
     scenario.bench.events();
-    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
+    scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(50)), "its throttle stays");
     assert_eq!(stages(&mut scenario), []);
 }

@@ -29,12 +29,12 @@ fn check(ecu: Ecu, scenario: &mut Scenario, frame: &[u8], means: Means, name: &s
     let answered = matches!(means, Means::GoesOn | Means::Answered | Means::Confirms);
     for (expected, answered) in [(first, answered), (second, answered || second == Order::Standby)] {
         scenario.command(run(50)).unwrap();
-        scenario.silent().pass(EVERY);
+        scenario.silent().pass_us(FRAME_PERIOD_US);
         scenario.sent();
         scenario.bench.receive(frame);
         assert_eq!(scenario.order(), expected, "{name}");
         // AMT: the reply to this very frame. ZK: the next turn.
-        scenario.pass(if ecu == Ecu::Amt { 0 } else { EVERY });
+        scenario.pass_us(if ecu == Ecu::Amt { 0 } else { FRAME_PERIOD_US });
         let wire = if expected == Order::Standby { Wire::Standby } else { Wire::Run(500) };
         let answered = if ecu == Ecu::Amt { answered } else { !matches!(expected, Order::Doubt(_)) };
         let expected = if answered { vec![wire] } else { vec![] };
@@ -89,7 +89,7 @@ fn reports_mean(ecu: Ecu, state: u8, without: (Means, Means), after: (Means, Mea
         let mut scenario = flying(ecu);
         check(ecu, &mut scenario, &frame, without, &format!("{ecu:?} {state:#07b} {rpm} without a gap"));
         let mut scenario = flying(ecu);
-        scenario.silent().pass(gap(ecu));
+        scenario.silent().pass_us(gap(ecu));
         scenario.bench.events();
         check(ecu, &mut scenario, &frame, after, &format!("{ecu:?} {state:#07b} {rpm} after a gap"));
     }
@@ -112,12 +112,12 @@ fn amt_sets_without_a_state_are_answered_as_the_set_before() {
             for state in before {
                 scenario.command(run(50)).unwrap();
                 if *state == GAP {
-                    scenario.silent().pass(gap(Ecu::Amt));
+                    scenario.silent().pass_us(gap(Ecu::Amt));
                 } else {
                     hear(&mut scenario, &report(Ecu::Amt, *state, TURNING));
                 }
             }
-            scenario.silent().pass(EVERY);
+            scenario.silent().pass_us(FRAME_PERIOD_US);
             scenario.sent();
             scenario.bench.receive(&set);
             let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
@@ -132,17 +132,17 @@ fn three_missing_frames_are_doubt() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
         hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
-        let last = scenario.now();
+        let last = scenario.now_us();
         scenario.command(run(50)).unwrap();
-        scenario.to(last + gap(ecu) - 1);
+        scenario.run_to_us(last + gap(ecu) - 1);
         assert_eq!(
             (scenario.order(), scenario.telemetry().in_doubt),
             (Order::Run(percent(50)), None),
             "{ecu:?}"
         );
-        scenario.to(last + gap(ecu));
+        scenario.run_to_us(last + gap(ecu));
         assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
-        assert_eq!(scenario.telemetry().in_doubt, Some(us(last + gap(ecu))));
+        assert_eq!(scenario.telemetry().in_doubt, Some(at_us(last + gap(ecu))));
         assert!(scenario.bench.events().contains(&(last + gap(ecu), Event::LifeInDoubt)));
         // Two reports confirm it, and the demand is in the reply to the second.
         for in_doubt in [true, false] {
@@ -168,15 +168,15 @@ fn amt_9_a_power_up_ends_a_life() {
                 scenario.says(says);
             }
             if after_gap && far.is_some() {
-                scenario.silent().pass(gap(Ecu::Amt));
+                scenario.silent().pass_us(gap(Ecu::Amt));
             }
             scenario.bench.events();
-            scenario.silent().pass(EVERY);
+            scenario.silent().pass_us(FRAME_PERIOD_US);
             scenario.sent();
             scenario.bench.receive(&setup);
             assert_eq!((scenario.order(), scenario.sent()), (Order::Standby, vec![Wire::Standby]), "{name}");
             assert_eq!(ends(&mut scenario), [End::PowerUp], "{name}");
-            scenario.fly(run(0), Origin::Rc, SECOND);
+            scenario.fly_us(run(0), Origin::Rc, SECOND);
             assert_eq!(
                 scenario.command(run(0)),
                 Err(Rejected::StandbyFirst),
@@ -198,9 +198,9 @@ fn a_gap_ends_a_start_that_has_not_begun() {
             scenario.bench.events();
             let last = scenario.telemetry().last_rx.unwrap().as_micros();
             scenario.command(run(0)).unwrap();
-            scenario.silent().to(last + gap(ecu) - 1);
+            scenario.silent().run_to_us(last + gap(ecu) - 1);
             assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
-            scenario.to(last + gap(ecu));
+            scenario.run_to_us(last + gap(ecu));
             let (order, end) = match says {
                 Says::Standby => (Order::Standby, vec![End::GapInStart]),
                 _ => (Order::Doubt(percent(0)), vec![]),
@@ -242,7 +242,7 @@ fn an_earlier_stage_ends_a_start() {
             assert!(!matches!(scenario.order(), Order::Standby), "{name}: not before the last");
             let _ = scenario.command(run(0));
             if *state == GAP {
-                scenario.silent().pass(gap(ecu));
+                scenario.silent().pass_us(gap(ecu));
             } else {
                 hear(&mut scenario, &report(ecu, *state, SLOW));
             }
@@ -298,18 +298,18 @@ fn zk_13_is_bounded_by_the_time_of_a_start() {
     for running_at in [None, Some(19 * SECOND)] {
         let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
         hear(&mut scenario, &report(Ecu::Zk, 13, TURNING));
-        let from = scenario.now();
+        let from = scenario.now_us();
         let mut end = from + 20 * SECOND;
-        while scenario.now() < end - EVERY {
+        while scenario.now_us() < end - FRAME_PERIOD_US {
             let _ = scenario.command(run(50));
-            let back = running_at.is_some_and(|at| scenario.now() >= from + at);
+            let back = running_at.is_some_and(|at| scenario.now_us() >= from + at);
             hear(&mut scenario, &report(Ecu::Zk, if back { 11 } else { 13 }, TURNING));
             end = from + if running_at.is_some() { 40 * SECOND } else { 20 * SECOND };
         }
-        scenario.to(end - 1);
+        scenario.run_to_us(end - 1);
         assert_eq!(scenario.order(), Order::Run(percent(50)), "{running_at:?}");
         scenario.bench.events();
-        scenario.to(end);
+        scenario.run_to_us(end);
         let expected = if running_at.is_some() { Order::Run(percent(50)) } else { Order::Standby };
         assert_eq!(scenario.order(), expected, "{running_at:?}");
         assert_eq!(scenario.limits(), vec![LimitKind::StartTimeout; usize::from(running_at.is_none())]);
@@ -321,18 +321,18 @@ fn zk_13_is_bounded_by_the_time_of_a_start() {
 fn a_demand_does_not_rise_in_doubt() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
-        scenario.silent().fly(run(50), Origin::Rc, gap(ecu));
-        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.silent().fly_us(run(50), Origin::Rc, gap(ecu));
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
-        scenario.fly(run(20), Origin::Rc, PERIOD);
+        scenario.fly_us(run(20), Origin::Rc, COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
-        scenario.fly(run(80), Origin::Rc, PERIOD);
+        scenario.fly_us(run(80), Origin::Rc, COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
         assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.says = Some(Says::Running);
-        scenario.fly(run(80), Origin::Rc, 2 * EVERY);
+        scenario.fly_us(run(80), Origin::Rc, 2 * FRAME_PERIOD_US);
         assert!(scenario.tenths() <= 250, "50 % a second: {}", scenario.tenths());
-        scenario.fly(run(80), Origin::Rc, 1_200_000);
+        scenario.fly_us(run(80), Origin::Rc, 1_200_000);
         assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
     }
 }
@@ -358,9 +358,9 @@ fn zk_9_in_doubt_a_speed_goes_out_in_turn_with_id_0() {
         for pair in bytes.windows(2).filter(|_| by_rpm) {
             assert_eq!(pair.iter().filter(|bytes| bytes[1] >> 4 == 7).count(), 1, "{pair:02x?}");
         }
-        scenario.fly(Command::Run(demand), Origin::Rc, SECOND);
+        scenario.fly_us(Command::Run(demand), Origin::Rc, SECOND);
         scenario.bench.frames();
-        scenario.fly(Command::Run(demand), Origin::Rc, SECOND);
+        scenario.fly_us(Command::Run(demand), Origin::Rc, SECOND);
         let bytes = scenario.bench.bytes();
         let keep_alives = bytes.iter().filter(|bytes| **bytes == zk_frames::keep_alive()).count();
         assert_eq!((bytes.len(), keep_alives), (20, if by_rpm { 10 } else { 20 }), "{demand:?}: lost");
@@ -378,19 +378,19 @@ fn an_order_that_nothing_confirms_is_gone_and_the_engine_is_not() {
         {
             let mut scenario = flying(ecu);
             let last = scenario.telemetry().last_rx.unwrap().as_micros();
-            let left = last + 4 * SECOND - 1 - scenario.now();
-            scenario.silent().fly(run(50), Origin::Rc, left);
+            let left = last + 4 * SECOND - 1 - scenario.now_us();
+            scenario.silent().fly_us(run(50), Origin::Rc, left);
             assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
-            scenario.pass(1);
+            scenario.pass_us(1);
             let order = if ecu == Ecu::Amt { Order::Listen } else { Order::Doubt(percent(50)) };
             assert_eq!(scenario.order(), order, "{ecu:?}");
             scenario.sent();
-            scenario.fly(run(50), Origin::Rc, 60 * SECOND);
+            scenario.fly_us(run(50), Origin::Rc, 60 * SECOND);
             assert_eq!((scenario.order(), scenario.sent()), (order, vec![]), "{ecu:?}");
             if let Some(command) = meanwhile {
                 scenario.command(command).unwrap();
             } else {
-                scenario.fly(run(40), Origin::Rc, PERIOD);
+                scenario.fly_us(run(40), Origin::Rc, COMMAND_PERIOD_US);
             }
             if ecu == Ecu::Zk {
                 scenario.bench.receive(&zk_frames::status(3, TURNING, [40, 0, 0]));
@@ -398,9 +398,9 @@ fn an_order_that_nothing_confirms_is_gone_and_the_engine_is_not() {
             scenario.values.half_percents = 80;
             let order = scenario.order();
             scenario.says = Some(Says::Running);
-            scenario.fly(run(40), Origin::Rc, EVERY);
+            scenario.fly_us(run(40), Origin::Rc, FRAME_PERIOD_US);
             assert_eq!(scenario.order(), order, "{ecu:?}: one report is not enough");
-            scenario.fly(run(40), Origin::Rc, EVERY);
+            scenario.fly_us(run(40), Origin::Rc, FRAME_PERIOD_US);
             let expected = if goes_on { Order::Run(percent(40)) } else { order };
             assert_eq!(scenario.order(), expected, "{ecu:?} {meanwhile:?}");
         }
@@ -417,7 +417,7 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
             (Command::EmergencyStop, Wire::Stop),
         ] {
             let mut scenario = flying(ecu);
-            scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+            scenario.silent().fly_us(run(50), Origin::Rc, 3 * SECOND);
             assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
             match command {
                 Command::Standby => scenario.shut_down().unwrap(),
@@ -425,7 +425,7 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
             };
             scenario.sent();
             // ZK at the next turn, AMT in the reply to the first set of any kind.
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
             if ecu == Ecu::Amt {
                 scenario.bench.receive(&amt_frames::alternate(0x06));
             }
@@ -438,8 +438,8 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
 fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Scenario, u64) {
     let config = ecu.with(|s| s.loss.standby_after = standby_after.map(micros));
     let scenario = Scenario::started_with(ecu, config, percent(50));
-    let silent = scenario.now() + if present { 0 } else { AGE };
-    (scenario, silent + HOLD + standby_after.unwrap_or(RUN_OUT))
+    let silent = scenario.now_us() + if present { 0 } else { SOURCE_TIMEOUT_US };
+    (scenario, silent + HOLD_US + standby_after.unwrap_or(RUN_OUT_US))
 }
 
 /// An order to run without a living engine ends in standby when the stages of loss have run out: 10 s into the fail-safe
@@ -464,26 +464,26 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
             scenario.silent();
         }
         if present {
-            let left = end - 1 - scenario.now();
-            scenario.fly(Command::Present, Origin::Rc, left);
+            let left = end - 1 - scenario.now_us();
+            scenario.fly_us(Command::Present, Origin::Rc, left);
         }
-        scenario.to(end - 1);
+        scenario.run_to_us(end - 1);
         // An AMT ECU that gets no reply has given up by then, and so has its order.
         let given_up = ecu == Ecu::Amt && heard;
         let order = if given_up { Order::Listen } else { Order::Doubt(percent(0)) };
         assert_eq!(scenario.order(), order, "{name}");
         scenario.sent();
-        scenario.to(end);
+        scenario.run_to_us(end);
         assert_eq!(scenario.order(), Order::Standby, "{name}");
         // ZK blind, AMT in its next reply.
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         let sent = scenario.sent();
         assert_eq!(sent.is_empty(), ecu == Ecu::Amt && !heard, "{name}");
         assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{name} {sent:?}");
     }
     for ecu in BOTH {
         let mut scenario = flying(ecu);
-        scenario.pass(600 * SECOND);
+        scenario.pass_us(600 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(0), "{ecu:?}: it lives");
     }
 }
@@ -496,13 +496,13 @@ fn giving_an_order_up_does_not_begin_the_stages_anew() {
             let (mut scenario, end) = loses_its_source(ecu, None, present);
             scenario.silent();
             if present {
-                let left = end - 1 - scenario.now();
-                scenario.fly(Command::Present, Origin::Rc, left);
+                let left = end - 1 - scenario.now_us();
+                scenario.fly_us(Command::Present, Origin::Rc, left);
             }
-            scenario.to(end - 1);
+            scenario.run_to_us(end - 1);
             let order = if ecu == Ecu::Amt { Order::Listen } else { Order::Doubt(percent(0)) };
             assert_eq!(scenario.order(), order, "{ecu:?} {present}");
-            scenario.to(end);
+            scenario.run_to_us(end);
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {present}");
         }
     }
@@ -520,18 +520,18 @@ fn damaged_frames_are_no_gap_for_10_s() {
             frame[4] ^= 1;
         }
         // The last that counts comes 50 ms before the 10 s are over.
-        let gap = good + 10 * SECOND - EVERY + gap(ecu);
+        let gap = good + 10 * SECOND - FRAME_PERIOD_US + gap(ecu);
         scenario.silent();
         for i in 1..=240 {
-            let at = good + i * EVERY;
+            let at = good + i * FRAME_PERIOD_US;
             let demand = percent(50);
-            if (at - EVERY..at).contains(&(gap - 1)) {
-                scenario.to(gap - 1);
+            if (at - FRAME_PERIOD_US..at).contains(&(gap - 1)) {
+                scenario.run_to_us(gap - 1);
                 assert_eq!(scenario.order(), Order::Run(demand), "{ecu:?}");
-                scenario.to(gap);
+                scenario.run_to_us(gap);
                 assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}");
             }
-            scenario.to(at);
+            scenario.run_to_us(at);
             scenario.command(run(50)).unwrap();
             scenario.sent();
             if ecu == Ecu::Amt {
@@ -561,7 +561,7 @@ fn disarm_ends_a_start_and_no_engine() {
                 }
                 scenario.says(says);
                 if in_doubt && says != Says::Standby {
-                    scenario.silent().fly(run(0), Origin::Rc, SECOND);
+                    scenario.silent().fly_us(run(0), Origin::Rc, SECOND);
                 }
                 for origin in [Origin::Bench, Origin::Rc] {
                     scenario.command_from(Command::Disarm, origin).unwrap();

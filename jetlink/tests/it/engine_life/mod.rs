@@ -18,19 +18,20 @@ use jetlink::limit::{Action, Limit};
 use jetlink::line::LineError;
 use jetlink::units::{Celsius, Rpm};
 
-use crate::support::bench::{micros, us};
+use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent,
+    rpm, run,
 };
 
 /// RC's age limit, and for how long a demand is held after it.
-const AGE: u64 = 500_000;
+const SOURCE_TIMEOUT_US: u64 = 500_000;
 
-const HOLD: u64 = SECOND;
+const HOLD_US: u64 = SECOND;
 
 /// An order to run without a living engine ends so long after the fail-safe stage began.
-const RUN_OUT: u64 = 10 * SECOND;
+const RUN_OUT_US: u64 = 10 * SECOND;
 
 /// Below half of the idle speed of either engine.
 const SLOW: u32 = 2_000;
@@ -53,7 +54,7 @@ fn report(ecu: Ecu, state: u8, rpm: u32) -> Vec<u8> {
 
 /// The next frame is this one.
 fn hear(scenario: &mut Scenario, frame: &[u8]) {
-    scenario.silent().pass(EVERY);
+    scenario.silent().pass_us(FRAME_PERIOD_US);
     scenario.bench.receive(frame);
 }
 
@@ -87,17 +88,17 @@ fn with_faults(micros: u64, fault: u8, demand: Command, egt: impl Fn(u64) -> i32
     let mut scenario = flying(Ecu::Amt);
     // It warms up as an exhaust does.
     for i in 1..=40 {
-        scenario.values.egt = 26 + (egt(0) - 26) * i / 40;
+        scenario.values.egt_celsius = 26 + (egt(0) - 26) * i / 40;
         let _ = scenario.command(run(50));
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
     }
     scenario.values.fault = fault;
     scenario.command(demand).unwrap();
-    let from = scenario.now();
-    while scenario.now() < from + micros {
-        scenario.values.egt = egt(scenario.now() - from);
+    let from = scenario.now_us();
+    while scenario.now_us() < from + micros {
+        scenario.values.egt_celsius = egt(scenario.now_us() - from);
         let _ = scenario.command(demand);
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
     }
     scenario
 }

@@ -38,7 +38,7 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
                 // An engine at rest stays there, whatever streams.
                 scenario.introduce();
                 scenario.says(Says::Standby);
-                scenario.fly(run(0), Origin::Rc, 5 * SECOND);
+                scenario.fly_us(run(0), Origin::Rc, 5 * SECOND);
                 let wire = if left == Order::EmergencyStop { Wire::Stop } else { Wire::Standby };
                 assert_eq!(scenario.wire(), wire, "{ecu:?} {order:?}");
             }
@@ -102,18 +102,18 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_goes_on() {
         memory.store(&RetainedState { ran, ..retained(Order::Run(percent(90))) }, config.fingerprint());
         let record = memory.load(config.fingerprint(), Reset::PowerLost);
         let mut scenario = Scenario::after_reset(Ecu::Amt, config, record);
-        scenario.values = Values { egt, fault: 1, half_percents: 120, ..scenario.values };
+        scenario.values = Values { egt_celsius: egt, fault: 1, half_percents: 120, ..scenario.values };
         scenario.says = Some(Says::Running);
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         assert_eq!(scenario.sent(), [], "{ran} {egt}: one set is not enough");
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         assert_eq!(scenario.sent(), if goes_on { vec![Wire::Run(600)] } else { vec![] }, "{ran} {egt}");
         if goes_on {
             assert_eq!(scenario.telemetry().loss, LossStage::Hold);
-            scenario.pass(5 * SECOND);
+            scenario.pass_us(5 * SECOND);
             assert_eq!((scenario.wire(), scenario.telemetry().loss), (Wire::Run(0), LossStage::FailSafe));
         } else {
-            scenario.pass(5 * SECOND);
+            scenario.pass_us(5 * SECOND);
             assert_eq!(scenario.sent(), [], "{ran} {egt}");
         }
     }
@@ -127,14 +127,14 @@ fn a_record_says_that_the_engine_ran() {
         (
             "in doubt",
             |s| {
-                s.silent().fly(run(50), Origin::Rc, SECOND);
+                s.silent().fly_us(run(50), Origin::Rc, SECOND);
             },
             true,
         ),
         (
             "unconfirmed",
             |s| {
-                s.silent().fly(run(50), Origin::Rc, 20 * SECOND);
+                s.silent().fly_us(run(50), Origin::Rc, 20 * SECOND);
             },
             true,
         ),
@@ -183,7 +183,7 @@ fn resets_without_a_source_are_counted() {
             for reset in 1..=3_u8 {
                 scenario = scenario.reset(ecu.config());
                 assert_eq!(scenario.bench.machine.record().resets, reset, "{ecu:?}");
-                scenario.pass(3 * EVERY);
+                scenario.pass_us(3 * FRAME_PERIOD_US);
                 if speaks_after == Some(reset) {
                     scenario.command(run(50)).unwrap();
                     assert_eq!(scenario.bench.machine.record().resets, 0, "{ecu:?}");
@@ -192,7 +192,7 @@ fn resets_without_a_source_are_counted() {
                     break;
                 }
             }
-            scenario.pass(3 * EVERY);
+            scenario.pass_us(3 * FRAME_PERIOD_US);
             let expected = if speaks_after.is_none() { LossStage::FailSafe } else { LossStage::None };
             assert_eq!(scenario.telemetry().loss, expected, "{ecu:?} {speaks_after:?}");
         }
@@ -209,7 +209,7 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
             let mut total = 0;
             let mut before = 500;
             while total < 15 * SECOND {
-                scenario.pass(period);
+                scenario.pass_us(period);
                 total += period;
                 for wire in scenario.sent() {
                     let Wire::Run(tenths) = wire else { continue };
@@ -224,10 +224,10 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
             // The control: the source speaks after each reset, as soon as the engine is confirmed.
             let mut scenario = flying(ecu);
             // What is retained is what has gone out.
-            scenario.fly(run(50), Origin::Rc, 4 * EVERY);
+            scenario.fly_us(run(50), Origin::Rc, 4 * FRAME_PERIOD_US);
             for _ in 0..20 {
                 scenario = scenario.reset(ecu.config());
-                scenario.fly(run(50), Origin::Rc, period.max(110_000));
+                scenario.fly_us(run(50), Origin::Rc, period.max(110_000));
                 assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {period}");
             }
         }
@@ -248,12 +248,12 @@ fn zk_8_a_hand_over_after_a_reset() {
         let mut scenario = Scenario::after_reset(Ecu::Zk, config, memory.load(config.fingerprint(), reset));
         scenario.says = Some(Says::Unknown);
         scenario.introduce();
-        scenario.pass(9 * SECOND);
+        scenario.pass_us(9 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}");
-        scenario.pass(51 * SECOND);
+        scenario.pass_us(51 * SECOND);
         // Nobody commands, and nothing ends it but the engine.
         assert_eq!(scenario.sent(), [], "{reset:?}: ID 0 only");
-        scenario.says(Says::Running).pass(60 * SECOND);
+        scenario.says(Says::Running).pass_us(60 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over anew");
         scenario.silent();
         {
@@ -271,19 +271,19 @@ fn the_first_word_after_a_reset_rises() {
     for ecu in BOTH {
         let config = ecu.config();
         let mut scenario = Scenario::started(ecu, percent(10));
-        scenario.fly(run(10), Origin::Rc, SECOND);
+        scenario.fly_us(run(10), Origin::Rc, SECOND);
         let mut scenario = scenario.reset(config);
         scenario.values.half_percents = 20;
         scenario.says(Says::Running);
         assert_eq!(scenario.order(), Order::Run(percent(10)), "{ecu:?}");
         scenario.command(run(80)).unwrap();
-        let from = scenario.now();
+        let from = scenario.now_us();
         while scenario.order() != Order::Run(percent(80)) {
-            let most = 100 + (scenario.now() - from) / 2_000 + 10;
+            let most = 100 + (scenario.now_us() - from) / 2_000 + 10;
             assert!(u64::from(scenario.tenths()) <= most, "{ecu:?}: {} of {most}", scenario.tenths());
-            scenario.fly(run(80), Origin::Rc, EVERY);
+            scenario.fly_us(run(80), Origin::Rc, FRAME_PERIOD_US);
         }
-        assert!(scenario.now() >= from + 1_300_000, "{ecu:?}");
+        assert!(scenario.now_us() >= from + 1_300_000, "{ecu:?}");
         // The stick is moved: no slew is set.
         scenario.command(run(100)).unwrap();
         assert_eq!(scenario.tenths(), 1000, "{ecu:?}");

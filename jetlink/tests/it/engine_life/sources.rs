@@ -13,11 +13,11 @@ fn two_words_of_a_slow_source() {
             (400_000, 1_000_001, false),
         ] {
             let mut scenario = Scenario::with(ecu, ecu.config());
-            scenario.says(Says::Standby).pass(2 * SECOND);
+            scenario.says(Says::Standby).pass_us(2 * SECOND);
             let fly = |scenario: &mut Scenario, command, times| {
                 for _ in 0..times {
                     let _ = scenario.command_from(command, Origin::Mavlink);
-                    scenario.pass(period);
+                    scenario.pass_us(period);
                 }
             };
             scenario.command(Command::Arm).unwrap();
@@ -30,7 +30,7 @@ fn two_words_of_a_slow_source() {
             assert_eq!(scenario.tenths(), 500, "{ecu:?}");
             let first = scenario.command_from(Command::Standby, Origin::Mavlink);
             assert_eq!(first, Ok(Accepted::OneMore));
-            scenario.pass(between);
+            scenario.pass_us(between);
             assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: a word that stays alone is none");
             let answer = scenario.command_from(Command::Standby, Origin::Mavlink);
             let expected = if counts { Accepted::InForce } else { Accepted::OneMore };
@@ -52,13 +52,13 @@ fn shut_down_is_one_order() {
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, origin), "{ecu:?}");
             assert!(!scenario.bench.machine.failed());
             scenario.says(Says::Cooling).says(Says::Standby);
-            scenario.fly(run(0), origin, 5 * SECOND);
+            scenario.fly_us(run(0), origin, 5 * SECOND);
             assert_eq!(
                 scenario.command_from(run(0), origin),
                 Err(Rejected::StandbyFirst),
                 "{ecu:?} {origin:?}"
             );
-            scenario.fly(run(0), Origin::Rc, 5 * SECOND);
+            scenario.fly_us(run(0), Origin::Rc, 5 * SECOND);
             assert_eq!(scenario.wire(), Wire::Standby);
         }
         // Not instead of a stop; also of an engine of which nothing is known yet.
@@ -85,21 +85,21 @@ fn standby_of_a_lower_source_waits() {
         ] {
             let config = ecu.with(|s| s.loss.lower_standby_after = micros(after));
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
-            let last = scenario.now();
-            let end = last + AGE + HOLD + after;
+            let last = scenario.now_us();
+            let end = last + SOURCE_TIMEOUT_US + HOLD_US + after;
             let mut heard = Ok(Accepted::InForce);
-            while scenario.now() < end - PERIOD {
+            while scenario.now_us() < end - COMMAND_PERIOD_US {
                 heard = scenario.command_from(Command::Standby, Origin::Mavlink);
-                if back_at.is_some_and(|at| scenario.now() >= last + at) {
+                if back_at.is_some_and(|at| scenario.now_us() >= last + at) {
                     let _ = scenario.command(run(50));
                 }
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
                 assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {after} {back_at:?}");
             }
-            scenario.to(end - 1);
+            scenario.run_to_us(end - 1);
             assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {after}");
             assert!(heard.is_ok());
-            scenario.to(end);
+            scenario.run_to_us(end);
             let ordered = scenario.telemetry().ordered;
             if back_at.is_none() {
                 assert_eq!(
@@ -127,11 +127,11 @@ fn a_short_gap_is_no_loss() {
         ] {
             let config = ecu.with(|s| s.return_within = micros(return_within));
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             scenario.command(run(80)).unwrap();
             scenario.bench.events();
-            let last = scenario.now();
-            scenario.to(last + AGE + late);
+            let last = scenario.now_us();
+            scenario.run_to_us(last + SOURCE_TIMEOUT_US + late);
             let expected = if goes_on { Accepted::InForce } else { Accepted::Held };
             let before = scenario.tenths();
             assert_eq!(scenario.command(run(80)), Ok(expected), "{ecu:?} {return_within} {late}");
@@ -139,13 +139,13 @@ fn a_short_gap_is_no_loss() {
             let stage = scenario.telemetry().loss;
             assert_eq!(stage == LossStage::None, goes_on, "{ecu:?} {stage:?}");
             // At 50 % a second, from there on.
-            scenario.fly(run(80), Origin::Rc, 500_000);
+            scenario.fly_us(run(80), Origin::Rc, 500_000);
             let after = scenario.tenths();
             let expected = if goes_on { 800.min(before + 250) } else { before };
             assert!(after <= expected && (!goes_on || after + 10 >= expected), "{ecu:?} {before} {after}");
             // A second gap soon after the first is none of a steady stream.
             if goes_on {
-                scenario.pass(AGE);
+                scenario.pass_us(SOURCE_TIMEOUT_US);
                 assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
             }
         }
@@ -159,11 +159,11 @@ fn present_is_silence_and_no_standby() {
     for ecu in BOTH {
         // In control: the stages of loss begin at once, and repeating it does not begin them anew.
         let mut scenario = flying(ecu);
-        let from = scenario.now();
+        let from = scenario.now_us();
         assert_eq!(scenario.command(Command::Present), Ok(Accepted::InForce));
         assert_eq!((scenario.telemetry().loss, scenario.order()), (LossStage::Hold, Order::Run(percent(50))));
-        scenario.fly(Command::Present, Origin::Rc, 100 * SECOND);
-        assert_eq!(stages(&mut scenario), [(from, LossStage::Hold), (from + HOLD, LossStage::FailSafe)]);
+        scenario.fly_us(Command::Present, Origin::Rc, 100 * SECOND);
+        assert_eq!(stages(&mut scenario), [(from, LossStage::Hold), (from + HOLD_US, LossStage::FailSafe)]);
         assert_eq!(scenario.wire(), Wire::Run(0), "{ecu:?}: never standby");
         // Another takes over from it as from one that is silent, and is not behind it.
         let mut scenario = flying(ecu);
@@ -171,7 +171,7 @@ fn present_is_silence_and_no_standby() {
             scenario.command(Command::Present).unwrap();
             let answer = scenario.command_from(run(48), Origin::Bench);
             assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?}");
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
         }
         assert_eq!((scenario.telemetry().active_source, scenario.wire()), (Origin::Bench, Wire::Run(480)));
         // Below or above the source in control it changes nothing.
@@ -180,7 +180,7 @@ fn present_is_silence_and_no_standby() {
             for _ in 0..20 {
                 scenario.command(run(50)).unwrap();
                 let _ = scenario.command_from(Command::Present, origin);
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
             }
             assert_eq!(
                 (scenario.telemetry().active_source, scenario.wire()),
@@ -192,17 +192,17 @@ fn present_is_silence_and_no_standby() {
         // It is silence also where nothing is in force yet: standby follows when the stages of loss have run out.
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening));
-        scenario.pass(PERIOD);
-        scenario.fly(Command::Present, Origin::Rc, HOLD + RUN_OUT - 1);
+        scenario.pass_us(COMMAND_PERIOD_US);
+        scenario.fly_us(Command::Present, Origin::Rc, HOLD_US + RUN_OUT_US - 1);
         assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
-        scenario.pass(1);
+        scenario.pass_us(1);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
         // It is no standby: no start follows it.
         let mut scenario = Scenario::with(ecu, ecu.config());
-        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.says(Says::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
-        scenario.fly(Command::Present, Origin::Rc, 2 * SECOND);
-        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(Command::Present, Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
     }
 }

@@ -14,17 +14,17 @@ fn amt_8_two_error_sets_end_a_start() {
             assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
             scenario.says(says);
             for i in 1..=20 {
-                scenario.values.egt = 26 + (egt - 26) * i / 20;
-                scenario.fly(run(0), Origin::Rc, EVERY);
+                scenario.values.egt_celsius = 26 + (egt - 26) * i / 20;
+                scenario.fly_us(run(0), Origin::Rc, FRAME_PERIOD_US);
             }
             scenario.bench.events();
             scenario.values.fault = fault;
-            scenario.fly(run(0), Origin::Rc, sets * EVERY);
+            scenario.fly_us(run(0), Origin::Rc, sets * FRAME_PERIOD_US);
             let expected = if over { vec![End::FaultInStart] } else { vec![] };
             assert_eq!(ends(&mut scenario), expected, "{says:?} {sets} sets, fault {fault}, {egt} °C");
             // It stays so when the fault clears.
             scenario.values.fault = 0;
-            scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+            scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
             assert_eq!(
                 scenario.order() == Order::Standby,
                 over,
@@ -44,21 +44,21 @@ fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
         scenario.command(run(0)).unwrap();
         scenario.says(Says::Starting);
         if reached {
-            scenario.says(Says::Running).fly(run(20), Origin::Rc, 2 * SECOND);
+            scenario.says(Says::Running).fly_us(run(20), Origin::Rc, 2 * SECOND);
         }
         let mut scenario = scenario.reset(config);
-        scenario.values.egt = 500;
-        scenario.says(Says::Unknown).fly(run(20), Origin::Rc, SECOND);
+        scenario.values.egt_celsius = 500;
+        scenario.says(Says::Unknown).fly_us(run(20), Origin::Rc, SECOND);
         let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
         assert_eq!(scenario.order(), order, "{reached}");
         if faults {
             scenario.values.fault = 1;
-            scenario.fly(run(20), Origin::Rc, 2 * EVERY);
+            scenario.fly_us(run(20), Origin::Rc, 2 * FRAME_PERIOD_US);
         } else {
             // The time of a start.
-            scenario.fly(run(20), Origin::Rc, 116 * SECOND);
+            scenario.fly_us(run(20), Origin::Rc, 116 * SECOND);
             assert_eq!(scenario.order(), order);
-            scenario.fly(run(20), Origin::Rc, 4 * SECOND);
+            scenario.fly_us(run(20), Origin::Rc, 4 * SECOND);
         }
         assert_eq!(scenario.order() == Order::Standby, !reached, "{reached} {faults}");
     }
@@ -76,7 +76,7 @@ fn one_word_of_a_source_that_was_lost_ends_a_start() {
         ] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             scenario.command(run(0)).unwrap();
-            scenario.says(says).pass(2 * AGE);
+            scenario.says(says).pass_us(2 * SOURCE_TIMEOUT_US);
             let _ = scenario.command_from(Command::Standby, origin);
             assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {says:?} {origin:?}");
         }
@@ -99,11 +99,11 @@ fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
         [(|_| 500, 800), (|t| 500 - (t / 200_000) as i32, 500), (|t| 500 + (t / 200_000) as i32, 800)];
     for (egt, tenths) in table {
         let mut scenario = with_faults(10 * SECOND, 1, run(50), egt);
-        let from = scenario.now();
-        while scenario.now() < from + 10 * SECOND {
-            scenario.values.egt = egt(10 * SECOND + scenario.now() - from);
+        let from = scenario.now_us();
+        while scenario.now_us() < from + 10 * SECOND {
+            scenario.values.egt_celsius = egt(10 * SECOND + scenario.now_us() - from);
             let _ = scenario.command(run(80));
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
         }
         assert_eq!(scenario.wire(), Wire::Run(tenths));
     }
@@ -116,9 +116,9 @@ fn amt_start_clearance_with_a_cold_exhaust_ends_a_life() {
     for (egt, ended) in [(500, false), (26, true)] {
         let mut scenario = flying(Ecu::Amt);
         for i in 1..=40 {
-            scenario.values.egt = 26 + (egt - 26) * i / 40;
+            scenario.values.egt_celsius = 26 + (egt - 26) * i / 40;
             let _ = scenario.command(run(50));
-            scenario.pass(EVERY);
+            scenario.pass_us(FRAME_PERIOD_US);
         }
         for _ in 0..2 {
             scenario.command(run(50)).unwrap();

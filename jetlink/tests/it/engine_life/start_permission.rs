@@ -7,8 +7,13 @@ use super::*;
 fn a_refused_start_does_not_happen_later() {
     let table: [(&str, Step, Interlock, Step); 6] = [
         ("fault", |s| s.values.fault = 1, Interlock::Fault, |s| s.values.fault = 0),
-        ("hot", |s| s.values.egt = 300, Interlock::TooHot(Celsius::from_tenths(0)), |s| s.values.egt = 26),
-        ("egt", |s| s.values.egt = -50, Interlock::EgtUnknown, |s| s.values.egt = 26),
+        (
+            "hot",
+            |s| s.values.egt_celsius = 300,
+            Interlock::TooHot(Celsius::from_tenths(0)),
+            |s| s.values.egt_celsius = 26,
+        ),
+        ("egt", |s| s.values.egt_celsius = -50, Interlock::EgtUnknown, |s| s.values.egt_celsius = 26),
         (
             "cooling",
             |s| s.says = Some(Says::Cooling),
@@ -34,14 +39,14 @@ fn a_refused_start_does_not_happen_later() {
             });
             let mut scenario = Scenario::ready(ecu, config);
             wrong(&mut scenario);
-            scenario.pass(4 * EVERY);
+            scenario.pass_us(4 * FRAME_PERIOD_US);
             scenario.command(Command::Standby).unwrap();
             let command = if interlock == Interlock::NotIdle { run(50) } else { run(0) };
             let Err(Rejected::Start(why)) = scenario.command(command) else { panic!("{ecu:?} {name}") };
             assert_eq!(core::mem::discriminant(&why), core::mem::discriminant(&interlock), "{ecu:?} {name}");
             right(&mut scenario);
             for _ in 0..50 {
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?} {name}");
             }
             assert_eq!(scenario.wire(), Wire::Standby);
@@ -101,7 +106,7 @@ fn what_uses_a_permission_up() {
                 // It said so before, and goes on.
                 s.command_from(Command::Standby, Origin::Mavlink).unwrap();
                 s.command(Command::Standby).unwrap();
-                s.pass(PERIOD);
+                s.pass_us(COMMAND_PERIOD_US);
                 s.command_from(Command::Standby, Origin::Mavlink).unwrap();
             },
             false,
@@ -135,7 +140,7 @@ fn what_uses_a_permission_up() {
             let answer = scenario.command(run(0));
             assert_eq!(answer == Ok(Accepted::InForce), !used_up, "{ecu:?} {name}: {answer:?}");
             if used_up {
-                scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+                scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?} {name}");
                 assert_eq!(scenario.wire(), Wire::Standby);
             }
@@ -152,7 +157,7 @@ fn a_permission_is_used_once() {
             scenario.command(run(0)).unwrap();
             scenario.says(Says::Starting).says(far).says(Says::Standby);
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {far:?}");
-            scenario.fly(run(0), Origin::Rc, 200 * SECOND);
+            scenario.fly_us(run(0), Origin::Rc, 200 * SECOND);
             assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
             scenario.command(Command::Standby).unwrap();
             assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}: the control");
@@ -170,7 +175,7 @@ fn a_permission_is_one_sources() {
             for _ in 0..30 {
                 let command = if says_standby { Command::Standby } else { run(0) };
                 let _ = scenario.command_from(command, Origin::Mavlink);
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
             }
             let expected = if says_standby { Ok(Accepted::InForce) } else { Err(Rejected::StandbyFirst) };
             assert_eq!(scenario.command_from(run(0), Origin::Mavlink), expected, "{ecu:?} {says_standby}");
@@ -181,11 +186,11 @@ fn a_permission_is_one_sources() {
 /// Armed, in standby under a steady stream of RC, and its start waits for another engine; until when.
 fn start_waits(ecu: Ecu) -> (Scenario, u64) {
     let mut scenario = Scenario::ready(ecu, ecu.config());
-    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.others_allow_start = false;
     assert_eq!(scenario.command(run(0)), Ok(Accepted::StartWaits));
-    let until = scenario.now() + 180 * SECOND;
-    assert_eq!(scenario.telemetry().start_waits_until, Some(us(until)), "{ecu:?}");
+    let until = scenario.now_us() + 180 * SECOND;
+    assert_eq!(scenario.telemetry().start_waits_until, Some(at_us(until)), "{ecu:?}");
     scenario.bench.events();
     (scenario, until)
 }
@@ -196,7 +201,7 @@ fn assert_wait_is_over(scenario: &mut Scenario) {
     let other = Rejected::Start(Interlock::OtherStarting);
     assert!(scenario.bench.event_kinds().contains(&Event::CommandRejected(other, Origin::Rc)));
     scenario.others_allow_start = true;
-    scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+    scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
 }
 
@@ -206,19 +211,19 @@ fn assert_wait_is_over(scenario: &mut Scenario) {
 fn a_start_waits_for_its_time() {
     for ecu in BOTH {
         let (mut scenario, until) = start_waits(ecu);
-        let left = until - 1 - scenario.now();
-        scenario.fly(run(0), Origin::Rc, left);
+        let left = until - 1 - scenario.now_us();
+        scenario.fly_us(run(0), Origin::Rc, left);
         assert_eq!(
             scenario.telemetry().start_waits_until,
-            Some(us(until)),
+            Some(at_us(until)),
             "{ecu:?}: not anew with each word"
         );
         scenario.others_allow_start = true;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
 
         let (mut scenario, until) = start_waits(ecu);
-        let left = until - scenario.now();
-        scenario.fly(run(0), Origin::Rc, left);
+        let left = until - scenario.now_us();
+        scenario.fly_us(run(0), Origin::Rc, left);
         assert_wait_is_over(&mut scenario);
     }
 }
@@ -228,10 +233,10 @@ fn a_start_waits_for_its_time() {
 fn a_start_waits_for_as_long_as_its_source_is_fresh() {
     for ecu in BOTH {
         let (mut scenario, until) = start_waits(ecu);
-        let last = scenario.now();
-        scenario.to(last + AGE - 1);
-        assert_eq!(scenario.telemetry().start_waits_until, Some(us(until)), "{ecu:?}");
-        scenario.to(last + AGE);
+        let last = scenario.now_us();
+        scenario.run_to_us(last + SOURCE_TIMEOUT_US - 1);
+        assert_eq!(scenario.telemetry().start_waits_until, Some(at_us(until)), "{ecu:?}");
+        scenario.run_to_us(last + SOURCE_TIMEOUT_US);
         assert_wait_is_over(&mut scenario);
     }
 }
@@ -251,19 +256,19 @@ fn a_start_waits_for_as_long_as_its_source_is_in_control() {
 fn a_start_that_waited_needs_every_interlock() {
     for ecu in BOTH {
         for (step, why) in [
-            ((|s| s.values.egt = 300) as Step, "hot"),
+            ((|s| s.values.egt_celsius = 300) as Step, "hot"),
             (|s| s.values.fault = 1, "fault"),
             (|s| s.says = Some(Says::Cooling), "not in standby"),
         ] {
             let (mut scenario, _) = start_waits(ecu);
             step(&mut scenario);
-            scenario.pass(2 * EVERY);
+            scenario.pass_us(2 * FRAME_PERIOD_US);
             scenario.others_allow_start = true;
             let answer = scenario.command(run(0));
             assert!(matches!(answer, Err(Rejected::Start(_))), "{ecu:?} {why} {answer:?}");
-            (scenario.values.egt, scenario.values.fault) = (26, 0);
+            (scenario.values.egt_celsius, scenario.values.fault) = (26, 0);
             scenario.says(Says::Standby);
-            scenario.fly(run(0), Origin::Rc, 3 * SECOND);
+            scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?} {why}");
         }
         // Arming and idle too.
@@ -291,7 +296,7 @@ fn arming_after_a_stop_needs_a_change() {
     ] {
         for ecu in BOTH {
             let mut scenario = Scenario::with(ecu, ecu.config());
-            scenario.says(Says::Standby).pass(2 * SECOND);
+            scenario.says(Says::Standby).pass_us(2 * SECOND);
             scenario.command_from(Command::Arm, before).unwrap();
             scenario.command_from(Command::EmergencyStop, Origin::Bench).unwrap();
             assert!(!scenario.telemetry().armed);

@@ -21,7 +21,7 @@ fn nothing_panics() {
             }
         });
         let mut scenario = Scenario::with(ecu, config);
-        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.says(Says::Standby).pass_us(2 * SECOND);
         for _ in 0..200 {
             let origin = Origin::ALL[next(5) as usize];
             let command = match next(12) {
@@ -44,7 +44,7 @@ fn nothing_panics() {
                 0 => scenario.says = Some(crate::support::scenario::ALL[next(6) as usize]),
                 1 => scenario.says = None,
                 2 => scenario.introduce_version(next(64) as u8 & 63),
-                3 => scenario.values.egt = next(1100) as i32 - 50,
+                3 => scenario.values.egt_celsius = next(1100) as i32 - 50,
                 4 => scenario.values.rpm = Some((next(127) * 500) as u32),
                 5 => scenario.bench.act(|engine, _| engine.line_error(LineError::Framing)),
                 6 => {
@@ -61,7 +61,7 @@ fn nothing_panics() {
                 }
                 _ => {}
             }
-            scenario.pass([1, 20_000, 100_000, 500_000, SECOND, 12 * SECOND][next(6) as usize]);
+            scenario.pass_us([1, 20_000, 100_000, 500_000, SECOND, 12 * SECOND][next(6) as usize]);
         }
     }
 }
@@ -111,20 +111,20 @@ fn nothing_is_due_before_the_engine_asks_to_be_woken() {
             let words = next(4);
             for _ in 0..words {
                 let _ = scenario.command_from(command, origin);
-                scenario.pass(next(300) * 1000);
+                scenario.pass_us(next(300) * 1000);
             }
             let mut often = scenario.clone();
             let time = next(6_000) * 1000;
-            let end = scenario.now() + time;
+            let end = scenario.now_us() + time;
             log.push(format!(
                 "{} {origin:?} {command:?} x{words} says {:?} for {time}",
-                scenario.now(),
+                scenario.now_us(),
                 scenario.says
             ));
-            scenario.to(end);
-            while often.now() < end {
-                let at = (often.now() + 5000).min(end);
-                often.to(at);
+            scenario.run_to_us(end);
+            while often.now_us() < end {
+                let at = (often.now_us() + 5000).min(end);
+                often.run_to_us(at);
                 often.bench.act(|engine, now| engine.timeout(now));
             }
             let of = |scenario: &Scenario| {

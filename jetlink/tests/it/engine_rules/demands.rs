@@ -6,7 +6,7 @@ use super::*;
 fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
     scenario.bench.frames();
     let first = (0..100).find_map(|_| {
-        scenario.fly(run(100), Origin::Mavlink, PERIOD);
+        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
         runs_in(&scenario.sent()).first().copied()
     });
     assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
@@ -18,7 +18,7 @@ fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
 fn a_throttle_that_takes_over_from_an_rpm_rises_at_the_rate() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(20_000));
     let low = Command::Run(rpm(20_000));
-    scenario.fly(low, Origin::Rc, SECOND);
+    scenario.fly_us(low, Origin::Rc, SECOND);
     // RC is lost.
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
@@ -33,6 +33,6 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
         scenario.says(says);
         scenario.command(Command::Run(rpm(20_000))).unwrap();
     }
-    scenario.fly(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
+    scenario.fly_us(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }

@@ -7,12 +7,12 @@ use super::*;
 fn in_doubt_an_rpm_demand_goes_out_for_as_long_as_its_source_is_fresh() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     let fly = Command::Run(rpm(100_000));
-    scenario.fly(fly, Origin::Rc, SECOND);
+    scenario.fly_us(fly, Origin::Rc, SECOND);
     // The wire from the ECU is cut, and the pilot lowers the demand.
     scenario.silent();
     for second in 1..=20 {
         scenario.bench.frames();
-        scenario.fly(Command::Run(rpm(60_000)), Origin::Rc, SECOND);
+        scenario.fly_us(Command::Run(rpm(60_000)), Origin::Rc, SECOND);
         let out = scenario.bench.bytes().iter().filter(|frame| frame[1] >> 4 == 7).count();
         assert!(out > 0, "second {second}: no ID 7; order {:?}", scenario.order());
     }
@@ -22,7 +22,7 @@ fn in_doubt_an_rpm_demand_goes_out_for_as_long_as_its_source_is_fresh() {
 #[test]
 fn in_doubt_telemetry_reports_that_the_demand_does_not_reach_the_engine() {
     let mut scenario = flying(Ecu::Zk, 60);
-    scenario.silent().fly(run(30), Origin::Rc, 30 * SECOND);
+    scenario.silent().fly_us(run(30), Origin::Rc, 30 * SECOND);
     let Telemetry { in_doubt, ordered, .. } = scenario.telemetry();
     assert!(in_doubt.is_some(), "30 s without a word of the ECU, the source is fresh: {ordered:?}");
 }
@@ -32,7 +32,7 @@ fn in_doubt_telemetry_reports_that_the_demand_does_not_reach_the_engine() {
 #[test]
 fn in_doubt_a_fresh_source_keeps_its_demand() {
     let mut scenario = flying(Ecu::Zk, 60);
-    scenario.silent().fly(run(60), Origin::Rc, 30 * SECOND);
+    scenario.silent().fly_us(run(60), Origin::Rc, 30 * SECOND);
     assert_eq!(scenario.order(), Order::Doubt(percent(60)));
 }
 
@@ -43,7 +43,7 @@ fn zk_a_running_engine_that_does_not_report_its_throttle_is_not_shut_down() {
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
     scenario.says = Some(Says::Running);
     scenario.introduce();
-    scenario.pass(30 * SECOND);
+    scenario.pass_us(30 * SECOND);
     assert_ne!(scenario.order(), Order::Standby, "600 reports of a running engine");
 }
 
@@ -53,7 +53,7 @@ fn amt_a_running_engine_whose_throttle_dithers_is_not_shut_down() {
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
     scenario.bench.frames();
     for n in 0..300_u16 {
-        scenario.silent().pass(EVERY);
+        scenario.silent().pass_us(FRAME_PERIOD_US);
         let mut set = amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 60);
         set[4] = 120 + (n % 2) as u8;
         scenario.bench.receive(&set);
@@ -70,7 +70,7 @@ fn amt_a_running_engine_whose_throttle_dithers_is_not_shut_down() {
 fn idles_at_the_fail_safe(ecu: Ecu) -> Scenario {
     let mut scenario = flying(ecu, 60);
     scenario.says = Some(Says::Running);
-    scenario.pass(60 * SECOND);
+    scenario.pass_us(60 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     scenario
 }
@@ -80,16 +80,16 @@ fn one_odd_amt_set_at_the_fail_safe_stage_shuts_nothing_down() {
     let mut scenario = idles_at_the_fail_safe(Ecu::Amt);
     // AMT frames have no checksum: one set with a flipped bit.
     scenario.bench.receive(&amt_frames::normal(amt_frames::NO_CLEARANCE, amt_frames::RUN, 24));
-    scenario.pass(2 * SECOND);
+    scenario.pass_us(2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)));
 }
 
 #[test]
 fn a_gap_of_three_zk_frames_at_the_fail_safe_stage_shuts_nothing_down() {
     let mut scenario = idles_at_the_fail_safe(Ecu::Zk);
-    scenario.silent().pass(160_000);
+    scenario.silent().pass_us(160_000);
     scenario.says = Some(Says::Running);
-    scenario.pass(2 * SECOND);
+    scenario.pass_us(2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)));
 }
 
@@ -97,7 +97,7 @@ fn a_gap_of_three_zk_frames_at_the_fail_safe_stage_shuts_nothing_down() {
 fn a_watchdog_reset_at_the_fail_safe_stage_shuts_nothing_down() {
     for ecu in BOTH {
         let mut scenario = idles_at_the_fail_safe(ecu).reset(ecu.config());
-        scenario.pass(2 * SECOND);
+        scenario.pass_us(2 * SECOND);
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     }
 }

@@ -9,7 +9,7 @@ fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 4 << 2 | 2]));
     }
-    scenario.fly(run(60), Origin::Rc, 12 * SECOND);
+    scenario.fly_us(run(60), Origin::Rc, 12 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(60)), "a frame every 50 ms, and the engine runs");
 }
 
@@ -29,7 +29,7 @@ fn zk_11_damaged_frames_that_keep_the_beat_are_no_gap_at_any_rate() {
         let mut at = every;
         let mut send = |scenario: &mut Scenario, frame: [u8; 7]| {
             for (n, byte_out) in (1..).zip(frame) {
-                scenario.bench.rx(at + n * byte, &[byte_out]);
+                scenario.bench.rx_at_us(at + n * byte, &[byte_out]);
             }
             at += every;
         };
@@ -75,7 +75,7 @@ fn frames_at_a_new_status_rate_are_no_gaps() {
     let mut slow = false;
     for n in 0..200 {
         let _ = scenario.command(run(60));
-        scenario.silent().pass(if slow { 50_000 } else { 10_000 });
+        scenario.silent().pass_us(if slow { 50_000 } else { 10_000 });
         slow |= scenario.bench.bytes().iter().any(|frame| frame[..] == zk_frames::action(7));
         let frame = match n % 9 {
             8 => zk_frames::status(6, TURNING, [160, 0, 5 << 2 | if slow { 0 } else { 2 }]),
@@ -95,7 +95,7 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
     let mut scenario = flying(Ecu::Zk, 60);
     scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
     scenario.command(run(60)).unwrap();
-    scenario.pass(3 * EVERY);
+    scenario.pass_us(3 * FRAME_PERIOD_US);
     assert_eq!(scenario.telemetry().in_doubt, None);
 }
 
@@ -104,7 +104,7 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
 #[test]
 fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
-    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
+    scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
     scenario.silent();
     let mut late = 0;
     for n in 0..40 {
@@ -112,7 +112,7 @@ fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
             scenario.bench.frames();
         }
         let _ = scenario.command(Command::Run(rpm(60_000)));
-        scenario.pass(EVERY);
+        scenario.pass_us(FRAME_PERIOD_US);
         let mut frame = zk_frames::status(1, TURNING, [11, 2 << 5, 76]);
         frame[4] ^= 0x55;
         scenario.bench.receive(&frame);

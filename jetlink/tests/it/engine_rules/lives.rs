@@ -8,8 +8,8 @@ use super::*;
 fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
     for state in [0b00100, 0b01000, 0b11111] {
         let mut scenario = flying(Ecu::Amt, 50);
-        let end = scenario.now() + 60 * SECOND;
-        while scenario.now() < end {
+        let end = scenario.now_us() + 60 * SECOND;
+        while scenario.now_us() < end {
             let _ = scenario.command(run(50));
             hear(&mut scenario, &amt_frames::normal(state, amt_frames::RUN, 0));
         }
@@ -31,10 +31,10 @@ fn amt_when_a_fault_clears_run_waits_for_sets_that_say_running() {
     for state in [0b00001, 0b00010, 0b00100, 0b01000, 0b11111] {
         let mut scenario = flying(Ecu::Amt, 90);
         // The exhaust burns.
-        scenario.values.egt = 600;
-        scenario.fly(run(90), Origin::Rc, 2 * SECOND);
+        scenario.values.egt_celsius = 600;
+        scenario.fly_us(run(90), Origin::Rc, 2 * SECOND);
         scenario.values.fault = 0x08;
-        scenario.fly(run(90), Origin::Rc, SECOND);
+        scenario.fly_us(run(90), Origin::Rc, SECOND);
         scenario.values.fault = 0;
         scenario.sent();
         let _ = scenario.command(run(90));
@@ -64,8 +64,8 @@ fn amt_start_clearance_in_flight_puts_the_life_in_doubt_in_the_reply_to_that_fra
 #[test]
 fn amt_a_life_in_doubt_ends_within_a_bound() {
     let mut scenario = flying(Ecu::Amt, 90);
-    let end = scenario.now() + 600 * SECOND;
-    while scenario.now() < end {
+    let end = scenario.now_us() + 600 * SECOND;
+    while scenario.now_us() < end {
         let _ = scenario.command(run(90));
         // Running, and the shaft stands.
         hear(&mut scenario, &amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 0));
@@ -82,16 +82,16 @@ fn amt_a_life_in_doubt_ends_within_a_bound() {
 #[test]
 fn a_flame_out_ends_the_run_although_the_demand_dithers() {
     let mut scenario = flying(Ecu::Amt, 75);
-    scenario.values.egt = 600;
-    scenario.fly(run(75), Origin::Rc, 2 * SECOND);
+    scenario.values.egt_celsius = 600;
+    scenario.fly_us(run(75), Origin::Rc, 2 * SECOND);
     scenario.values.fault = 0x01;
-    scenario.fly(run(75), Origin::Rc, SECOND);
+    scenario.fly_us(run(75), Origin::Rc, SECOND);
     for n in 0..40 {
         for (whole, seconds) in [(75, 2), (72, 2)] {
             for _ in 0..10 * seconds {
                 // 30 degrees a second, down to 20.
-                scenario.values.egt = (scenario.values.egt - 3).max(20);
-                scenario.fly(run(whole), Origin::Rc, PERIOD);
+                scenario.values.egt_celsius = (scenario.values.egt_celsius - 3).max(20);
+                scenario.fly_us(run(whole), Origin::Rc, COMMAND_PERIOD_US);
             }
         }
         if scenario.order() == Order::Standby {
@@ -100,7 +100,7 @@ fn a_flame_out_ends_the_run_although_the_demand_dithers() {
         let _ = n;
     }
     scenario.sent();
-    scenario.fly(run(75), Origin::Rc, SECOND);
+    scenario.fly_us(run(75), Origin::Rc, SECOND);
     panic!("the exhaust has had 20 degrees for over 2 min: {:?}", scenario.sent());
 }
 
@@ -114,7 +114,7 @@ fn amt_a_starting_state_after_a_gap_is_a_new_start() {
             let _ = scenario.command(run(0));
             hear(&mut scenario, &amt_frames::normal(amt_frames::STARTED_UP, amt_frames::RUN, shaft));
         }
-        scenario.silent().fly(run(0), Origin::Rc, SECOND);
+        scenario.silent().fly_us(run(0), Origin::Rc, SECOND);
         scenario.sent();
         for _ in 0..20 {
             let _ = scenario.command(run(0));
@@ -139,7 +139,7 @@ fn an_engine_that_its_ecu_stopped_in_a_gap_of_5_s_gets_no_run_while_it_coasts() 
 fn stopped_in_a_gap(gap: u64) {
     {
         let mut scenario = flying(Ecu::Amt, 90);
-        scenario.silent().fly(run(90), Origin::Rc, gap);
+        scenario.silent().fly_us(run(90), Origin::Rc, gap);
         scenario.sent();
         for n in 0..100 {
             let _ = scenario.command(run(90));

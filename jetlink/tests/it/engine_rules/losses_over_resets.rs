@@ -39,7 +39,7 @@ fn from_the_third_reset_without_a_source_the_demand_is_at_the_fail_safe_throttle
             scenario = scenario.reset(config);
             scenario.bench.frames();
             scenario.says = Some(Says::Running);
-            scenario.pass(3 * SECOND / 2);
+            scenario.pass_us(3 * SECOND / 2);
             let sent = runs_in(&scenario.sent());
             assert!(!sent.is_empty(), "{ecu:?}, reset {reset}");
             if reset >= 3 {
@@ -90,7 +90,7 @@ fn in_a_brown_out_loop_with_all_sources_silent_the_demand_falls_to_the_fail_safe
                 scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
             }
             scenario.bench.frames();
-            scenario.pass(SECOND);
+            scenario.pass_us(SECOND);
             last = runs_in(&scenario.sent());
         }
         assert!(
@@ -128,7 +128,7 @@ fn zk_in_a_brown_out_loop_with_all_sources_silent_the_demand_falls_to_the_fail_s
         scenario.introduce();
         scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
         scenario.bench.frames();
-        scenario.pass(SECOND);
+        scenario.pass_us(SECOND);
         last = runs_in(&scenario.sent());
     }
     assert!(last.iter().all(|tenths| *tenths == 0), "{last:?}");
@@ -142,7 +142,7 @@ fn resets_count_only_without_the_source_in_control() {
     let mut scenario = flying(Ecu::Zk, 90);
     for _ in 0..4 {
         scenario = scenario.reset(config);
-        both(&mut scenario, &[(Command::Present, Origin::Bench)], 3 * PERIOD);
+        both(&mut scenario, &[(Command::Present, Origin::Bench)], 3 * COMMAND_PERIOD_US);
     }
     zk_cycle(&mut scenario, 11, TURNING, 90, SECOND);
     let record = scenario.bench.machine.record();

@@ -17,10 +17,10 @@ use jetlink::engine::Engine;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
-use crate::support::bench::us;
+use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, percent, rpm, run,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Wire, percent, rpm, run,
 };
 
 /// Runs at this throttle under RC; nothing is left from before.
@@ -28,7 +28,7 @@ fn flying(ecu: Ecu, whole: u8) -> Scenario {
     let mut scenario = Scenario::started(ecu, percent(whole));
     scenario.values.half_percents = whole * 2;
     let _ = scenario.command(run(whole));
-    scenario.pass(2 * EVERY);
+    scenario.pass_us(2 * FRAME_PERIOD_US);
     let _ = scenario.command(run(whole));
     scenario.sent();
     scenario.bench.events();
@@ -36,29 +36,29 @@ fn flying(ecu: Ecu, whole: u8) -> Scenario {
 }
 
 fn hear(scenario: &mut Scenario, frame: &[u8]) {
-    scenario.silent().pass(EVERY);
+    scenario.silent().pass_us(FRAME_PERIOD_US);
     scenario.bench.receive(frame);
 }
 
 /// Two sources say their words every 0.1 s.
 fn both(scenario: &mut Scenario, words: &[(Command, Origin)], micros: u64) {
-    let end = scenario.now() + micros;
-    while scenario.now() < end {
+    let end = scenario.now_us() + micros;
+    while scenario.now_us() < end {
         for (command, origin) in words {
             let _ = scenario.command_from(*command, *origin);
         }
-        let next = (scenario.now() + PERIOD).min(end);
-        scenario.to(next);
+        let next = (scenario.now_us() + COMMAND_PERIOD_US).min(end);
+        scenario.run_to_us(next);
     }
 }
 
 /// A ZK ECU that sends the whole cycle of its IDs.
 fn zk_cycle(scenario: &mut Scenario, state: u8, shaft: u32, throttle: u8, micros: u64) {
     scenario.silent();
-    let end = scenario.now() + micros;
+    let end = scenario.now_us() + micros;
     let mut n = 0;
-    while scenario.now() < end {
-        scenario.pass(EVERY);
+    while scenario.now_us() < end {
+        scenario.pass_us(FRAME_PERIOD_US);
         let frame = match n % 5 {
             0 | 2 => zk_frames::status(1, shaft, [state, 2 << 5, 76]),
             1 => zk_frames::status(6, shaft, [160, 0, 5 << 2]),

@@ -11,18 +11,18 @@ fn closes(frames: &[Vec<u8>]) -> usize {
 fn a_start_closes_an_open_pump_before_the_engine_runs() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
-    scenario.pass(4 * EVERY);
+    scenario.pass_us(4 * FRAME_PERIOD_US);
     let frames = scenario.bench.bytes();
     assert!(frames.contains(&zk_frames::action(12).to_vec()), "it is open");
     let answer = scenario.command(run(0));
-    scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
     let at_start = closes(&scenario.bench.bytes());
     scenario.says(Says::Starting);
-    scenario.fly(run(0), Origin::Rc, 10 * SECOND);
+    scenario.fly_us(run(0), Origin::Rc, 10 * SECOND);
     scenario.says(Says::Running);
-    scenario.fly(run(50), Origin::Rc, 10 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
     scenario.bench.frames();
-    scenario.fly(run(50), Origin::Rc, 20 * SECOND);
+    scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
     let in_run = closes(&scenario.bench.bytes());
     assert!(
         answer != Ok(Accepted::InForce) || at_start > 0 && in_run == 0,
@@ -38,11 +38,11 @@ fn a_pump_voltage_from_before_the_opening_confirms_no_closing() {
     // ID 2: no pump voltage.
     scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 0]));
     scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
-    scenario.pass(3 * EVERY);
+    scenario.pass_us(3 * FRAME_PERIOD_US);
     let frames = scenario.bench.bytes();
     assert!(frames.contains(&zk_frames::action(12).to_vec()), "it is open");
     scenario.command(Command::Disarm).unwrap();
-    scenario.pass(2 * SECOND);
+    scenario.pass_us(2 * SECOND);
     assert_eq!(closes(&scenario.bench.bytes()), 10);
 }
 
@@ -51,8 +51,8 @@ fn a_pump_voltage_from_before_the_opening_confirms_no_closing() {
 fn a_pump_is_closed_when_its_source_wants_nothing() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
-    scenario.pass(4 * EVERY);
+    scenario.pass_us(4 * FRAME_PERIOD_US);
     scenario.bench.frames();
-    scenario.fly(Command::Present, Origin::Rc, 5 * SECOND);
+    scenario.fly_us(Command::Present, Origin::Rc, 5 * SECOND);
     assert!(closes(&scenario.bench.bytes()) > 0, "a source that wants nothing counts as silent");
 }

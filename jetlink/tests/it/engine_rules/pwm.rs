@@ -7,8 +7,8 @@ use super::*;
 #[test]
 fn a_source_that_was_lost_has_no_permission_to_hand_over() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
-    scenario.pass(600 * SECOND);
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.pass_us(600 * SECOND);
     let run_answer = scenario.would_answer(run(0));
     assert_ne!(run_answer, Ok(Accepted::InForce), "a run is not obeyed");
     assert_ne!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce), "run: {run_answer:?}");
@@ -19,15 +19,15 @@ fn a_source_that_was_lost_has_no_permission_to_hand_over() {
 fn a_hand_over_becomes_id_0_after_a_reset() {
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::ready(Ecu::Zk, config);
-    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
     for says in [Says::Starting, Says::Running] {
         scenario.says(says);
     }
-    scenario.pass(2 * SECOND);
+    scenario.pass_us(2 * SECOND);
     let mut scenario = scenario.reset(config);
     scenario.bench.frames();
-    scenario.pass(5 * SECOND);
+    scenario.pass_us(5 * SECOND);
     let sent = scenario.sent();
     assert!(!sent.contains(&Wire::Pwm), "{} frames of SW 0", sent.len());
 }
@@ -37,7 +37,7 @@ fn a_hand_over_becomes_id_0_after_a_reset() {
 fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::ready(Ecu::Zk, config);
-    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
     for says in [Says::Starting, Says::Running] {
         scenario.says(says);
@@ -48,7 +48,7 @@ fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
     scenario.introduce();
     scenario.bench.receive(&zk_frames::status(3, TURNING, [70, 0, 0]));
     scenario.bench.frames();
-    scenario.pass(6 * SECOND);
+    scenario.pass_us(6 * SECOND);
     assert_eq!(runs_in(&scenario.sent()), [] as [u16; 0], "the pilot's PWM is overruled");
 }
 
@@ -57,19 +57,19 @@ fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
 #[test]
 fn a_lower_sources_standby_ends_a_hand_over_only_after_5_s() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-    scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
     for says in [Says::Starting, Says::Running] {
         scenario.says = Some(says);
-        scenario.fly(Command::Present, Origin::Rc, 10 * SECOND);
+        scenario.fly_us(Command::Present, Origin::Rc, 10 * SECOND);
     }
-    scenario.fly(Command::Present, Origin::Rc, 60 * SECOND);
+    scenario.fly_us(Command::Present, Origin::Rc, 60 * SECOND);
     assert_eq!(scenario.order(), Order::Pwm);
     let words = [(Command::Present, Origin::Rc), (Command::Standby, Origin::Mavlink)];
-    let from = scenario.now();
-    while scenario.order() != Order::Standby && scenario.now() < from + 10 * SECOND {
-        both(&mut scenario, &words, PERIOD);
+    let from = scenario.now_us();
+    while scenario.order() != Order::Standby && scenario.now_us() < from + 10 * SECOND {
+        both(&mut scenario, &words, COMMAND_PERIOD_US);
     }
-    let after = scenario.now() - from;
+    let after = scenario.now_us() - from;
     assert!(after > 5 * SECOND, "shut down {} ms after MAVLink began to stream standby", after / 1000);
 }

@@ -31,9 +31,9 @@ fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
         if ecu == Ecu::Zk {
             scenario.bench.receive(&zk_frames::status(3, TURNING, [60, 0, 0]));
         }
-        scenario.pass(12 * SECOND / 10);
+        scenario.pass_us(12 * SECOND / 10);
         assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
-        scenario.fly(Command::Standby, Origin::Emergency, SECOND);
+        scenario.fly_us(Command::Standby, Origin::Emergency, SECOND);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: 10 words of standby");
     }
 }
@@ -43,10 +43,10 @@ fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
 fn two_stray_standbys_5_s_apart_shut_nothing_down() {
     let mut scenario = flying(Ecu::Zk, 60);
     // The wire from the ECU is cut; the source goes on for 12 s.
-    scenario.silent().fly(run(60), Origin::Rc, 12 * SECOND);
-    scenario.pass(4 * SECOND);
+    scenario.silent().fly_us(run(60), Origin::Rc, 12 * SECOND);
+    scenario.pass_us(4 * SECOND);
     let _ = scenario.command(Command::Standby);
-    scenario.pass(5 * SECOND);
+    scenario.pass_us(5 * SECOND);
     let _ = scenario.command(Command::Standby);
     assert_ne!(scenario.order(), Order::Standby);
 }
@@ -57,11 +57,11 @@ fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     let kept = flying(Ecu::Zk, 60).bench.machine.record();
     let config = Ecu::Zk.config();
     let mut engine = Engine::new(&config);
-    engine.keep(Some(kept));
+    engine.restore(Some(kept));
     for n in 1..20 {
-        let _ = engine.command(us(n * PERIOD), Command::Standby, Origin::Mavlink, true);
+        let _ = engine.command(at_us(n * COMMAND_PERIOD_US), Command::Standby, Origin::Mavlink, true);
     }
-    engine.start(us(2 * SECOND), None);
-    let order = engine.telemetry(us(2 * SECOND)).ordered.order;
+    engine.start(at_us(2 * SECOND), None);
+    let order = engine.telemetry(at_us(2 * SECOND)).ordered.order;
     assert_ne!(order, Order::Standby, "the record: {kept:?}");
 }

@@ -9,7 +9,7 @@ fn disarm_ends_a_start_that_a_reset_has_cut_short() {
     let mut scenario = Scenario::ready(Ecu::Amt, config);
     scenario.command(run(0)).unwrap();
     scenario.says(Says::Starting);
-    scenario.fly(run(0), Origin::Rc, SECOND);
+    scenario.fly_us(run(0), Origin::Rc, SECOND);
     let mut scenario = scenario.reset(config);
     scenario.silent();
     scenario.command(Command::Disarm).unwrap();
@@ -35,8 +35,8 @@ fn the_time_limit_of_a_start_goes_on_over_resets() {
         scenario = scenario.reset(config);
         scenario.says = None;
         scenario.bench.frames();
-        let end = scenario.now() + 60 * SECOND;
-        while scenario.now() < end {
+        let end = scenario.now_us() + 60 * SECOND;
+        while scenario.now_us() < end {
             let _ = scenario.command(run(0));
             hear(&mut scenario, &amt_frames::normal(amt_frames::STARTING, amt_frames::RUN, 30));
         }

@@ -26,7 +26,7 @@ fn the_highest_fresh_source_rules() {
             for command in [Command::HandOverToPwm, Command::Service(service)] {
                 assert_eq!(scenario.command_from(command, lower), Err(Rejected::Behind(Origin::Rc)));
             }
-            scenario.pass(5 * SECOND);
+            scenario.pass_us(5 * SECOND);
             assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(_))), "{ecu:?}");
         }
         // A higher one takes over.
@@ -34,7 +34,7 @@ fn the_highest_fresh_source_rules() {
         scenario.command_from(run(52), Origin::Emergency).unwrap();
         assert_eq!(scenario.telemetry().active_source, Origin::Emergency);
         // 2 % at 50 % a second.
-        scenario.pass(40_000);
+        scenario.pass_us(40_000);
         let telemetry = scenario.telemetry();
         assert_eq!(
             (telemetry.active_source, telemetry.ordered.order),
@@ -56,31 +56,31 @@ fn each_source_has_its_own_age() {
     for ecu in BOTH {
         for (origin, limit) in limits {
             let config = ecu.with(|s| {
-                s.ages.emergency = micros(300_000);
-                s.ages.rc = micros(450_000);
-                s.ages.mavlink = micros(1_200_000);
-                s.ages.bench = micros(700_001);
+                s.timeouts.emergency = micros(300_000);
+                s.timeouts.rc = micros(450_000);
+                s.timeouts.mavlink = micros(1_200_000);
+                s.timeouts.bench = micros(700_001);
             });
             let mut scenario = Scenario::ready(ecu, config);
-            scenario.pass(5 * SECOND);
+            scenario.pass_us(5 * SECOND);
             // One that was silent has to speak for a second first.
-            scenario.fly(Command::Standby, origin, SECOND + PERIOD);
+            scenario.fly_us(Command::Standby, origin, SECOND + COMMAND_PERIOD_US);
             assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
             scenario.says(Says::Starting);
             scenario.command_from(run(0), origin).unwrap();
             scenario.says(Says::Running);
             scenario.command_from(run(40), origin).unwrap();
-            let last = scenario.now();
-            scenario.to(last + limit - 1);
+            let last = scenario.now_us();
+            scenario.run_to_us(last + limit - 1);
             assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?} {origin:?}");
-            scenario.to(last + limit);
+            scenario.run_to_us(last + limit);
             let telemetry = scenario.telemetry();
             assert_eq!(
                 (telemetry.loss, telemetry.active_source),
                 (LossStage::Hold, origin),
                 "{ecu:?} {origin:?}"
             );
-            assert_eq!(telemetry.source_last_rx, Some(us(last)));
+            assert_eq!(telemetry.source_last_rx, Some(at_us(last)));
         }
     }
 }
@@ -94,17 +94,17 @@ fn taking_over_is_bumpless() {
             let mut scenario = Scenario::started(ecu, percent(50));
             let answer = scenario.command_from(run(close), Origin::Emergency);
             assert_eq!(answer, Ok(Accepted::InForce), "{close}");
-            assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
+            assert_eq!(rulers(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
             // Down at once, up at 50 % a second.
             assert_eq!(scenario.tenths(), 500.min(u16::from(close) * 10), "{ecu:?}");
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(close)), "{ecu:?}");
         }
         // Far: held, and the throttle in force with it, until it has come close.
         for (far, close) in [(90, 55), (10, 45)] {
             let mut scenario = Scenario::started(ecu, percent(50));
             assert_eq!(scenario.command_from(run(far), Origin::Emergency), Ok(Accepted::Held));
-            scenario.fly(run(far), Origin::Emergency, SECOND);
+            scenario.fly_us(run(far), Origin::Emergency, SECOND);
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             let telemetry = scenario.telemetry();
             assert_eq!(
@@ -114,24 +114,24 @@ fn taking_over_is_bumpless() {
             );
             scenario.command_from(run(close), Origin::Emergency).unwrap();
             assert_eq!(scenario.telemetry().waiting, None);
-            assert_eq!(rulers(&mut scenario), [(scenario.now(), Origin::Emergency)]);
-            scenario.pass(PERIOD);
+            assert_eq!(rulers(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
+            scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(close)));
             scenario.command_from(run(far), Origin::Emergency).unwrap();
             assert_eq!(scenario.order(), Order::Run(percent(far)), "it rules now");
         }
         // Far, and it stays there: after the time, to the tick.
         let mut scenario = Scenario::started(ecu, percent(50));
-        let from = scenario.now();
-        scenario.fly(run(90), Origin::Emergency, 2 * SECOND - 1);
+        let from = scenario.now_us();
+        scenario.fly_us(run(90), Origin::Emergency, 2 * SECOND - 1);
         assert_eq!(scenario.tenths(), 500);
-        scenario.to(from + 2 * SECOND);
+        scenario.run_to_us(from + 2 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Emergency));
         assert_eq!(rulers(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
         // 40 % at 50 % a second.
-        scenario.fly(run(90), Origin::Emergency, 800_000 - 1);
+        scenario.fly_us(run(90), Origin::Emergency, 800_000 - 1);
         assert!((880..900).contains(&scenario.tenths()), "{}", scenario.tenths());
-        scenario.to(from + 2_800_000);
+        scenario.run_to_us(from + 2_800_000);
         assert_eq!((scenario.tenths(), scenario.wire()), (900, Wire::Run(900)));
         // The band to its edge, in tenths.
         for (demand, takes) in [(550, true), (551, false), (450, true), (449, false)] {
@@ -143,10 +143,10 @@ fn taking_over_is_bumpless() {
     // A throttle and an rpm are never close.
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
     assert_eq!(scenario.command_from(Command::Run(rpm(80_000)), Origin::Emergency), Ok(Accepted::Held));
-    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, 2 * SECOND - EVERY);
+    scenario.fly_us(Command::Run(rpm(80_000)), Origin::Emergency, 2 * SECOND - FRAME_PERIOD_US);
     assert_eq!(scenario.order(), Order::Run(percent(50)));
     // From the 12 000 rpm that the ECU reports, at 50 % of 160 000 rpm a second.
-    scenario.fly(Command::Run(rpm(80_000)), Origin::Emergency, EVERY + 850_000);
+    scenario.fly_us(Command::Run(rpm(80_000)), Origin::Emergency, FRAME_PERIOD_US + 850_000);
     assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
 }
 
@@ -155,10 +155,10 @@ fn taking_over_is_bumpless() {
 fn the_next_source_takes_over_from_one_that_is_lost() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        let last = scenario.now();
-        scenario.fly(run(30), Origin::Mavlink, AGE + 2 * SECOND - 1);
+        let last = scenario.now_us();
+        scenario.fly_us(run(30), Origin::Mavlink, SOURCE_TIMEOUT_US + 2 * SECOND - 1);
         assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Rc), "{ecu:?}");
-        scenario.to(last + AGE + 2 * SECOND);
+        scenario.run_to_us(last + SOURCE_TIMEOUT_US + 2 * SECOND);
         assert_eq!(
             (scenario.tenths(), scenario.telemetry().active_source),
             (300, Origin::Mavlink),
@@ -176,14 +176,17 @@ fn a_source_that_waits_while_another_is_lost() {
         for standby_after in [None, Some(micros(SECOND))] {
             let config = ecu.with(|s| s.loss.standby_after = standby_after);
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
-            let last = scenario.now();
-            scenario.pass(AGE + 300_000);
+            let last = scenario.now_us();
+            scenario.pass_us(SOURCE_TIMEOUT_US + 300_000);
             assert_eq!(scenario.telemetry().loss, LossStage::Hold);
-            let speaks = scenario.now();
-            scenario.fly(run(10), Origin::Mavlink, 3 * SECOND);
+            let speaks = scenario.now_us();
+            scenario.fly_us(run(10), Origin::Mavlink, 3 * SECOND);
             assert_eq!(scenario.tenths(), 100, "{ecu:?}");
             let stages = stages(&mut scenario);
-            assert_eq!(stages, [(last + AGE, LossStage::Hold), (speaks + 2 * SECOND, LossStage::None)]);
+            assert_eq!(
+                stages,
+                [(last + SOURCE_TIMEOUT_US, LossStage::Hold), (speaks + 2 * SECOND, LossStage::None)]
+            );
         }
     }
 }
@@ -200,14 +203,18 @@ fn a_refused_demand_changes_nothing() {
         for origin in [Origin::Rc, Origin::Emergency, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
             scenario.introduce_version(3);
-            let last = scenario.now();
+            let last = scenario.now_us();
             for _ in 0..4 {
                 assert_eq!(scenario.command_from(impossible, origin), Err(why), "{ecu:?} {origin:?}");
                 assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {origin:?}");
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
             }
             assert_eq!(scenario.wire(), Wire::Run(500));
-            assert_eq!(stages(&mut scenario), [(last + AGE, LossStage::Hold)], "{ecu:?} {origin:?}");
+            assert_eq!(
+                stages(&mut scenario),
+                [(last + SOURCE_TIMEOUT_US, LossStage::Hold)],
+                "{ecu:?} {origin:?}"
+            );
         }
     }
 }
@@ -217,11 +224,13 @@ fn a_refused_demand_changes_nothing() {
 #[test]
 fn standby_is_obeyed_at_the_second_word() {
     for ecu in BOTH {
-        for (between, obeyed) in [(0, true), (PERIOD, true), (AGE, true), (AGE + 1, false)] {
+        for (between, obeyed) in
+            [(0, true), (COMMAND_PERIOD_US, true), (SOURCE_TIMEOUT_US, true), (SOURCE_TIMEOUT_US + 1, false)]
+        {
             let mut scenario = Scenario::started(ecu, percent(50));
             assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
             assert_eq!(scenario.order(), Order::Run(percent(50)));
-            scenario.pass(between);
+            scenario.pass_us(between);
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {between}");
             let expected = if obeyed { Accepted::InForce } else { Accepted::OneMore };
             assert_eq!(scenario.command(Command::Standby), Ok(expected), "{between}");
@@ -238,7 +247,7 @@ fn standby_is_obeyed_at_the_second_word() {
         for _ in 0..20 {
             assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
             scenario.command(run(50)).unwrap();
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
         }
         assert_eq!(scenario.wire(), Wire::Run(500), "{ecu:?}");
     }
@@ -250,7 +259,7 @@ fn two_words_of_standby_of_a_source_above_shut_down() {
     for ecu in BOTH {
         for before in [None, Some(run(50))] {
             // At its age limit it is lost.
-            for between in [0, PERIOD, AGE - 1] {
+            for between in [0, COMMAND_PERIOD_US, SOURCE_TIMEOUT_US - 1] {
                 let mut scenario = Scenario::started(ecu, percent(50));
                 if let Some(command) = before {
                     scenario.command_from(command, Origin::Emergency).unwrap();
@@ -261,7 +270,7 @@ fn two_words_of_standby_of_a_source_above_shut_down() {
                     (scenario.order(), scenario.telemetry().active_source),
                     (Order::Run(percent(50)), ruler)
                 );
-                scenario.pass(between);
+                scenario.pass_us(between);
                 let answer = scenario.command_from(Command::Standby, Origin::Emergency);
                 assert_eq!(answer, Ok(Accepted::InForce), "{ecu:?} {before:?} {between}");
                 let ordered = scenario.telemetry().ordered;

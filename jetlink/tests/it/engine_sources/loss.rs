@@ -19,8 +19,8 @@ fn loss_in_stages_to_the_tick() {
         // 50 % to 20 % at 60 % a second: 0.5 s.
         let config = ecu.with(|s| s.loss = loss(700_000, 20, 600, Some(900_000)));
         let mut scenario = Scenario::started_with(ecu, config, percent(50));
-        let last = scenario.now();
-        let lost = last + AGE;
+        let last = scenario.now_us();
+        let lost = last + SOURCE_TIMEOUT_US;
         for (at, stage, throttle) in [
             (lost - 1, LossStage::None, 500),
             (lost, LossStage::Hold, 500),
@@ -32,14 +32,14 @@ fn loss_in_stages_to_the_tick() {
             (lost + 1_200_000, LossStage::FailSafe, 200),
             (lost + 1_599_999, LossStage::FailSafe, 200),
         ] {
-            scenario.to(at);
+            scenario.run_to_us(at);
             let telemetry = scenario.telemetry();
             assert_eq!(telemetry.loss, stage, "{ecu:?} at {}", at - lost);
             // The ramp moves every 20 ms.
             assert!(scenario.tenths().abs_diff(throttle) <= 12, "{} at {}", scenario.tenths(), at - lost);
-            assert_eq!(telemetry.source_last_rx, Some(us(last)));
+            assert_eq!(telemetry.source_last_rx, Some(at_us(last)));
         }
-        scenario.to(lost + 1_600_000);
+        scenario.run_to_us(lost + 1_600_000);
         let ordered = scenario.telemetry().ordered;
         assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
         assert_eq!(
@@ -52,7 +52,7 @@ fn loss_in_stages_to_the_tick() {
             "{ecu:?}"
         );
         assert_eq!(scenario.wire(), Wire::Standby);
-        scenario.fly(run(0), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
     }
 }
@@ -63,14 +63,14 @@ fn loss_by_default_is_idle_and_never_standby() {
     assert_eq!(Loss::DEFAULT, loss(1_000_000, 0, 500, None));
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        let lost = scenario.now() + AGE;
-        scenario.to(lost + SECOND);
+        let lost = scenario.now_us() + SOURCE_TIMEOUT_US;
+        scenario.run_to_us(lost + SECOND);
         assert_eq!(scenario.tenths(), 500);
-        scenario.to(lost + 2 * SECOND - 1);
+        scenario.run_to_us(lost + 2 * SECOND - 1);
         assert!(scenario.tenths() > 0);
-        scenario.to(lost + 2 * SECOND);
+        scenario.run_to_us(lost + 2 * SECOND);
         assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
-        scenario.pass(600 * SECOND);
+        scenario.pass_us(600 * SECOND);
         assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(0)), Wire::Run(0)));
     }
 }
@@ -83,7 +83,7 @@ fn the_fail_safe_throttle_never_raises() {
             let config = ecu.with(|s| s.loss = loss(500_000, safe, 1000, None));
             let mut scenario = Scenario::started_with(ecu, config, percent(demand));
             for _ in 0..100 {
-                scenario.pass(PERIOD / 2);
+                scenario.pass_us(COMMAND_PERIOD_US / 2);
                 assert!(scenario.tenths() <= u16::from(demand) * 10);
             }
             assert_eq!(scenario.tenths(), expected, "{ecu:?} {demand} {safe}");
@@ -96,30 +96,30 @@ fn the_fail_safe_throttle_never_raises() {
 fn a_source_that_comes_back_rules_after_a_second() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.pass(10 * SECOND);
+        scenario.pass_us(10 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
         scenario.bench.events();
-        let back = scenario.now();
+        let back = scenario.now_us();
         assert_eq!(scenario.command(run(3)), Ok(Accepted::Held));
-        scenario.fly(run(3), Origin::Rc, SECOND - 1);
+        scenario.fly_us(run(3), Origin::Rc, SECOND - 1);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe));
-        scenario.to(back + SECOND);
+        scenario.run_to_us(back + SECOND);
         assert_eq!(scenario.command(run(3)), Ok(Accepted::InForce));
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None), "{ecu:?}: close");
         // 3 % at 50 % a second.
-        scenario.pass(60_000);
+        scenario.pass_us(60_000);
         assert_eq!(scenario.tenths(), 30);
         assert_eq!(stages(&mut scenario), [(back + SECOND, LossStage::None)]);
 
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.pass(10 * SECOND);
-        let back = scenario.now();
-        scenario.fly(run(50), Origin::Rc, 3 * SECOND - 1);
+        scenario.pass_us(10 * SECOND);
+        let back = scenario.now_us();
+        scenario.fly_us(run(50), Origin::Rc, 3 * SECOND - 1);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}: far, so held off for 2 s more");
         assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
-        scenario.to(back + 3 * SECOND);
+        scenario.run_to_us(back + 3 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::None));
-        scenario.fly(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
         assert_eq!(scenario.tenths(), 500);
     }
 }
@@ -139,19 +139,19 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
                 s.return_within = micros(return_within);
             });
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
-            let lost = scenario.now() + AGE;
-            scenario.pass(off.max(AGE + return_within));
+            let lost = scenario.now_us() + SOURCE_TIMEOUT_US;
+            scenario.pass_us(off.max(SOURCE_TIMEOUT_US + return_within));
             let mut before = 500;
-            while scenario.now() < lost + 15 * SECOND {
-                scenario.fly(run(50), Origin::Rc, on);
-                // The last command came at most PERIOD before.
-                scenario.pass(off);
+            while scenario.now_us() < lost + 15 * SECOND {
+                scenario.fly_us(run(50), Origin::Rc, on);
+                // The last command came at most COMMAND_PERIOD_US before.
+                scenario.pass_us(off);
                 let now = scenario.tenths();
                 assert!(now <= before, "{ecu:?} {on} {off}: {now} after {before}");
                 before = now;
             }
             assert_eq!(before, 0, "{ecu:?} {on} {off}");
-            scenario.to(lost + 21 * SECOND);
+            scenario.run_to_us(lost + 21 * SECOND);
             assert_eq!(scenario.order(), Order::Standby);
             assert_eq!(
                 stages(&mut scenario),
@@ -166,8 +166,8 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
         // The control: shorter gaps than the age limit are none.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
-            scenario.fly(run(50), Origin::Rc, 300_000);
-            scenario.pass(350_000);
+            scenario.fly_us(run(50), Origin::Rc, 300_000);
+            scenario.pass_us(350_000);
         }
         assert_eq!((scenario.tenths(), stages(&mut scenario)), (500, vec![]), "{ecu:?}");
     }
@@ -178,7 +178,7 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
 fn a_flapping_source_leaves_the_steady_one_below_alone() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.fly(run(30), Origin::Mavlink, 4 * SECOND);
+        scenario.fly_us(run(30), Origin::Mavlink, 4 * SECOND);
         assert_eq!((scenario.telemetry().active_source, scenario.tenths()), (Origin::Mavlink, 300));
         scenario.bench.events();
         for i in 0..200 {
@@ -186,7 +186,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
             if i % 8 < 2 {
                 assert_eq!(scenario.command(run(80)), Ok(Accepted::Held));
             }
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         }
         assert_eq!(rulers(&mut scenario), []);
@@ -194,7 +194,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
         for i in 0..41 {
             scenario.command_from(run(30), Origin::Mavlink).unwrap();
             scenario.command(run(80)).unwrap();
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
             // Then 50 % a second.
             assert_eq!(scenario.telemetry().active_source == Origin::Rc, i >= 29, "{ecu:?} {i}");
             assert!(scenario.tenths() <= 300 + 50 * (i + 1_u16).saturating_sub(30) + 50, "{ecu:?} {i}");
@@ -210,10 +210,10 @@ fn the_stages_are_each_engines_own() {
     let slow = Ecu::Zk.with(|s| s.loss = loss(5 * SECOND, 0, 10, None));
     let mut quick = Scenario::started_with(Ecu::Zk, quick, percent(50));
     let mut slow = Scenario::started_with(Ecu::Zk, slow, percent(50));
-    quick.pass(SECOND);
-    slow.pass(SECOND);
+    quick.pass_us(SECOND);
+    slow.pass_us(SECOND);
     assert_eq!((quick.tenths(), slow.tenths()), (100, 500));
-    slow.pass(14_500_000);
+    slow.pass_us(14_500_000);
     assert_eq!(slow.tenths(), 400, "1 % a second from 5.5 s on");
 }
 
@@ -223,28 +223,28 @@ fn link_lost_and_source_lost_are_two_things() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.sent();
-        scenario.silent().fly(run(60), Origin::Rc, 3 * SECOND);
+        scenario.silent().fly_us(run(60), Origin::Rc, 3 * SECOND);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Lost, LossStage::None));
         assert_eq!(telemetry.commanded, Some(percent(60)));
         let Order::Doubt(demand) = scenario.order() else { panic!("{ecu:?}: {:?}", scenario.order()) };
         scenario.sent();
-        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        scenario.fly_us(run(60), Origin::Rc, SECOND / 2);
         assert_eq!(scenario.sent(), [], "{ecu:?}: nothing that could start an engine");
         assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}: it does not rise");
         scenario.says(Says::Running);
         assert_eq!(scenario.telemetry().link, LinkState::Up);
-        scenario.fly(run(60), Origin::Rc, SECOND / 2);
+        scenario.fly_us(run(60), Origin::Rc, SECOND / 2);
         assert_eq!(scenario.order(), Order::Run(percent(60)), "{ecu:?}");
 
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.pass(5 * SECOND);
+        scenario.pass_us(5 * SECOND);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Up, LossStage::FailSafe));
 
         // Both: the stages run all the same.
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.silent().pass(3 * SECOND);
+        scenario.silent().pass_us(3 * SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
         assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
     }
@@ -258,7 +258,7 @@ fn no_loss_without_a_demand() {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             scenario.command(command).unwrap();
             scenario.bench.events();
-            scenario.pass(60 * SECOND);
+            scenario.pass_us(60 * SECOND);
             assert_eq!(scenario.telemetry().loss, LossStage::None);
             assert_eq!(scenario.bench.event_kinds(), []);
         }
@@ -272,7 +272,7 @@ fn only_a_demand_keeps_a_demand_fresh() {
         for command in [Command::Arm, Command::ReleaseStop, Command::Disarm] {
             let mut scenario = Scenario::started(ecu, percent(50));
             for _ in 0..40 {
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
                 let _ = scenario.command(command);
             }
             assert_eq!(scenario.tenths(), 0, "{ecu:?} {command:?}");
@@ -286,15 +286,15 @@ fn only_a_demand_keeps_a_demand_fresh() {
 fn loss_of_an_rpm_demand() {
     for (demand, safe) in [(100_000, ZK_IDLE), (ZK_IDLE - 1_000, ZK_IDLE - 1_000)] {
         let mut scenario = Scenario::started(Ecu::Zk, rpm(demand));
-        scenario.pass(AGE + SECOND);
+        scenario.pass_us(SOURCE_TIMEOUT_US + SECOND);
         assert_eq!(scenario.order(), Order::Run(rpm(demand)));
-        scenario.pass(5 * SECOND);
+        scenario.pass_us(5 * SECOND);
         assert_eq!(scenario.order(), Order::Run(rpm(safe)), "{demand}");
         assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
     }
     // 50 % of 160 000 rpm a second: 40 000 after half a second.
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
-    scenario.pass(AGE + SECOND + 500_000);
+    scenario.pass_us(SOURCE_TIMEOUT_US + SECOND + 500_000);
     let Order::Run(Demand::Rpm(half_way)) = scenario.order() else { panic!("{:?}", scenario.order()) };
     assert!(half_way.get().abs_diff(60_000) <= 1_600, "{half_way:?}");
 
@@ -303,23 +303,23 @@ fn loss_of_an_rpm_demand() {
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::identity(160, 5, 0));
     }
-    scenario.says(Says::Standby).pass(2 * SECOND);
+    scenario.says(Says::Standby).pass_us(2 * SECOND);
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
     scenario.command(run(0)).unwrap();
     // Where no idle speed is known a tenth of the maximum has to do.
     scenario.values.rpm = Some(ZK_MAX / 10);
     scenario.says(Says::Starting).says(Says::Running);
-    scenario.fly(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);
+    scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
-    scenario.pass(5 * SECOND);
+    scenario.pass_us(5 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)), "no idle rpm is known");
 
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [4, 0, 5 << 2]));
     }
-    scenario.pass(5 * SECOND);
+    scenario.pass_us(5 * SECOND);
     let low = match scenario.order() {
         Order::Run(Demand::Rpm(rpm)) => rpm.get() <= ZK_IDLE,
         Order::Run(Demand::Throttle(throttle)) => throttle == Throttle::IDLE,

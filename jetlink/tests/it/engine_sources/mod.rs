@@ -13,15 +13,15 @@ use jetlink::limit::{Action, Limit};
 use jetlink::report::LinkState;
 use jetlink::units::{Celsius, Throttle};
 
-use crate::support::bench::{micros, us};
+use crate::support::bench::{at_us, micros};
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
-    BOTH, EVERY, Ecu, PERIOD, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX, percent, rpm, run,
-    tenths,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX,
+    percent, rpm, run, tenths,
 };
 
 /// RC's age limit.
-const AGE: u64 = 500_000;
+const SOURCE_TIMEOUT_US: u64 = 500_000;
 
 fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
     scenario

@@ -13,37 +13,37 @@ fn slew_limits() {
         let config = ecu.with(|s| {
             s.slew.up = Some(200);
             s.slew.down = Some(400);
-            s.ages.rc = Duration::from_secs(60);
+            s.timeouts.rc = Duration::from_secs(60);
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(20));
-        scenario.pass(5 * SECOND);
-        let from = scenario.now();
+        scenario.pass_us(5 * SECOND);
+        let from = scenario.now_us();
         scenario.command(run(80)).unwrap();
         assert_eq!(scenario.tenths(), 200);
-        scenario.to(from + 1_500_000);
+        scenario.run_to_us(from + 1_500_000);
         assert!(scenario.tenths().abs_diff(500) <= 4, "{}", scenario.tenths());
-        scenario.to(from + 3 * SECOND - 1);
+        scenario.run_to_us(from + 3 * SECOND - 1);
         assert!(scenario.tenths() < 800);
-        scenario.to(from + 3 * SECOND);
+        scenario.run_to_us(from + 3 * SECOND);
         assert_eq!(scenario.tenths(), 800, "{ecu:?}");
         assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
         scenario.command(run(0)).unwrap();
-        scenario.to(from + 5 * SECOND - 1);
+        scenario.run_to_us(from + 5 * SECOND - 1);
         assert!(scenario.tenths() > 0);
-        scenario.to(from + 5 * SECOND);
+        scenario.run_to_us(from + 5 * SECOND);
         assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
     }
     // An rpm in the same share of the maximum: 20 % of 160 000 rpm a second.
     let config = Ecu::Zk.with(|s| {
         s.slew.up = Some(200);
-        s.ages.rc = Duration::from_secs(60);
+        s.timeouts.rc = Duration::from_secs(60);
     });
     let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(ZK_IDLE));
-    let from = scenario.now();
+    let from = scenario.now_us();
     scenario.command(Command::Run(rpm(ZK_IDLE + 64_000))).unwrap();
-    scenario.to(from + 2 * SECOND - 1);
+    scenario.run_to_us(from + 2 * SECOND - 1);
     assert_ne!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
-    scenario.to(from + 2 * SECOND);
+    scenario.run_to_us(from + 2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
 }
 
@@ -57,19 +57,19 @@ fn slew_delays_no_stop_and_no_fail_safe() {
         });
         for (command, wire) in [(Command::EmergencyStop, Wire::Stop), (Command::Standby, Wire::Standby)] {
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
-            scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+            scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
             match command {
                 Command::Standby => scenario.shut_down().unwrap(),
                 command => scenario.command(command).unwrap(),
             };
-            scenario.pass(2 * EVERY);
+            scenario.pass_us(2 * FRAME_PERIOD_US);
             assert_eq!(scenario.sent().last(), Some(&wire), "{ecu:?}");
         }
         let mut scenario = Scenario::started_with(ecu, config, percent(80));
-        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 800);
         // The last command came 100 ms ago. 50 % a second.
-        scenario.pass(AGE - PERIOD + SECOND + 1_600_000);
+        scenario.pass_us(SOURCE_TIMEOUT_US - COMMAND_PERIOD_US + SECOND + 1_600_000);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}");
     }
 }
@@ -83,15 +83,15 @@ fn the_loss_of_another_engine() {
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
             scenario.bench.act(|engine, now| engine.other_failed(now, true));
             assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(1)], "{ecu:?} {option:?}");
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             assert_eq!((scenario.tenths(), scenario.wire()), (expected, Wire::Run(expected)), "{option:?}");
             assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
             scenario.bench.act(|engine, now| engine.other_failed(now, false));
             assert_eq!(scenario.bench.event_kinds(), [Event::OtherFailed(0)]);
             // Back at 50 % a second.
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             assert_eq!(scenario.tenths(), 800.min(expected + 500), "{option:?}");
-            scenario.fly(run(80), Origin::Rc, SECOND);
+            scenario.fly_us(run(80), Origin::Rc, SECOND);
             assert_eq!(scenario.tenths(), 800);
         }
     }
@@ -109,7 +109,7 @@ fn what_counts_as_failed() {
         assert!(!scenario.bench.machine.failed());
 
         let mut scenario = Scenario::started(ecu, percent(50));
-        scenario.silent().fly(run(50), Origin::Rc, 3 * SECOND);
+        scenario.silent().fly_us(run(50), Origin::Rc, 3 * SECOND);
         assert!(scenario.bench.machine.failed(), "{ecu:?}: it fell silent");
         scenario.says(Says::Running);
         assert!(!scenario.bench.machine.failed(), "{ecu:?}: it is back");
@@ -120,7 +120,7 @@ fn what_counts_as_failed() {
                 Command::Standby => scenario.shut_down().unwrap(),
                 command => scenario.command(command).unwrap(),
             };
-            scenario.says(Says::Cooling).pass(5 * SECOND);
+            scenario.says(Says::Cooling).pass_us(5 * SECOND);
             assert!(!scenario.bench.machine.failed(), "{ecu:?}: it was commanded");
         }
     }
@@ -136,12 +136,12 @@ fn a_limit_can_lower_the_throttle() {
             s.loss.throttle = Throttle::from_percent(20).unwrap();
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(80));
-        scenario.values.egt = 720;
-        scenario.fly(run(80), Origin::Rc, 200_000);
-        scenario.values.egt = 500;
-        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        scenario.values.egt_celsius = 720;
+        scenario.fly_us(run(80), Origin::Rc, 200_000);
+        scenario.values.egt_celsius = 500;
+        scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
         assert_eq!((scenario.tenths(), scenario.wire()), (200, Wire::Run(200)), "{ecu:?}");
-        scenario.fly(run(90), Origin::Rc, 10 * SECOND);
+        scenario.fly_us(run(90), Origin::Rc, 10 * SECOND);
         assert_eq!(scenario.tenths(), 200);
         assert!(scenario.telemetry().limited, "{ecu:?}");
 
@@ -150,7 +150,7 @@ fn a_limit_can_lower_the_throttle() {
         let mut scenario = Scenario::after_reset(ecu, config, kept);
         scenario.introduce();
         scenario.says(Says::Running);
-        scenario.fly(run(90), Origin::Rc, 10 * SECOND);
+        scenario.fly_us(run(90), Origin::Rc, 10 * SECOND);
         assert_eq!(scenario.tenths(), 200, "{ecu:?}");
         assert!(scenario.telemetry().limited);
 
@@ -184,7 +184,7 @@ fn a_reduction_does_not_wait() {
                 if taking_over {
                     scenario.command_from(run(90), Origin::Emergency).unwrap();
                 }
-                scenario.pass(PERIOD);
+                scenario.pass_us(COMMAND_PERIOD_US);
             }
             // 72 % at 50 % a second.
             assert_eq!(scenario.tenths(), 80, "{ecu:?} {taking_over}");
@@ -198,11 +198,11 @@ fn slew_limits_a_demand_of_the_other_kind() {
     let config = Ecu::Zk.with(|s| s.slew.up = Some(100));
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(0));
     scenario.values.rpm = Some(50_000);
-    scenario.fly(run(0), Origin::Rc, SECOND);
+    scenario.fly_us(run(0), Origin::Rc, SECOND);
     let asked = Command::Run(rpm(ZK_MAX));
     scenario.command(asked).unwrap();
     assert_eq!(scenario.order(), Order::Run(rpm(50_000)));
-    scenario.fly(asked, Origin::Rc, SECOND);
+    scenario.fly_us(asked, Origin::Rc, SECOND);
     // 10 % of 160 000 rpm.
     assert_eq!(scenario.order(), Order::Run(rpm(66_000)));
 }
@@ -214,9 +214,9 @@ fn who_rules_is_told_in_standby() {
         let mut scenario = Scenario::with(ecu, ecu.config());
         scenario.says(Says::Standby);
         scenario.bench.events();
-        scenario.fly(Command::Standby, Origin::Bench, SECOND);
-        let rc_from = scenario.now();
-        scenario.fly(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
+        let rc_from = scenario.now_us();
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
         let answer = scenario.command_from(Command::Standby, Origin::Bench);
         assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)));
         assert_eq!(scenario.telemetry().active_source, Origin::Rc, "{ecu:?}");
@@ -230,10 +230,10 @@ fn standby_by_loss_shows() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(1)));
         let mut scenario = Scenario::started_with(ecu, config, percent(50));
-        scenario.pass(10 * SECOND);
+        scenario.pass_us(10 * SECOND);
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::Standby, LossStage::Standby));
-        scenario.fly(Command::Standby, Origin::Rc, 2 * SECOND);
+        scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?}");
     }
 }
@@ -253,9 +253,9 @@ fn an_ecu_that_does_not_obey_is_told() {
                 Command::Standby => scenario.shut_down().unwrap(),
                 command => scenario.command(command).unwrap(),
             };
-            scenario.pass(3 * SECOND - 2 * EVERY);
+            scenario.pass_us(3 * SECOND - 2 * FRAME_PERIOD_US);
             assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
-            scenario.pass(3 * EVERY);
+            scenario.pass_us(3 * FRAME_PERIOD_US);
             assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![Event::NotObeyed], false));
             scenario.says(Says::Cooling);
             assert_eq!(told(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
@@ -263,15 +263,15 @@ fn an_ecu_that_does_not_obey_is_told() {
         // The control: it takes its time, but not that long.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.shut_down().unwrap();
-        scenario.pass(2 * SECOND);
-        scenario.says(Says::Standby).pass(20 * SECOND);
+        scenario.pass_us(2 * SECOND);
+        scenario.says(Says::Standby).pass_us(20 * SECOND);
         assert_eq!(told(&mut scenario), [], "{ecu:?}");
     }
     // The throttle of a running engine, within 10 %.
     for (half_percents, expected) in [(80, vec![]), (78, vec![Event::NotObeyed])] {
         let mut scenario = Scenario::started(Ecu::Amt, percent(50));
         scenario.values.half_percents = half_percents;
-        scenario.fly(run(50), Origin::Rc, 5 * SECOND);
+        scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
         assert_eq!(told(&mut scenario), expected, "{half_percents}");
     }
 }

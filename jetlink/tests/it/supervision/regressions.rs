@@ -1,6 +1,8 @@
 //! What random worlds have found, each as the shortest schedule that shows it.
 
-use crate::support::scenario::{BOTH, PERIOD, SECOND, Says, Scenario, Values, Wire, percent, run, tenths};
+use crate::support::scenario::{
+    BOTH, COMMAND_PERIOD_US, SECOND, Says, Scenario, Values, Wire, percent, run, tenths,
+};
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
@@ -17,15 +19,15 @@ fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
     for ecu in BOTH {
         let mut scenario = Scenario::started_with(
             ecu,
-            ecu.with(|s| s.ages.mavlink = Duration::from_millis(500)),
+            ecu.with(|s| s.timeouts.mavlink = Duration::from_millis(500)),
             percent(80),
         );
-        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 800);
         // RC is silent from here on; its age limit of 0.5 s, then 2 s. First MAVLink waits, then the bench.
-        scenario.fly(run(10), Origin::Mavlink, 1_500_000);
+        scenario.fly_us(run(10), Origin::Mavlink, 1_500_000);
         assert_eq!(scenario.tenths(), 800);
-        scenario.fly(run(10), Origin::Bench, 1_200_000);
+        scenario.fly_us(run(10), Origin::Bench, 1_200_000);
         assert_eq!(scenario.tenths(), 100, "{ecu:?}");
     }
 }
@@ -37,14 +39,14 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
     for ecu in BOTH {
         let mut scenario =
             Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
-        scenario.fly(run(30), Origin::Rc, SECOND);
+        scenario.fly_us(run(30), Origin::Rc, SECOND);
         // RC is lost for longer than a gap that is none; the bench waits to take over.
-        scenario.fly(run(10), Origin::Bench, 1_600_000);
+        scenario.fly_us(run(10), Origin::Bench, 1_600_000);
         assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         // RC speaks again, with another demand, and both fall silent.
         assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
         for _ in 0..30 {
-            scenario.pass(PERIOD);
+            scenario.pass_us(COMMAND_PERIOD_US);
             assert!(scenario.tenths() <= 300, "{ecu:?}: {}", scenario.tenths());
         }
     }
@@ -55,13 +57,13 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
 fn a_source_that_is_not_there_yet_starts_nothing() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
-        scenario.fly(Command::Standby, Origin::Bench, 2 * SECOND);
+        scenario.fly_us(Command::Standby, Origin::Bench, 2 * SECOND);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
-        scenario.fly(Command::Standby, Origin::Bench, SECOND);
+        scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.order(), Order::Standby);
         // Beside it: it has said standby for a second, and starts it.
         scenario.says(Says::Standby);
-        scenario.fly(Command::Standby, Origin::Rc, 1_200_000);
+        scenario.fly_us(Command::Standby, Origin::Rc, 1_200_000);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     }
@@ -77,14 +79,14 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
             s.loss.throttle = Throttle::from_percent(20).unwrap();
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(80));
-        scenario.fly(run(80), Origin::Rc, 2 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 800);
-        scenario.values.egt = 720;
-        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        scenario.values.egt_celsius = 720;
+        scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.tenths(), 200);
         scenario.command(run(5)).unwrap();
         assert_eq!(scenario.tenths(), 50, "{ecu:?}");
-        scenario.fly(run(80), Origin::Rc, 3 * SECOND);
+        scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.tenths(), 50, "it only lowers");
     }
 }
@@ -112,7 +114,7 @@ fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.slew.up = Some(100));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
-        scenario.fly(run(80), Origin::Rc, SECOND);
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
         let (kept, now) = (scenario.bench.machine.record(), scenario.tenths());
         assert!(now < 150, "{ecu:?}: {now}");
         // 10 % a second, and a frame every 50 ms (ZK) or set (AMT).
@@ -130,17 +132,17 @@ fn start_cut_short_by_a_reset_does_not_go_on() {
         // Below half of idle.
         scenario.values.rpm = Some(2000);
         scenario.says(Says::Starting);
-        scenario.fly(run(72), Origin::Rc, SECOND);
+        scenario.fly_us(run(72), Origin::Rc, SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
         let mut after = scenario.reset(ecu.config());
         assert_eq!(after.order(), Order::Listen, "{ecu:?}");
-        after.fly(run(72), Origin::Rc, SECOND);
+        after.fly_us(run(72), Origin::Rc, SECOND);
         assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
         // Beside it: an engine that has reached running goes on.
         scenario.values.rpm = None;
         scenario.says(Says::Running);
         let mut after = scenario.reset(ecu.config());
-        after.pass(SECOND);
+        after.pass_us(SECOND);
         assert!(after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
     }
 }
@@ -153,19 +155,19 @@ fn a_lost_demand_never_rises() {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         scenario.says(Says::Starting);
-        scenario.fly(run(56), Origin::Rc, SECOND);
-        scenario.pass(SECOND);
+        scenario.fly_us(run(56), Origin::Rc, SECOND);
+        scenario.pass_us(SECOND);
         assert_eq!(scenario.telemetry().loss, LossStage::Hold);
         scenario.says(Says::Running);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}");
 
         let config = ecu.with(|s| s.slew.up = Some(100));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
-        scenario.fly(run(80), Origin::Rc, SECOND);
-        scenario.pass(500_000);
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
+        scenario.pass_us(500_000);
         let lost_at = scenario.tenths();
         assert!((100..200).contains(&lost_at), "{ecu:?}: {lost_at}");
-        scenario.pass(900_000);
+        scenario.pass_us(900_000);
         assert_eq!(scenario.tenths(), lost_at, "{ecu:?}");
     }
 }
@@ -204,15 +206,15 @@ fn word_said_in_doubt_after_a_reset_overrides_the_retained_demand() {
 fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
-        scenario.values.egt = 300;
-        scenario.fly(Command::Standby, Origin::Rc, SECOND);
-        let odd = Values { egt: 26, ..scenario.values };
+        scenario.values.egt_celsius = 300;
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
+        let odd = Values { egt_celsius: 26, ..scenario.values };
         scenario.odd(Says::Standby, odd);
         let answer = scenario.command(run(0));
         assert!(matches!(answer, Err(Rejected::Start(Interlock::TooHot(_)))), "{ecu:?}: {answer:?}");
         // The control: two of them do.
-        scenario.values.egt = 26;
-        scenario.fly(Command::Standby, Origin::Rc, SECOND);
+        scenario.values.egt_celsius = 26;
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
 }

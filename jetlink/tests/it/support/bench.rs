@@ -55,7 +55,7 @@ machine!(ZkLink, Link, |link, now| Link::start(link, now));
 machine!(Engine, Engine, |engine, now| engine.start(now, None), supervise);
 
 /// An instant from microseconds.
-pub fn us(micros: u64) -> Instant {
+pub fn at_us(micros: u64) -> Instant {
     Instant::from_micros(micros)
 }
 
@@ -87,7 +87,7 @@ impl<M: Machine> Bench<M> {
             frames: Vec::new(),
             events: Vec::new(),
         };
-        bench.machine.start(us(0));
+        bench.machine.start(at_us(0));
         bench.drain();
         bench
     }
@@ -99,7 +99,7 @@ impl<M: Machine> Bench<M> {
         self
     }
 
-    pub fn now(&self) -> u64 {
+    pub fn now_us(&self) -> u64 {
         self.now
     }
 
@@ -108,7 +108,7 @@ impl<M: Machine> Bench<M> {
     }
 
     /// What the last `Output::Wait` said.
-    pub fn deadline(&self) -> Option<u64> {
+    pub fn deadline_us(&self) -> Option<u64> {
         self.deadline
     }
 
@@ -135,7 +135,7 @@ impl<M: Machine> Bench<M> {
     }
 
     /// Lets time pass: calls `sent` and `timeout` when they are due, up to and including `t`.
-    pub fn run_to(&mut self, t: u64) {
+    pub fn run_to_us(&mut self, t: u64) {
         loop {
             let over = self.busy.flatten();
             let next = [over, self.deadline].into_iter().flatten().min();
@@ -143,9 +143,9 @@ impl<M: Machine> Bench<M> {
             self.now = self.now.max(next);
             if over == Some(next) {
                 self.busy = None;
-                self.machine.sent(us(self.now));
+                self.machine.sent(at_us(self.now));
             } else {
-                self.machine.timeout(us(self.now));
+                self.machine.timeout(at_us(self.now));
                 self.drain();
                 let deadline = self.deadline;
                 assert!(
@@ -157,18 +157,18 @@ impl<M: Machine> Bench<M> {
             }
             self.drain();
         }
-        self.jump_to(t);
+        self.jump_to_us(t);
     }
 
     /// Sets the time, with nobody looking at the deadlines meanwhile.
-    pub fn jump_to(&mut self, t: u64) {
+    pub fn jump_to_us(&mut self, t: u64) {
         assert!(t >= self.now, "time runs forward: {t} after {}", self.now);
         self.now = t;
     }
 
     /// Does something with the machine now, and drains.
     pub fn act<T>(&mut self, act: impl FnOnce(&mut M, Instant) -> T) -> T {
-        let answer = act(&mut self.machine, us(self.now));
+        let answer = act(&mut self.machine, at_us(self.now));
         self.drain();
         answer
     }
@@ -184,27 +184,27 @@ impl<M: Machine> Bench<M> {
     }
 
     /// Bytes at a time.
-    pub fn rx(&mut self, t: u64, bytes: &[u8]) {
-        self.run_to(t);
+    pub fn rx_at_us(&mut self, t: u64, bytes: &[u8]) {
+        self.run_to_us(t);
         self.receive(bytes);
     }
 
     /// A late or an early wake-up at a time, with nothing done in between.
-    pub fn timeout_at(&mut self, t: u64) {
-        self.jump_to(t);
+    pub fn timeout_at_us(&mut self, t: u64) {
+        self.jump_to_us(t);
         self.act(|machine, now| machine.timeout(now));
     }
 
     /// The last stop bit is out at a time.
-    pub fn sent_at(&mut self, t: u64) {
-        self.run_to(t);
+    pub fn sent_at_us(&mut self, t: u64) {
+        self.run_to_us(t);
         assert!(self.busy.take().is_some(), "nothing is being sent at {t} µs");
         self.act(|machine, now| machine.sent(now));
     }
 
     /// The transmission failed at a time.
-    pub fn not_sent_at(&mut self, t: u64, why: NotSent) {
-        self.run_to(t);
+    pub fn not_sent_at_us(&mut self, t: u64, why: NotSent) {
+        self.run_to_us(t);
         assert!(self.busy.take().is_some(), "nothing is being sent at {t} µs");
         self.act(|machine, now| machine.not_sent(now, why));
     }
@@ -243,7 +243,7 @@ impl<M: Machine> Bench<M> {
 impl<L: Machine + Link> Bench<L> {
     /// An order at a time.
     pub fn order(&mut self, t: u64, order: Order) -> Result<(), Rejected> {
-        self.run_to(t);
+        self.run_to_us(t);
         self.act(|link, now| link.order(now, order))
     }
 }

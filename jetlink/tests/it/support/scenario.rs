@@ -1,7 +1,7 @@
 //! One engine of either kind as a scenario: what its ECU says, what is commanded, what goes out. Times are in
 //! microseconds; everything is exact to the tick.
 
-use crate::support::bench::{Bench, us};
+use crate::support::bench::{Bench, at_us};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
@@ -15,6 +15,9 @@ use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::line::Line;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
+use sim::any::Protocol;
+use sim::control::{self, Switch};
+use sim::zk::ZkCommand;
 
 /// What an ECU can say in plain words.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -59,8 +62,7 @@ const ZK_MAX_THOUSANDS: u8 = 160;
 pub struct Values {
     /// AMT: in steps of 500.
     pub rpm: Option<u32>,
-    /// °C.
-    pub egt: i32,
+    pub egt_celsius: i32,
     /// AMT: the throttle that the ECU obeys, in half percents.
     pub half_percents: u8,
     /// AMT: bits, sent in an error set. ZK: a code.
@@ -86,7 +88,7 @@ impl Ecu {
         let rpm = values.rpm.unwrap_or(if says.turns() { TURNING } else { 0 });
         match self {
             Self::Amt => {
-                let egt = u8::try_from((values.egt + 50) * 10 / 46).expect("EGT fits");
+                let egt = u8::try_from((values.egt_celsius + 50) * 10 / 46).expect("EGT fits");
                 if values.fault != 0 {
                     return vec![0xFF, 0x00, values.fault, egt, values.half_percents, 0];
                 }
@@ -110,7 +112,7 @@ impl Ecu {
                     Says::Cooling => (12, 1),
                     Says::Unknown => (31, 2),
                 };
-                let [high, low] = u16::try_from(values.egt + 50).expect("EGT fits").to_be_bytes();
+                let [high, low] = u16::try_from(values.egt_celsius + 50).expect("EGT fits").to_be_bytes();
                 let fault = values.fault;
                 let rest = [state | (fault & 7) << 5, switch << 5 | high << 2 | fault >> 3, low];
                 zk_frames::status(1, rpm, rest).to_vec()
@@ -131,12 +133,12 @@ pub struct Scenario {
 }
 
 /// Between two frames of the ECU.
-pub const EVERY: u64 = 50_000;
+pub const FRAME_PERIOD_US: u64 = 50_000;
 /// Between two commands of a source.
-pub const PERIOD: u64 = 100_000;
+pub const COMMAND_PERIOD_US: u64 = 100_000;
 pub const SECOND: u64 = 1_000_000;
 /// From idle to full at the slowest slew that can be set, 1 % a second.
-const RISES_WITHIN: u64 = 101 * SECOND;
+const RISES_WITHIN_US: u64 = 101 * SECOND;
 
 impl Scenario {
     pub fn new(ecu: Ecu) -> Self {
@@ -155,9 +157,9 @@ impl Scenario {
             ecu,
             bench: Bench::new(Engine::new(&config), config.line),
             says: None,
-            values: Values { rpm: None, egt: 26, half_percents: 0, fault: 0 },
+            values: Values { rpm: None, egt_celsius: 26, half_percents: 0, fault: 0 },
             others_allow_start: true,
-            next_frame: EVERY,
+            next_frame: FRAME_PERIOD_US,
         }
     }
 
@@ -188,7 +190,7 @@ impl Scenario {
     pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<RetainedState>) -> Self {
         let mut scenario = Self::nothing_heard(ecu, config);
         let mut machine = Engine::new(&config);
-        machine.start(us(0), kept);
+        machine.start(at_us(0), kept);
         scenario.bench.machine = machine;
         scenario.bench.events();
         scenario.bench.frames();
@@ -207,7 +209,7 @@ impl Scenario {
     /// From now on the ECU reports this, and has reported it four times: enough to end the life of an engine.
     pub fn says(&mut self, says: Says) -> &mut Self {
         self.says = Some(says);
-        self.pass(4 * EVERY)
+        self.pass_us(4 * FRAME_PERIOD_US)
     }
 
     /// From now on the ECU says nothing.
@@ -216,21 +218,21 @@ impl Scenario {
         self
     }
 
-    /// Time passes; the ECU speaks every 50 ms.
-    pub fn pass(&mut self, micros: u64) -> &mut Self {
-        let end = self.bench.now() + micros;
-        self.to(end)
+    /// So many µs pass; the ECU speaks every 50 ms.
+    pub fn pass_us(&mut self, micros: u64) -> &mut Self {
+        let end = self.bench.now_us() + micros;
+        self.run_to_us(end)
     }
 
-    pub fn to(&mut self, end: u64) -> &mut Self {
+    pub fn run_to_us(&mut self, end: u64) -> &mut Self {
         if let Some(says) = self.says {
-            self.next_frame = self.next_frame.max(self.bench.now() + 1);
+            self.next_frame = self.next_frame.max(self.bench.now_us() + 1);
             while self.next_frame <= end {
-                self.bench.rx(self.next_frame, &self.ecu.frame(says, self.values));
-                self.next_frame += EVERY;
+                self.bench.rx_at_us(self.next_frame, &self.ecu.frame(says, self.values));
+                self.next_frame += FRAME_PERIOD_US;
             }
         }
-        self.bench.run_to(end);
+        self.bench.run_to_us(end);
         self
     }
 
@@ -239,13 +241,13 @@ impl Scenario {
         self.bench.receive(&self.ecu.frame(says, values));
     }
 
-    /// Time passes while a source repeats its command; the first comes now.
-    pub fn fly(&mut self, command: Command, origin: Origin, micros: u64) -> &mut Self {
-        let end = self.bench.now() + micros;
-        while self.bench.now() < end {
+    /// So many µs pass while a source repeats its command; the first comes now.
+    pub fn fly_us(&mut self, command: Command, origin: Origin, micros: u64) -> &mut Self {
+        let end = self.bench.now_us() + micros;
+        while self.bench.now_us() < end {
             let _ = self.command_from(command, origin);
-            let next = (self.bench.now() + PERIOD).min(end);
-            self.to(next);
+            let next = (self.bench.now_us() + COMMAND_PERIOD_US).min(end);
+            self.run_to_us(next);
         }
         self
     }
@@ -264,12 +266,12 @@ impl Scenario {
         self.clone().command(command)
     }
 
-    pub fn now(&self) -> u64 {
-        self.bench.now()
+    pub fn now_us(&self) -> u64 {
+        self.bench.now_us()
     }
 
     pub fn telemetry(&self) -> Telemetry {
-        self.bench.machine.telemetry(us(self.bench.now()))
+        self.bench.machine.telemetry(at_us(self.bench.now_us()))
     }
 
     pub fn order(&self) -> Order {
@@ -287,7 +289,7 @@ impl Scenario {
     /// Armed, in standby, and everything is ready for a start by RC.
     pub fn ready(ecu: Ecu, config: EngineConfig) -> Self {
         let mut scenario = Self::with(ecu, config);
-        scenario.says(Says::Standby).pass(2 * SECOND);
+        scenario.says(Says::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();
         scenario
@@ -300,7 +302,7 @@ impl Scenario {
 
     pub fn shut_down_from(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
         assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::OneMore));
-        self.pass(PERIOD);
+        self.pass_us(COMMAND_PERIOD_US);
         self.command_from(Command::Standby, origin)
     }
 
@@ -317,10 +319,10 @@ impl Scenario {
             scenario.command(Command::Run(demand)).unwrap();
         }
         // It rises at a rate.
-        let latest = scenario.now() + RISES_WITHIN;
+        let latest = scenario.now_us() + RISES_WITHIN_US;
         while scenario.order() != Order::Run(demand) {
-            assert!(scenario.now() < latest, "{:?}", scenario.order());
-            scenario.pass(PERIOD);
+            assert!(scenario.now_us() < latest, "{:?}", scenario.order());
+            scenario.pass_us(COMMAND_PERIOD_US);
             scenario.command(Command::Run(demand)).unwrap();
         }
         scenario.bench.frames();
@@ -331,7 +333,7 @@ impl Scenario {
     /// What the ECU is told now, as its frames say it.
     pub fn wire(&mut self) -> Wire {
         self.bench.frames();
-        self.pass(4 * EVERY);
+        self.pass_us(4 * FRAME_PERIOD_US);
         self.sent().pop().expect("something goes out")
     }
 
@@ -368,27 +370,27 @@ pub enum Wire {
 
 impl Wire {
     fn read(ecu: Ecu, bytes: &[u8]) -> Option<Self> {
-        Some(match ecu {
-            Ecu::Amt => match bytes[1] {
-                0x11 => Self::Stop,
-                0x12 => Self::Standby,
-                0x14 => Self::Run(u16::from(bytes[2] - 32) * 5),
-                0x91 => Self::Ctf,
-                other => panic!("OPS {other:#04x}"),
-            },
-            Ecu::Zk => match bytes[1] >> 2 {
-                // ID 1
-                0b0100 => Self::Pwm,
-                0b0101 => Self::Stop,
-                0b0110 => Self::Standby,
-                0b0111 => Self::Run(u16::from(bytes[1] & 3) << 8 | u16::from(bytes[2])),
-                // ID 6 with an RPM_X, ID 7
-                0b1_1000..0b1_1100 if bytes[2] >> 2 != 0 => Self::RpmControl,
-                0b1_1100..0b10_0000 => Self::RpmControl,
-                // ID 0, a rate, the switch alone
-                _ => return None,
-            },
-        })
+        let protocol = match ecu {
+            Ecu::Amt => Protocol::Amt,
+            Ecu::Zk => Protocol::Zk,
+        };
+        let command = control::Command::read(protocol, bytes).expect("a good frame");
+        match command {
+            control::Command::Zk(ZkCommand::Switch { factor: 1.., .. } | ZkCommand::Rpm(_)) => {
+                Some(Self::RpmControl)
+            }
+            control::Command::Zk(ZkCommand::Control { .. }) | control::Command::Amt(_) => {
+                Some(match command.switch() {
+                    None => Self::Ctf,
+                    Some(Switch::Pwm) => Self::Pwm,
+                    Some(Switch::Stop) => Self::Stop,
+                    Some(Switch::Standby) => Self::Standby,
+                    Some(Switch::Run) => Self::Run(command.throttle_tenths().expect("it comes with run")),
+                })
+            }
+            // ID 0, a rate, the switch alone.
+            control::Command::Zk(_) => None,
+        }
     }
 }
 

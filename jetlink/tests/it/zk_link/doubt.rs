@@ -17,19 +17,19 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
         (false, 5, rpm(100_000), vec![zk::keep_alive(), zk::rpm(2500), zk::keep_alive(), zk::rpm(2500)]),
     ] {
         let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, version, 160);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         assert!(turns(&mut bench, 4).iter().any(|frame| frame[..] != zk::keep_alive()), "the control");
-        bench.run_to(bench.now() + 20_000);
-        bench.order(bench.now(), doubt(order)).unwrap();
+        bench.run_to_us(bench.now_us() + 20_000);
+        bench.order(bench.now_us(), doubt(order)).unwrap();
         let mut frames = turns(&mut bench, 4);
         if frames[0] != expected[0] {
             frames.rotate_left(1);
         }
         assert_eq!(frames, expected, "{order:?} of version {version}");
         // When the link is lost the version is forgotten; the engine is in mode 3 all the same.
-        bench.run_to(bench.now() + 600_000);
+        bench.run_to_us(bench.now_us() + 600_000);
         bench.frames();
         let mut frames = turns(&mut bench, 4);
         if frames[0] != expected[0] {
@@ -38,8 +38,8 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
         assert_eq!(frames, expected, "{order:?} of version {version}, lost");
         // A stop and a standby go out blind.
         for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
-            bench.order(bench.now(), order).unwrap();
-            bench.run_to(bench.now() + 10 * TURN);
+            bench.order(bench.now_us(), order).unwrap();
+            bench.run_to_us(bench.now_us() + 10 * SEND_SLOT_US);
             let frames = bench.bytes();
             assert!(
                 frames.len() >= 10 && frames.iter().all(|frame| switch_of(frame) == Some(sw)),
@@ -49,7 +49,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
     }
     // With no mode 3 in force an rpm in doubt is ID 0.
     let mut bench = ecu(5);
-    bench.order(bench.now(), doubt(rpm(100_000))).unwrap();
+    bench.order(bench.now_us(), doubt(rpm(100_000))).unwrap();
     assert_eq!(turns(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
@@ -61,15 +61,15 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
         for version in [None, Some(3), Some(5)] {
             for voltage in [None, Some(12), Some(0)] {
                 let mut bench = version.map_or_else(|| link(Config::DEFAULT, LINE), ecu);
-                bench.order(bench.now(), Order::Standby).unwrap();
-                bench.run_to(bench.now() + 60_000);
+                bench.order(bench.now_us(), Order::Standby).unwrap();
+                bench.run_to_us(bench.now_us() + 60_000);
                 bench.frames();
                 bench.act(|link, _| link.close_pump());
                 assert!(bench.machine.closing_pump());
-                bench.order(bench.now(), order).unwrap();
+                bench.order(bench.now_us(), order).unwrap();
                 let mut frames = Vec::new();
                 for _ in 0..40 {
-                    bench.run_to(bench.now() + TURN);
+                    bench.run_to_us(bench.now_us() + SEND_SLOT_US);
                     frames.extend(bench.bytes());
                     if let Some(voltage) = voltage {
                         bench.receive(&zk::status(2, 0, [60, 120, voltage]));
@@ -95,7 +95,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
     }
     // Beside the link that has none to close.
     let mut bench = ecu(5);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     assert!(turns(&mut bench, 40).iter().all(|frame| id(frame) == 1));
 }
 
@@ -104,13 +104,13 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
 fn zk_13_closing_the_pump_does_not_part_an_unlock_from_its_command() {
     for turns_before in 0..4 {
         let mut bench = ecu(5);
-        bench.order(bench.now(), Order::Standby).unwrap();
-        bench.run_to(bench.now() + 60_000);
+        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.run_to_us(bench.now_us() + 60_000);
         bench.act(|link, _| link.close_pump());
         turns(&mut bench, turns_before + 1);
         service(&mut bench, curve(40)).unwrap();
         bench.frames();
-        bench.run_to(bench.now() + 10 * TURN);
+        bench.run_to_us(bench.now_us() + 10 * SEND_SLOT_US);
         let frames = bench.bytes();
         let unlock = frames.iter().position(|frame| id(frame) == 3).expect("an unlock");
         assert_eq!(frames[unlock + 1], zk::curve(40), "{:?}", ids(&frames));
@@ -175,13 +175,13 @@ fn three_frames_that_fail_are_a_gap() {
     ] {
         let mut bench = link(Config { rate: asked, ..Config::DEFAULT }, LINE);
         assert_eq!(gap(&bench), None, "nothing was heard yet");
-        bench.rx(100_000, &zk::identity(160, 4, rate));
+        bench.rx_at_us(100_000, &zk::identity(160, 4, rate));
         assert_eq!(gap(&bench), Some(100_000 + three), "rate {rate}");
         let mut damaged = zk::state(STATE_RUNNING);
         damaged[5] ^= 0x10;
-        bench.rx(125_000, &damaged);
+        bench.rx_at_us(125_000, &damaged);
         assert_eq!(gap(&bench), Some(125_000 + three), "rate {rate}");
-        bench.rx(140_000, &damaged[..4]);
+        bench.rx_at_us(140_000, &damaged[..4]);
         assert_eq!(gap(&bench), Some(125_000 + three), "rate {rate}");
         bench.act(|link, _| link.gap());
         assert_eq!(gap(&bench), None, "it is announced once");

@@ -7,10 +7,10 @@ use super::*;
 fn zk_8_an_emergency_stop_goes_out_of_turn() {
     let mut bench = running(3);
     bench.order(60_000, throttle(900)).unwrap();
-    bench.run_to(120_000);
+    bench.run_to_us(120_000);
     bench.frames();
     bench.order(123_456, Order::EmergencyStop).unwrap();
-    bench.run_to(250_000);
+    bench.run_to_us(250_000);
     let stop = zk::throttle(STOP, 0).to_vec();
     let expected: Vec<_> = [123_456, 150_000, 200_000, 250_000].map(|at| (at, stop.clone())).into();
     assert_eq!(bench.frames(), expected);
@@ -21,10 +21,10 @@ fn zk_8_an_emergency_stop_goes_out_of_turn() {
 fn an_emergency_stop_follows_a_running_transmission_at_once() {
     let mut bench = running(3);
     bench.order(60_000, throttle(900)).unwrap();
-    bench.run_to(100_000); // the frame of this turn takes 4167 µs
+    bench.run_to_us(100_000); // the frame of this turn takes 4167 µs
     bench.frames();
     bench.order(101_000, Order::EmergencyStop).unwrap();
-    bench.run_to(140_000);
+    bench.run_to_us(140_000);
     assert_eq!(bench.frames(), [(104_167, zk::throttle(STOP, 0).to_vec())]);
 }
 
@@ -33,10 +33,10 @@ fn an_emergency_stop_follows_a_running_transmission_at_once() {
 fn an_emergency_stop_follows_a_failed_transmission_at_once() {
     let mut bench = running(3).by_hand();
     bench.order(60_000, throttle(900)).unwrap();
-    bench.run_to(100_000);
+    bench.run_to_us(100_000);
     bench.frames();
     bench.order(101_000, Order::EmergencyStop).unwrap();
-    bench.not_sent_at(102_000, NotSent::Failed);
+    bench.not_sent_at_us(102_000, NotSent::Failed);
     assert_eq!(bench.frames(), [(102_000, zk::throttle(STOP, 0).to_vec())]);
 }
 
@@ -45,10 +45,10 @@ fn an_emergency_stop_follows_a_failed_transmission_at_once() {
 fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
     for turns_before in 2..=5 {
         let mut bench = running(4);
-        bench.order(bench.now(), rpm(100_000)).unwrap();
+        bench.order(bench.now_us(), rpm(100_000)).unwrap();
         turns(&mut bench, turns_before);
-        let t = bench.now() + 17_000;
-        bench.run_to(t); // the frame behind a new RPM_X is out, too
+        let t = bench.now_us() + 17_000;
+        bench.run_to_us(t); // the frame behind a new RPM_X is out, too
         bench.frames();
         bench.order(t, Order::EmergencyStop).unwrap();
         assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{turns_before}");
@@ -62,9 +62,9 @@ fn an_emergency_stop_pre_empts_everything() {
     bench.receive(&zk::identity(160, 5, 0)); // at 20 Hz: the rate is not as wanted
     bench.receive(&zk::idle(30, true)); // asks for pressure
     pressure(&mut bench, 1013);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
-    bench.order(bench.now(), Order::EmergencyStop).unwrap();
+    bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
     // By ID 1, and in case that another host used it by ID 6.
     let stops = [zk::throttle(STOP, 0), zk::mode(0, STOP)];
     let frames = turns(&mut bench, 200);
@@ -84,13 +84,13 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
     for (before, first) in [(throttle(500), [1, 6]), (Order::Standby, [1, 6]), (rpm(80_000), [6, 1])] {
         for version in [4, 5] {
             let mut bench = running(version);
-            bench.order(bench.now(), before).unwrap();
+            bench.order(bench.now_us(), before).unwrap();
             turns(&mut bench, 4);
-            bench.run_to(bench.now() + 20_000);
+            bench.run_to_us(bench.now_us() + 20_000);
             bench.frames();
-            bench.order(bench.now(), Order::EmergencyStop).unwrap();
+            bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
             // Also when the ECU falls silent, and its version with it is forgotten.
-            bench.run_to(bench.now() + 20 * TURN);
+            bench.run_to_us(bench.now_us() + 20 * SEND_SLOT_US);
             let frames = bench.bytes();
             for (at, frame) in frames.iter().enumerate() {
                 let expected = if first[at % 2] == 1 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
@@ -106,20 +106,20 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
 fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     for version in [1, 3] {
         let mut bench = met_running(version);
-        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
         for frame in turns(&mut bench, 10) {
             assert_eq!(frame, zk::throttle(STOP, 0), "{version:?}");
         }
     }
     for version in [None, Some(3), Some(4)] {
         let mut bench = link(Config::DEFAULT, LINE);
-        bench.run_to(10_000); // the keep-alive of the first turn is out
+        bench.run_to_us(10_000); // the keep-alive of the first turn is out
         if let Some(version) = version {
             bench.receive(&zk::identity(160, version, 0));
         }
         bench.frames();
-        bench.order(bench.now(), Order::EmergencyStop).unwrap();
-        bench.run_to(1_000_000);
+        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.run_to_us(1_000_000);
         let frames = bench.bytes();
         for (at, frame) in frames.iter().enumerate() {
             let expected = if at % 2 == 0 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
@@ -135,10 +135,10 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
     for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
         let mut bench = link(Config::DEFAULT, LINE);
         bench.act(|link, _| link.resume_switch_by_id6());
-        bench.run_to(10_000);
+        bench.run_to_us(10_000);
         bench.frames();
-        bench.order(bench.now(), order).unwrap();
-        bench.run_to(1_000_000);
+        bench.order(bench.now_us(), order).unwrap();
+        bench.run_to_us(1_000_000);
         let frames = bench.bytes();
         assert_eq!(frames[..2], [zk::mode(0, sw), zk::throttle(sw, 0)], "{order:?}");
         for both in frames.windows(2) {
@@ -148,11 +148,11 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
     }
     let mut bench = link(Config::DEFAULT, LINE);
     bench.act(|link, _| link.resume_switch_by_id6());
-    bench.order(bench.now(), throttle(300)).unwrap();
+    bench.order(bench.now_us(), throttle(300)).unwrap();
     assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9], "version not known");
     // Without the record a standby is ID 1.
     let mut bench = link(Config::DEFAULT, LINE);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9]);
 }
 
@@ -184,14 +184,14 @@ fn zk_9_which_frame_goes_first() {
         ),
     ] {
         let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
-        bench.order(bench.now(), before).unwrap();
+        bench.order(bench.now_us(), before).unwrap();
         turns(&mut bench, 5);
-        bench.run_to(bench.now() + 20_000);
+        bench.run_to_us(bench.now_us() + 20_000);
         bench.frames();
-        bench.order(bench.now(), after).unwrap();
-        bench.run_to(bench.now() + 5 * TURN);
+        bench.order(bench.now_us(), after).unwrap();
+        bench.run_to_us(bench.now_us() + 5 * SEND_SLOT_US);
         let frames = bench.frames();
         let sent: Vec<_> = frames.iter().take(first.len()).map(|(_, frame)| &frame[..]).collect();
         assert_eq!(sent, first, "{before:?} to {after:?}");
@@ -211,7 +211,7 @@ fn zk_9_which_frame_goes_first() {
                     // To SW 0 there is none: ID 1 has said it before.
                     directly = (frame[2] & 3 != PWM).then_some(at + 4_167);
                 }
-                expected.map_or(at % TURN == 0, |expected| *at == expected)
+                expected.map_or(at % SEND_SLOT_US == 0, |expected| *at == expected)
             }),
             "{before:?} to {after:?}: {frames:02x?}"
         );
@@ -223,10 +223,10 @@ fn zk_9_which_frame_goes_first() {
 fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
     let mut bench = running(4);
     bench.receive(&zk::idle(30, true)); // asks for pressure
-    bench.order(bench.now(), rpm(100_000)).unwrap();
-    bench.run_to(101_000); // the ID 6 of 100 ms is going out
+    bench.order(bench.now_us(), rpm(100_000)).unwrap();
+    bench.run_to_us(101_000); // the ID 6 of 100 ms is going out
     pressure(&mut bench, 1013);
-    bench.run_to(140_000);
+    bench.run_to_us(140_000);
     let sent = [(50_000, zk::rpm(2500)), (100_000, zk::mode(4, RUN)), (104_167, zk::rpm(2500))];
     assert_eq!(bench.frames(), sent.map(|(at, frame)| (at, frame.to_vec())));
 }
@@ -238,18 +238,18 @@ fn zk_9_rpm_x_stays_with_the_order() {
     let modes = |bench: &mut Bench<ZkLink>| -> Vec<u8> {
         turns(bench, 6).iter().filter(|frame| id(frame) == 6).map(|frame| frame[2] >> 2).collect()
     };
-    bench.order(bench.now(), rpm(40_000)).unwrap();
+    bench.order(bench.now_us(), rpm(40_000)).unwrap();
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
     for _ in 0..2 {
         bench.receive(&zk::identity(80, 4, 0));
     }
     assert_eq!(bench.machine.status().report.max_rpm.unwrap().value.get(), 80_000);
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
-    bench.order(bench.now(), rpm(50_000)).unwrap(); // a new number is no new order
+    bench.order(bench.now_us(), rpm(50_000)).unwrap(); // a new number is no new order
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
-    bench.order(bench.now(), throttle(0)).unwrap();
+    bench.order(bench.now_us(), throttle(0)).unwrap();
     assert!(modes(&mut bench).iter().all(|x| *x == 0));
-    bench.order(bench.now(), rpm(50_000)).unwrap();
+    bench.order(bench.now_us(), rpm(50_000)).unwrap();
     let modes = modes(&mut bench);
     assert!(!modes.is_empty() && modes.iter().all(|x| *x == 2), "{modes:?}");
 }
@@ -260,22 +260,22 @@ fn zk_9_rpm_x_stays_with_the_order() {
 fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
     let order = throttle(200);
     let mut bench = met_running(4);
-    bench.order(bench.now(), order).unwrap();
+    bench.order(bench.now_us(), order).unwrap();
     let frames = turns(&mut bench, 2);
     for frame in [zk::mode(0, RUN), zk::throttle(RUN, 200)] {
         assert!(frames.contains(&frame.to_vec()), "{frames:02x?}");
     }
     let mut old = met_running(3);
-    old.order(old.now(), order).unwrap();
+    old.order(old.now_us(), order).unwrap();
     assert_eq!(ids(&turns(&mut old, 10)), [1; 10], "version 3");
     let mut standing = ecu(4);
-    standing.order(standing.now(), order).unwrap();
+    standing.order(standing.now_us(), order).unwrap();
     assert_eq!(ids(&turns(&mut standing, 10)), [1; 10], "it stood");
     // A version that one report alone gives is not used.
     let mut once = link(Config::DEFAULT, LINE);
     once.receive(&zk::identity(160, 4, 0));
     runs(&mut once);
-    once.order(once.now(), order).unwrap();
+    once.order(once.now_us(), order).unwrap();
     assert_eq!(ids(&turns(&mut once, 10))[1..], [1; 9], "one report");
 }
 
@@ -318,7 +318,8 @@ fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
 #[test]
 fn zk_9_an_ecu_met_in_mode_3_is_reached_in_time() {
     for left_in in [(0, RUN), (4, RUN)] {
-        for (order, within) in [(Order::Standby, 1_000_000), (Order::EmergencyStop, 2 * TURN + 5_000)] {
+        for (order, within) in [(Order::Standby, 1_000_000), (Order::EmergencyStop, 2 * SEND_SLOT_US + 5_000)]
+        {
             let mut bench = link(Config::DEFAULT, LINE);
             let mut ecu = SimpleEcu { id1: (RUN, 0), id6: left_in, code: 2500, ..SimpleEcu::default() };
             for _ in 0..2 {
@@ -327,7 +328,7 @@ fn zk_9_an_ecu_met_in_mode_3_is_reached_in_time() {
             bench.order(0, order).unwrap();
             let mut obeyed_at = None;
             for step in 1..=40u64 {
-                bench.rx(step * 50_000 + 20_000, &zk::state(STATE_RUNNING));
+                bench.rx_at_us(step * 50_000 + 20_000, &zk::state(STATE_RUNNING));
                 for (at, frame) in bench.frames() {
                     ecu.obey(&frame);
                     if obeyed_at.is_none() && ecu.obeyed() == expected(order) {
@@ -385,9 +386,9 @@ fn without_an_emergency_stop_everything_goes_out() {
     }
     bench.receive(&zk::idle(30, true));
     pressure(&mut bench, 1013);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
-    bench.run_to(240_000);
+    bench.run_to_us(240_000);
     let frames = bench.bytes();
     for expected in [zk::action(8), zk::unlock(), zk::curve(30), zk::pressure(1013), zk::throttle(STANDBY, 0)]
     {

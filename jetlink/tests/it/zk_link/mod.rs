@@ -28,7 +28,7 @@ use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Hectopascals, Millivolts, Rpm, Throttle};
 use proptest::prelude::*;
 
-use crate::support::bench::{Bench, us};
+use crate::support::bench::{Bench, at_us};
 use crate::support::frames::zk;
 
 /// SW of control IDs 1 and 6.
@@ -47,7 +47,7 @@ const STATE_RUNNING: u8 = 11;
 const STATE_UNKNOWN: u8 = 25;
 
 /// One turn at 20 Hz.
-const TURN: u64 = 50_000;
+const SEND_SLOT_US: u64 = 50_000;
 
 const LINE: Line = Line::new(9600);
 
@@ -66,7 +66,7 @@ fn ecu_with(config: Config, version: u8, max_rpm_thousands: u8) -> Bench<ZkLink>
         bench.receive(&zk::identity(max_rpm_thousands, version, rate_code(config.rate)));
     }
     bench.receive(&zk::state(STATE_STANDBY));
-    bench.run_to(10_000);
+    bench.run_to_us(10_000);
     bench.frames();
     bench.events();
     bench
@@ -75,7 +75,7 @@ fn ecu_with(config: Config, version: u8, max_rpm_thousands: u8) -> Bench<ZkLink>
 /// The same with an engine that runs, and was ordered to standby before.
 fn running(version: u8) -> Bench<ZkLink> {
     let mut bench = ecu(version);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     runs(&mut bench);
     bench
 }
@@ -135,7 +135,7 @@ fn pressure(bench: &mut Bench<ZkLink>, hectopascals: u16) {
 fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
     bench.frames();
     while bench.waiting_frames() < count {
-        heard_to(bench, bench.now() + 5_000);
+        heard_to(bench, bench.now_us() + 5_000);
     }
     let mut bytes = bench.bytes();
     bytes.truncate(count);
@@ -144,14 +144,14 @@ fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
 
 /// Time passes, and the ECU is heard: it reports its temperature.
 fn heard_to(bench: &mut Bench<ZkLink>, t: u64) {
-    while bench.now() < t {
-        let next = (bench.now() / TURN + 1) * TURN;
+    while bench.now_us() < t {
+        let next = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
         if next > t {
             break;
         }
-        bench.rx(next, &zk::status(9, 0, [76, 0, 0]));
+        bench.rx_at_us(next, &zk::status(9, 0, [76, 0, 0]));
     }
-    bench.run_to(t);
+    bench.run_to_us(t);
 }
 
 fn id(frame: &[u8]) -> u8 {

@@ -14,7 +14,7 @@ fn zk_9_mode_1_switch_and_throttle_in_id_1() {
         (Order::Standby, STANDBY, 0),
         (Order::EmergencyStop, STOP, 0),
     ] {
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         for frame in turns(&mut bench, 3) {
             assert_eq!(frame, zk::throttle(sw, tenths), "{order:?}");
         }
@@ -30,7 +30,7 @@ fn zk_9_mode_2_switch_in_id_6() {
     for (order, sw, tenths) in
         [(Order::Standby, STANDBY, 0), (throttle(425), RUN, 425), (Order::EmergencyStop, STOP, 0)]
     {
-        bench.order(bench.now(), order).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
         let (mode, demand) = (zk::mode(0, sw).to_vec(), zk::throttle(sw, tenths).to_vec());
         // To run, the throttle goes first: the switch must not come into force with an old one.
         let (first, second) = if sw == RUN { (demand, mode) } else { (mode, demand) };
@@ -59,12 +59,12 @@ fn zk_7_mode_2_waits_for_version_4() {
 #[test]
 fn zk_9_mode_3_rpm_in_id_7() {
     let mut bench = running(4);
-    bench.order(bench.now(), rpm(100_000)).unwrap();
+    bench.order(bench.now_us(), rpm(100_000)).unwrap();
     // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
     let (demand, mode) = (zk::rpm(2500).to_vec(), zk::mode(4, RUN).to_vec());
     assert_eq!(turns(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
     // A new rpm is in force at the latest two turns later.
-    bench.order(bench.now(), rpm(100_079)).unwrap();
+    bench.order(bench.now_us(), rpm(100_079)).unwrap();
     let two = turns(&mut bench, 2);
     assert!(two.contains(&zk::rpm(2501).to_vec()), "never rounded above the demand: {two:02x?}");
 }
@@ -82,7 +82,7 @@ fn zk_9_rpm_x_for_every_maximum() {
             if demand > max_rpm {
                 continue;
             }
-            bench.order(bench.now(), rpm(demand)).unwrap();
+            bench.order(bench.now_us(), rpm(demand)).unwrap();
             let frames = turns(&mut bench, 2);
             let mode = frames.iter().find(|frame| id(frame) == 6).expect("mode");
             assert_eq!(mode[..], zk::mode(x as u8, RUN), "{max}");
@@ -92,7 +92,7 @@ fn zk_9_rpm_x_for_every_maximum() {
             assert!(demand - code * x * 10 < x * 10 || code == 4095, "{demand} of {max_rpm}");
         }
         assert_eq!(
-            bench.order(bench.now(), rpm(max_rpm + 1)),
+            bench.order(bench.now_us(), rpm(max_rpm + 1)),
             Err(Rejected::AboveMaxRpm { max: Rpm::new(max_rpm) })
         );
     }
@@ -111,11 +111,11 @@ fn zk_8_no_transition_hands_over_to_pwm() {
                     let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
                     runs(&mut bench);
                     let mut ecu = SimpleEcu::default();
-                    bench.order(bench.now(), before).unwrap();
+                    bench.order(bench.now_us(), before).unwrap();
                     for frame in turns(&mut bench, turns_before) {
                         ecu.obey(&frame);
                     }
-                    bench.order(bench.now(), after).unwrap();
+                    bench.order(bench.now_us(), after).unwrap();
                     for frame in turns(&mut bench, 4) {
                         let switch = match id(&frame) {
                             1 => Some(frame[1] >> 2 & 3),
@@ -139,13 +139,13 @@ fn zk_8_hand_over_to_pwm_by_its_name() {
     for before in [Order::Standby, throttle(500), rpm(80_000)] {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
-        bench.order(bench.now(), before).unwrap();
+        bench.order(bench.now_us(), before).unwrap();
         turns(&mut bench, 2).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now(), Order::Pwm).unwrap();
+        bench.order(bench.now_us(), Order::Pwm).unwrap();
         turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (PWM, None, Some(0)), "{before:?}");
         // And back again.
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (STANDBY, None, Some(0)), "{before:?}");
     }
@@ -159,13 +159,13 @@ fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
         let left = || SimpleEcu { id1: (RUN, 0), id6: left_in, code: 2500, ..SimpleEcu::default() };
         let mut bench = met_running(4);
         let mut ecu = left();
-        bench.order(bench.now(), Order::EmergencyStop).unwrap();
+        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
         turns(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), expected(Order::EmergencyStop), "left in {left_in:?}");
         // Where nothing is known of ID 6, standby goes by ID 1, and by both when the ECU does not follow.
         let mut bench = met_running(4);
         let mut ecu = left();
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         for _ in 0..20 {
             turns(&mut bench, 1).iter().for_each(|frame| ecu.obey(frame));
             bench.receive(&zk::state(STATE_RUNNING));
@@ -182,7 +182,7 @@ fn zk_9_a_change_of_the_maximum_never_raises_the_target() {
             let mut bench = ecu_with(Config::DEFAULT, 4, before);
             runs(&mut bench);
             let demand = 30_000;
-            bench.order(bench.now(), rpm(demand)).unwrap();
+            bench.order(bench.now_us(), rpm(demand)).unwrap();
             let mut ecu = SimpleEcu::default();
             turns(&mut bench, turns_before).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..2 {
@@ -212,12 +212,12 @@ fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
         ] {
             let mut bench = running(4);
             let mut ecu = SimpleEcu::default();
-            bench.order(bench.now(), rpm(100_000)).unwrap();
+            bench.order(bench.now_us(), rpm(100_000)).unwrap();
             turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..frames {
                 bench.receive(&zk::identity(160, version, 0));
             }
-            bench.order(bench.now(), order).unwrap();
+            bench.order(bench.now_us(), order).unwrap();
             let sent = turns(&mut bench, 6);
             if version < 4 && frames == 2 && matches!(order, Order::Run(_)) {
                 // Two reports agree on another ECU, which does not know ID 6: to run it is ID 1 alone (ZK-7).
@@ -236,11 +236,11 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
     for turns_in_mode_3 in 2..=5 {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
-        bench.order(bench.now(), throttle(1000)).unwrap();
+        bench.order(bench.now_us(), throttle(1000)).unwrap();
         turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now(), rpm(40_000)).unwrap();
+        bench.order(bench.now_us(), rpm(40_000)).unwrap();
         turns(&mut bench, turns_in_mode_3).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now(), throttle(100)).unwrap();
+        bench.order(bench.now_us(), throttle(100)).unwrap();
         for frame in turns(&mut bench, 4) {
             ecu.obey(&frame);
             let (switch, _, throttle) = ecu.obeyed();
@@ -256,11 +256,11 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
 fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now(), rpm(80_000)).unwrap();
+    bench.order(bench.now_us(), rpm(80_000)).unwrap();
     turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now(), Order::Pwm).unwrap();
+    bench.order(bench.now_us(), Order::Pwm).unwrap();
     for frame in turns(&mut bench, 4) {
         ecu.obey(&frame);
         assert!([RUN, PWM].contains(&ecu.obeyed().0), "{ecu:?}");
@@ -273,24 +273,24 @@ fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
 fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
-    bench.order(bench.now(), rpm(80_000)).unwrap();
+    bench.order(bench.now_us(), rpm(80_000)).unwrap();
     turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.run_to(bench.now() + 20_000);
+    bench.run_to_us(bench.now_us() + 20_000);
     let mut bench = bench.by_hand();
     bench.frames();
-    bench.order(bench.now(), Order::Pwm).unwrap();
+    bench.order(bench.now_us(), Order::Pwm).unwrap();
     let mut failed = false;
     for _ in 0..100 {
-        bench.run_to(bench.now() + 10_000);
+        bench.run_to_us(bench.now_us() + 10_000);
         let frames = bench.bytes();
         if !failed && frames.iter().any(|frame| id(frame) == 6) {
             failed = true;
-            bench.not_sent_at(bench.now(), NotSent::Failed);
+            bench.not_sent_at_us(bench.now_us(), NotSent::Failed);
             continue;
         }
         frames.iter().for_each(|frame| ecu.obey(frame));
         if bench.busy() {
-            bench.sent_at(bench.now());
+            bench.sent_at_us(bench.now_us());
         }
     }
     assert!(failed);
@@ -303,13 +303,13 @@ fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
 fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu { ignores_early_rpm: true, ..SimpleEcu::default() };
-    bench.order(bench.now(), rpm(100_000)).unwrap();
+    bench.order(bench.now_us(), rpm(100_000)).unwrap();
     turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now(), throttle(0)).unwrap();
+    bench.order(bench.now_us(), throttle(0)).unwrap();
     turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now(), rpm(40_000)).unwrap();
+    bench.order(bench.now_us(), rpm(40_000)).unwrap();
     bench.frames();
-    bench.run_to(bench.now() + 4 * TURN);
+    bench.run_to_us(bench.now_us() + 4 * SEND_SLOT_US);
     let mut wrong_since: Option<u64> = None;
     for (at, frame) in bench.frames() {
         let wrong_for = wrong_since.map_or(0, |since| at - since);

@@ -9,13 +9,13 @@ fn zk_14_pressure_once_a_second_when_asked_known_and_fresh() {
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 8).collect()
     };
     let asks = |bench: &mut Bench<ZkLink>, to: u64, asks: bool| {
-        while bench.now() < to {
-            let t = bench.now() + 100_000;
-            bench.rx(t, &zk::idle(30, asks));
+        while bench.now_us() < to {
+            let t = bench.now_us() + 100_000;
+            bench.rx_at_us(t, &zk::idle(30, asks));
         }
     };
     let mut bench = ecu(4);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     asks(&mut bench, 3_000_000, true);
     assert_eq!(sent(&mut bench), [], "none known");
     pressure(&mut bench, 1013);
@@ -45,7 +45,7 @@ fn zk_14_no_pressure_below_version_4() {
         let mut bench = ecu(version);
         pressure(&mut bench, 1013);
         bench.receive(&zk::idle(30, true));
-        bench.run_to(3_000_000);
+        bench.run_to_us(3_000_000);
         assert_eq!(bench.bytes().iter().any(|frame| id(frame) == 8), expected, "version {version}");
     }
 }

@@ -49,13 +49,13 @@ proptest! {
         // Before these frames an order came that ends a service command.
         let mut called_off = Vec::new();
         for (wait, step) in steps {
-            bench.run_to(bench.now() + wait);
+            bench.run_to_us(bench.now_us() + wait);
             frames.extend(bench.bytes());
             match step {
                 Step::Status(frame) => bench.receive(&frame),
                 Step::Noise(bytes) => bench.receive(&bytes),
                 Step::Order(order) => {
-                    if bench.order(bench.now(), order).is_ok() {
+                    if bench.order(bench.now_us(), order).is_ok() {
                         if order != Order::Standby {
                             called_off.push(frames.len());
                         }
@@ -71,14 +71,14 @@ proptest! {
                 Step::Service(command) => drop(service(&mut bench, command)),
                 Step::Pressure(hectopascals) => pressure(&mut bench, hectopascals),
                 Step::Timeout => {
-                    let now = bench.now();
-                    bench.timeout_at(now);
+                    let now = bench.now_us();
+                    bench.timeout_at_us(now);
                 }
                 Step::Asleep(long) => {
-                    let t = bench.now() + long;
+                    let t = bench.now_us() + long;
                     if !bench.busy() {
-                        bench.timeout_at(t);
-                        prop_assert!(bench.deadline().is_none_or(|deadline| deadline > t));
+                        bench.timeout_at_us(t);
+                        prop_assert!(bench.deadline_us().is_none_or(|deadline| deadline > t));
                     }
                 }
             }
@@ -97,7 +97,7 @@ proptest! {
         }
         bench.events();
         let was_lost = bench.machine.status().state == LinkState::Lost;
-        bench.run_to(bench.now() + 5_000_000);
+        bench.run_to_us(bench.now_us() + 5_000_000);
         let lost = bench.event_kinds().into_iter().filter(|event| *event == Event::LinkLost).count();
         prop_assert_eq!(lost, usize::from(!was_lost));
         prop_assert_eq!(bench.machine.status().state, LinkState::Lost);

@@ -7,18 +7,18 @@ use super::*;
 fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
     let mut bench = link(Config::DEFAULT, LINE);
     assert_eq!(bench.machine.status().state, LinkState::Silent);
-    bench.rx(123_456, &zk::state(STATE_STANDBY));
+    bench.rx_at_us(123_456, &zk::state(STATE_STANDBY));
     assert_eq!(
         (bench.machine.status().state, bench.machine.status().last_rx),
-        (LinkState::Up, Some(us(123_456)))
+        (LinkState::Up, Some(at_us(123_456)))
     );
     bench.events();
-    bench.run_to(623_455);
+    bench.run_to_us(623_455);
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![]));
-    bench.run_to(623_456);
+    bench.run_to_us(623_456);
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
     bench.frames();
-    bench.run_to(10_623_456);
+    bench.run_to_us(10_623_456);
     assert_eq!((bench.frames().len(), bench.event_kinds()), (200, vec![]));
     bench.receive(&zk::state(STATE_STANDBY));
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
@@ -92,8 +92,8 @@ fn zk_8_phases_and_reported_switch() {
 #[test]
 fn zk_5_values_carry_their_time() {
     let mut bench = link(Config::DEFAULT, LINE);
-    bench.rx(500, &zk::identity(160, 5, 0));
-    bench.rx(1_000, &zk::identity(160, 5, 0));
+    bench.rx_at_us(500, &zk::identity(160, 5, 0));
+    bench.rx_at_us(1_000, &zk::identity(160, 5, 0));
     for (t, frame) in [
         (2_000, zk::status(1, 12_340, [11, 0b10 << 5 | 0b010 << 2, 38])),
         (3_000, zk::status(3, 12_350, [45, 0x34, 0x12])),
@@ -104,14 +104,14 @@ fn zk_5_values_carry_their_time() {
         (7_000, zk::status(8, 12_390, [33, 0x12, 0x34])),
         (8_000, zk::status(9, 12_400, [95, 0, 0])),
     ] {
-        bench.rx(t, &frame);
+        bench.rx_at_us(t, &frame);
     }
     let report = bench.machine.status().report;
     macro_rules! check {
         ($($field:ident.$get:ident = $value:expr, at $at:expr;)+) => {
             $(
                 let value = report.$field.unwrap();
-                assert_eq!((value.value.$get(), value.at), ($value, us($at)), stringify!($field));
+                assert_eq!((value.value.$get(), value.at), ($value, at_us($at)), stringify!($field));
             )+
         };
     }

@@ -8,7 +8,7 @@ use super::*;
 fn zk_10_zk_11_something_goes_out_at_every_turn() {
     for (rate, every) in [(Rate::Hz20, 50_000), (Rate::Hz50, 20_000), (Rate::Hz100, 10_000)] {
         let mut bench = link(Config { rate, ..Config::DEFAULT }, LINE);
-        bench.run_to(10_000_000);
+        bench.run_to_us(10_000_000);
         let expected: Vec<_> =
             (0..=10_000_000 / every).map(|turn| (turn * every, zk::keep_alive().to_vec())).collect();
         assert_eq!(bench.frames(), expected, "{rate:?}");
@@ -25,31 +25,35 @@ fn zk_10_a_late_turn_makes_no_burst() {
     for (late, next) in [(1, [100_000, 150_000]), (30_000, [100_000, 150_000]), (49_000, [100_000, 150_000])]
     {
         let mut bench = link(Config::DEFAULT, Line::new(115_200));
-        bench.run_to(40_000);
+        bench.run_to_us(40_000);
         bench.frames();
-        bench.timeout_at(TURN + late);
-        bench.run_to(160_000);
+        bench.timeout_at_us(SEND_SLOT_US + late);
+        bench.run_to_us(160_000);
         let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
-        assert_eq!(at, [&[TURN + late][..], &next].concat(), "{late}");
+        assert_eq!(at, [&[SEND_SLOT_US + late][..], &next].concat(), "{late}");
         let worst = bench.machine.status().counters.worst_slot_delay.map(|delay| delay.as_micros());
         assert_eq!(worst, Some(late));
     }
     // After turns that are over altogether: one now, the next within one interval, none in between.
     for late in [50_000, 75_000, 1_000_000, 3_333_333] {
         let mut bench = link(Config::DEFAULT, LINE);
-        bench.run_to(40_000);
+        bench.run_to_us(40_000);
         bench.frames();
-        let woken = TURN + late;
-        bench.timeout_at(woken);
-        bench.run_to(woken + 500_000);
+        let woken = SEND_SLOT_US + late;
+        bench.timeout_at_us(woken);
+        bench.run_to_us(woken + 500_000);
         let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
         assert_eq!(at[0], woken);
-        assert!(at[1] > woken && at[1] <= woken + TURN, "{late}: {at:?}");
-        assert!(at[1..].iter().all(|at| at % TURN == 0), "the beat stays: {late}: {at:?}");
-        assert!(at.windows(2).skip(1).all(|pair| pair[1] - pair[0] == TURN), "{late}: {at:?}");
+        assert!(at[1] > woken && at[1] <= woken + SEND_SLOT_US, "{late}: {at:?}");
+        assert!(at[1..].iter().all(|at| at % SEND_SLOT_US == 0), "the beat stays: {late}: {at:?}");
+        assert!(at.windows(2).skip(1).all(|pair| pair[1] - pair[0] == SEND_SLOT_US), "{late}: {at:?}");
         assert!((10..=11).contains(&at.len()), "{late}: {at:?}");
         // Of the turns from 50 ms to the one at or before the waking, all but one are over.
-        assert_eq!(u64::from(bench.machine.status().counters.send_slots_missed), late / TURN, "{late}");
+        assert_eq!(
+            u64::from(bench.machine.status().counters.send_slots_missed),
+            late / SEND_SLOT_US,
+            "{late}"
+        );
     }
 }
 
@@ -57,12 +61,12 @@ fn zk_10_a_late_turn_makes_no_burst() {
 #[test]
 fn a_turn_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
-    bench.run_to(120_000); // the frame of turn 0 hangs
+    bench.run_to_us(120_000); // the frame of turn 0 hangs
     assert_eq!(bench.frames().len(), 1);
     assert_eq!(bench.machine.status().counters.send_slots_missed, 2);
-    bench.not_sent_at(125_000, NotSent::GaveUp);
+    bench.not_sent_at_us(125_000, NotSent::GaveUp);
     assert_eq!(bench.frames(), [], "not out of turn");
-    bench.run_to(150_000);
+    bench.run_to_us(150_000);
     assert_eq!(bench.frames(), [(150_000, zk::keep_alive().to_vec())]);
     assert_eq!(bench.machine.status().counters.given_up, 1);
 }
@@ -73,7 +77,7 @@ fn zk_12_the_slowest_line_carries_every_turn() {
     for line in [Line::new(2400), Line::with_two_stop_bits(2400)] {
         let mut bench = link(Config::DEFAULT, line);
         bench.order(0, Order::Standby).unwrap();
-        bench.run_to(10_000_000);
+        bench.run_to_us(10_000_000);
         assert_eq!((bench.frames().len(), bench.machine.status().counters.send_slots_missed), (201, 0));
     }
 }

@@ -10,9 +10,9 @@ fn zk_13_unlock_goes_immediately_before() {
         (ignition(2000), zk::ignition_pump(100), zk::settings(99, 39), zk::settings(100, 39)),
     ] {
         let mut bench = ecu(3);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
-        bench.run_to(90_000);
+        bench.run_to_us(90_000);
         // At the turn, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
         assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec()), (54_167, frame.to_vec())]);
         // When its last stop bit is out.
@@ -32,14 +32,14 @@ fn zk_13_unlock_goes_immediately_before() {
 #[test]
 fn zk_13_retries_and_failure() {
     let mut bench = ecu(3);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
-    bench.run_to(1_000_000);
+    bench.run_to_us(1_000_000);
     assert_eq!(service(&mut bench, curve(50)), Err(Rejected::Busy));
     assert_eq!(service(&mut bench, action(Action::TestPump)), Err(Rejected::Busy));
     for t in 1_000..12_000 {
         if t % 40 == 0 {
-            bench.rx(t * 1000, &zk::settings(7, 39));
+            bench.rx_at_us(t * 1000, &zk::settings(7, 39));
         }
     }
     let frames = bench.frames();
@@ -67,9 +67,9 @@ fn zk_13_retries_and_failure() {
 #[test]
 fn zk_13_a_stop_between_unlock_and_command() {
     let mut bench = ecu(3);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
-    bench.run_to(52_000);
+    bench.run_to_us(52_000);
     assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec())]);
     bench.order(52_000, Order::EmergencyStop).unwrap();
     heard_to(&mut bench, 1_000_000);
@@ -77,7 +77,11 @@ fn zk_13_a_stop_between_unlock_and_command() {
     assert_eq!(frames[0], (54_167, zk::throttle(STOP, 0).to_vec()));
     assert!(frames.iter().all(|(_, frame)| frame[..] == zk::throttle(STOP, 0)), "nothing but the stop");
     let at: Vec<u64> = frames.iter().skip(1).map(|(at, _)| *at).collect();
-    assert_eq!(at, (2..=20).map(|turn| turn * TURN).collect::<Vec<_>>(), "at every turn, in no burst");
+    assert_eq!(
+        at,
+        (2..=20).map(|turn| turn * SEND_SLOT_US).collect::<Vec<_>>(),
+        "at every turn, in no burst"
+    );
 }
 
 /// A service command that a stop pre-empted is over: nobody wants a drain or a new curve minutes later, when the
@@ -86,12 +90,12 @@ fn zk_13_a_stop_between_unlock_and_command() {
 fn a_stop_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), curve(40)] {
         let mut bench = ecu(3);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
-        bench.order(bench.now(), Order::EmergencyStop).unwrap();
-        bench.run_to(600_000_000);
+        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.run_to_us(600_000_000);
         bench.frames();
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         let frames = turns(&mut bench, 20);
         // With the ECU silent for so long the stop went by ID 6 as well.
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
@@ -112,12 +116,12 @@ fn an_order_ends_a_service_command_at_every_stage() {
             [(40_000, 0, false), (52_000, 1, false), (56_000, 2, false), (70_000, 2, true)]
         {
             let mut bench = ecu(4);
-            bench.order(bench.now(), Order::Standby).unwrap();
+            bench.order(bench.now_us(), Order::Standby).unwrap();
             service(&mut bench, curve(40)).unwrap();
             bench.order(at, order).unwrap();
             let out_before = bench.frames().into_iter().filter(|(sent, _)| *sent < at).count();
             assert_eq!(out_before, out);
-            bench.run_to(10_000_000);
+            bench.run_to_us(10_000_000);
             let behind = bench.bytes();
             assert!(behind.iter().all(|frame| !(2..=5).contains(&id(frame))), "{order:?} at {at}");
             let told = bench.event_kinds();
@@ -128,10 +132,10 @@ fn an_order_ends_a_service_command_at_every_stage() {
     }
     let mut bench = ecu(4);
     for _ in 0..2 {
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         let _ = service(&mut bench, curve(40));
     }
-    bench.run_to(100_000);
+    bench.run_to_us(100_000);
     assert_eq!(bench.event_kinds(), [Event::ServiceSent(curve(40))]);
 }
 
@@ -140,12 +144,12 @@ fn an_order_ends_a_service_command_at_every_stage() {
 fn an_order_to_run_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), action(Action::OpenPump), curve(40)] {
         let mut bench = ecu(5);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         turns(&mut bench, 1);
         // The rate has the next turn, so the command waits until the order to run is out.
         service(&mut bench, action(Action::Rate20Hz)).unwrap();
         service(&mut bench, command).unwrap();
-        bench.order(bench.now(), throttle(0)).unwrap();
+        bench.order(bench.now_us(), throttle(0)).unwrap();
         let frames = turns(&mut bench, 200);
         let run = frames.iter().position(|frame| frame[..] == zk::throttle(RUN, 0)).expect("runs");
         let behind = &frames[run..];
@@ -167,18 +171,18 @@ fn an_order_to_run_ends_a_waiting_service_command() {
 #[test]
 fn zk_13_an_unlock_that_failed_is_sent_again() {
     let mut bench = ecu(3).by_hand();
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
-    bench.run_to(50_000);
+    bench.run_to_us(50_000);
     assert_eq!(bench.bytes(), [zk::unlock()]);
-    bench.not_sent_at(51_000, NotSent::Failed);
+    bench.not_sent_at_us(51_000, NotSent::Failed);
     assert_eq!(bench.frames(), []);
     let mut sent = Vec::new();
     for _ in 0..20 {
-        let t = bench.now() + 10_000;
-        bench.run_to(t);
+        let t = bench.now_us() + 10_000;
+        bench.run_to_us(t);
         if bench.busy() {
-            bench.sent_at(t);
+            bench.sent_at_us(t);
         }
         sent.extend(bench.bytes());
     }
@@ -192,7 +196,7 @@ fn zk_13_an_unlock_that_failed_is_sent_again() {
 fn an_action_goes_out_once() {
     for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.parameter())) {
         let mut bench = ecu(5);
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, action(one)).unwrap();
         let frames = turns(&mut bench, 60);
         let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
@@ -206,11 +210,11 @@ fn an_action_goes_out_once() {
 #[test]
 fn an_action_is_told_when_it_is_out() {
     let mut bench = ecu(5);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Drain)).unwrap();
-    bench.run_to(54_166);
+    bench.run_to_us(54_166);
     assert_eq!((bench.bytes().len(), bench.events()), (1, vec![]));
-    bench.run_to(54_167);
+    bench.run_to_us(54_167);
     assert_eq!(bench.events(), [(54_167, Event::ServiceSent(action(Action::Drain)))]);
 }
 
@@ -223,14 +227,14 @@ fn a_service_command_that_never_gets_through_has_failed() {
             Service::Zk(ZkService::Action(one)) => zk::action(one.parameter()),
             _ => zk::unlock(),
         };
-        bench.order(bench.now(), Order::Standby).unwrap();
+        bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
         let mut attempts = 0;
         for _ in 0..1_000 {
-            bench.run_to(bench.now() + 10_000);
+            bench.run_to_us(bench.now_us() + 10_000);
             attempts += bench.bytes().into_iter().filter(|frame| frame[..] == tried).count();
             if bench.busy() {
-                bench.not_sent_at(bench.now(), NotSent::Failed);
+                bench.not_sent_at_us(bench.now_us(), NotSent::Failed);
             }
         }
         let told = bench.event_kinds();
@@ -244,19 +248,19 @@ fn a_service_command_that_never_gets_through_has_failed() {
 #[test]
 fn an_action_that_was_not_sent_is_sent_again() {
     let mut bench = ecu(5).by_hand();
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::ClosePump)).unwrap();
-    bench.run_to(50_000);
+    bench.run_to_us(50_000);
     assert_eq!(bench.bytes(), [zk::action(13)]);
-    bench.not_sent_at(51_000, NotSent::Failed);
+    bench.not_sent_at_us(51_000, NotSent::Failed);
     assert!(!bench.event_kinds().contains(&Event::ServiceSent(action(Action::ClosePump))));
     let mut sent_again = 0;
     for _ in 0..100 {
-        let t = bench.now() + 10_000;
-        bench.run_to(t);
+        let t = bench.now_us() + 10_000;
+        bench.run_to_us(t);
         sent_again += bench.bytes().into_iter().filter(|frame| frame[..] == zk::action(13)).count();
         if bench.busy() {
-            bench.sent_at(t);
+            bench.sent_at_us(t);
         }
     }
     let told = bench.event_kinds();

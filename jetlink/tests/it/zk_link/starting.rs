@@ -38,12 +38,12 @@ fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
 
 /// The same with another demand, and all that goes out.
 fn engine_turn_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
-    let t = (bench.now() / TURN + 1) * TURN;
-    bench.rx(t - 10_000, frame);
+    let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
+    bench.rx_at_us(t - 10_000, frame);
     // Refused while it is no start yet.
     let _ = bench.act(|engine, now| engine.command(now, Command::Run(demand), Origin::Rc, true));
     bench.frames();
-    bench.run_to(t + 5_000);
+    bench.run_to_us(t + 5_000);
     bench.bytes()
 }
 
@@ -128,11 +128,11 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
             [ReportedSwitch::Stop, ReportedSwitch::Standby, ReportedSwitch::Run][usize::from(switch)],
         );
         for _ in 0..3 {
-            let t = bench.now() + 10_000;
-            bench.rx(t, &says(state, error, switch));
+            let t = bench.now_us() + 10_000;
+            bench.rx_at_us(t, &says(state, error, switch));
             assert_eq!(known(&bench), running, "{state} {error} {switch}");
             bench.receive(&says(11, 0, 2));
-            assert_eq!((known(&bench), bench.machine.status().report.phase.unwrap().at), (running, us(t)));
+            assert_eq!((known(&bench), bench.machine.status().report.phase.unwrap().at), (running, at_us(t)));
         }
         bench.receive(&says(state, error, switch));
         bench.receive(&says(state, error, switch));

@@ -9,10 +9,10 @@ fn zk_11_rate_is_set_and_confirmed() {
         for reported in 0..=3u8 {
             let mut bench = link(Config { rate: wanted, ..Config::DEFAULT }, LINE);
             bench.order(0, Order::Standby).unwrap();
-            bench.run_to(300_000);
+            bench.run_to_us(300_000);
             assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "not before ID 6 has said it");
             bench.receive(&zk::identity(160, 1, reported));
-            bench.run_to(500_000);
+            bench.run_to_us(500_000);
             let asked: Vec<_> = bench.bytes().into_iter().filter(|frame| id(frame) == 2).collect();
             if reported == rate_code(wanted) {
                 assert_eq!(asked, Vec::<Vec<u8>>::new());
@@ -22,7 +22,7 @@ fn zk_11_rate_is_set_and_confirmed() {
                 bench.receive(&zk::identity(160, 1, rate_code(wanted)));
             }
             assert!(bench.event_kinds().contains(&Event::RateConfirmed(wanted)), "{wanted:?} {reported}");
-            bench.run_to(5_000_000);
+            bench.run_to_us(5_000_000);
             assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "confirmed");
         }
     }
@@ -34,7 +34,7 @@ fn zk_11_rate_is_retried_and_given_up() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
     bench.order(0, Order::Standby).unwrap();
     for turn in 0..500 {
-        bench.rx(turn * 20_000 + 5_000, &zk::identity(160, 4, 0));
+        bench.rx_at_us(turn * 20_000 + 5_000, &zk::identity(160, 4, 0));
     }
     let asked: Vec<u64> =
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 2).map(|(at, _)| at).collect();
@@ -43,9 +43,9 @@ fn zk_11_rate_is_retried_and_given_up() {
     let given_up =
         bench.event_kinds().into_iter().filter(|event| *event == Event::RateNotConfirmed(Rate::Hz50));
     assert_eq!(given_up.count(), 1);
-    let t = bench.now() + 2_000_000; // silence
-    bench.rx(t, &zk::identity(160, 4, 0));
-    bench.run_to(t + 100_000);
+    let t = bench.now_us() + 2_000_000; // silence
+    bench.rx_at_us(t, &zk::identity(160, 4, 0));
+    bench.run_to_us(t + 100_000);
     assert!(bench.bytes().contains(&zk::action(8).to_vec()));
 }
 
@@ -54,7 +54,7 @@ fn zk_11_rate_is_retried_and_given_up() {
 fn zk_11_rate_is_watched() {
     let mut bench = ecu(4);
     bench.receive(&zk::identity(160, 4, 2));
-    bench.run_to(200_000);
+    bench.run_to_us(200_000);
     assert!(bench.bytes().contains(&zk::action(7).to_vec()));
 }
 
@@ -74,11 +74,11 @@ fn zk_11_rate_by_service_command() {
         assert_eq!(service(&mut bench, action(rate)), expected, "{baud} {rate:?}");
     }
     let mut bench = ecu(4);
-    bench.order(bench.now(), Order::Standby).unwrap();
+    bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Rate100Hz)).unwrap();
-    bench.rx(205_000, &zk::identity(160, 4, 2));
+    bench.rx_at_us(205_000, &zk::identity(160, 4, 2));
     assert!(bench.bytes().contains(&zk::action(9).to_vec()));
     assert_eq!(bench.event_kinds(), [Event::RateConfirmed(Rate::Hz100)]);
-    bench.run_to(1_205_000);
+    bench.run_to_us(1_205_000);
     assert_eq!(bench.frames().len(), 100);
 }
