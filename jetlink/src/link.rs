@@ -188,6 +188,15 @@ pub trait Link {
     fn status(&self) -> &LinkStatus;
 }
 
+/// What the settings of a protocol speak by.
+pub trait Speaks: Copy {
+    /// The protocol's link.
+    type Link: Link + Clone + core::fmt::Debug;
+
+    /// A link with these settings.
+    fn link(self, line: Line, timing: Timing) -> Self::Link;
+}
+
 /// What a link knows of its ECU and of the line. Every link keeps one; its parts write into it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

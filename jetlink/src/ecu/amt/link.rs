@@ -21,7 +21,7 @@ use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Stage, Transmission};
+use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission};
 use crate::report::{EcuState, NotSent, Phase, RawFrame, Reading, ReportedSwitch, Timed, bump};
 use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
@@ -298,6 +298,14 @@ impl AmtLink {
             self.due = None;
             self.missed();
         }
+    }
+}
+
+impl Speaks for Config {
+    type Link = AmtLink;
+
+    fn link(self, line: Line, timing: Timing) -> AmtLink {
+        AmtLink::new(self, line, timing)
     }
 }
 

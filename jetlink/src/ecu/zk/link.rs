@@ -18,9 +18,10 @@ use super::service::{Pressure, PumpClosing, RateSetting, ServiceCommand};
 use super::status::{Believed, reported, sign_of};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::Service as AnyService;
+use crate::ecu::vendor::VendorService;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Transmission, earlier};
+use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Transmission, earlier};
 use crate::report::{NotSent, bump};
 use crate::units::{Hectopascals, Rpm};
 use embassy_time::{Duration, Instant};
@@ -183,6 +184,14 @@ impl ZkLink {
         if self.out_of_slot || self.service.unlocks() {
             self.fill_slot(now);
         }
+    }
+}
+
+impl Speaks for Config {
+    type Link = ZkLink;
+
+    fn link(self, line: Line, timing: Timing) -> ZkLink {
+        ZkLink::new(self, line, timing)
     }
 }
 
