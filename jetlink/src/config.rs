@@ -61,10 +61,7 @@ impl EngineConfig {
     /// another engine is not believed, and a changed setting must not cost an engine.
     pub fn fingerprint(&self) -> u32 {
         let mut digest = FINGERPRINT.digest();
-        let (protocol, engine) = match &self.ecu {
-            EcuConfig::Amt(config) => (1, config.engine.map_or(0, |engine| engine as u8 + 1)),
-            EcuConfig::Zk(_) => (2, 0),
-        };
+        let [protocol, engine] = self.ecu.identity();
         digest.update(&[protocol, engine, self.port]);
         digest.update(self.name.as_bytes());
         digest.finalize()
@@ -74,20 +71,12 @@ impl EngineConfig {
 impl EngineConfig {
     /// The table of settings of this engine, in an order that is fixed for each protocol.
     pub fn settings(&self) -> impl Iterator<Item = &'static Setting> {
-        let ecu = match &self.ecu {
-            EcuConfig::Amt(_) => amt::config::Config::SETTINGS,
-            EcuConfig::Zk(_) => zk::config::Config::SETTINGS,
-        };
-        Supervision::TABLE.into_iter().chain([Timing::SETTINGS, ecu]).flatten()
+        Supervision::TABLE.into_iter().chain([Timing::SETTINGS, self.ecu.settings()]).flatten()
     }
 
     /// The number of a setting; [`crate::setting::OFF`] where it is off.
     pub fn number(&self, name: &str) -> Option<i32> {
-        let of_ecu = || match &self.ecu {
-            EcuConfig::Amt(config) => config.own(name),
-            EcuConfig::Zk(config) => config.own(name),
-        };
-        self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(of_ecu)
+        self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(|| self.ecu.number(name))
     }
 
     /// Changes a setting. What it takes to make that effective stands in its row ([`Setting::effect`]).
@@ -99,11 +88,7 @@ impl EngineConfig {
         if !setting.allows(number) {
             return Err(SettingError::OutOfRange(setting));
         }
-        let done = self.timing.set_own(name, number)
-            || match &mut self.ecu {
-                EcuConfig::Amt(config) => config.set_own(name, number),
-                EcuConfig::Zk(config) => config.set_own(name, number),
-            };
+        let done = self.timing.set_own(name, number) || self.ecu.set(name, number);
         if done { Ok(()) } else { self.supervision.set(name, number) }
     }
 }

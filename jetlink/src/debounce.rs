@@ -51,7 +51,8 @@ pub(crate) struct DebouncedState {
     switch: Debounced<ReportedSwitch>,
     /// Whether the ECU reports faults, whichever: one that reports others in every frame is faulty all the same.
     faulty: Debounced<bool>,
-    faults: Debounced<Faults>,
+    /// Their number on the wire.
+    faults: Debounced<u8>,
 }
 
 impl DebouncedState {
@@ -93,18 +94,18 @@ impl DebouncedState {
 
     /// One frame with the faults, or with none.
     pub fn faults(&mut self, now: Instant, faults: Faults, report: &mut Report, outbox: &mut Outbox) {
-        let faulty = !faults.is_empty();
+        let (faulty, number) = (!faults.is_empty(), faults.number());
         if !self.faulty.see(faulty) {
             return;
         }
-        if self.faults.get().is_none_or(|before| before.is_empty() == faulty) {
+        if self.faults.get().is_none_or(|before| (before != 0) != faulty) {
             // The second frame in a row with faults, or without: these are the faults.
-            self.faults.set(faults);
-        } else if !self.faults.see(faults) {
+            self.faults.set(number);
+        } else if !self.faults.see(number) {
             return;
         }
         let before = report.faults.replace(Timed::new(faults, now));
-        if before.map_or(faulty, |before| before.value != faults) {
+        if before.map_or(0, |before| before.value.number()) != number {
             outbox.event(Event::Faults(faults));
         }
     }

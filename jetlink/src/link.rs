@@ -28,7 +28,7 @@ pub struct Transmission {
 
 impl Transmission {
     /// From the bytes of a frame; what is longer than [`MAX_TRANSMISSION`] does not compile.
-    pub(crate) fn new<const N: usize>(frame: [u8; N], start_by: Option<Instant>) -> Self {
+    pub fn new<const N: usize>(frame: [u8; N], start_by: Option<Instant>) -> Self {
         const { assert!(N <= MAX_TRANSMISSION) };
         let mut bytes = [0; MAX_TRANSMISSION];
         for (slot, byte) in bytes.iter_mut().zip(frame) {
@@ -184,103 +184,96 @@ pub trait Link {
     fn closing_pump(&self) -> bool {
         false
     }
-    /// What the ECU has said.
-    fn report(&self) -> &Report;
-    /// Whether the ECU is heard.
-    fn state(&self) -> LinkState;
-    /// When the last good frame was complete.
-    fn last_rx(&self) -> Option<Instant>;
-    /// Since when it is heard without a loss.
-    fn up_since(&self) -> Option<Instant>;
-    /// A service command that is in force makes the ECU stop its engine.
-    fn shutting_down(&self) -> bool {
-        false
-    }
-    /// Good frames so far; wraps. The same as in [`Link::counters`].
-    fn frames(&self) -> u32;
-    /// What was counted.
-    fn counters(&self) -> Counters;
+    /// What is known of the ECU and of the line.
+    fn status(&self) -> &LinkStatus;
 }
 
-/// Whether an ECU is heard: silence is found by a timer, never at the next byte.
+/// What the settings of a protocol speak by.
+pub trait Speaks: Copy {
+    /// The protocol's link.
+    type Link: Link + Clone + core::fmt::Debug;
+
+    /// A link with these settings.
+    fn link(self, line: Line, timing: Timing) -> Self::Link;
+}
+
+/// What a link knows of its ECU and of the line. Every link keeps one; its parts write into it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct LinkStatus {
+    /// What the ECU has reported.
+    pub report: Report,
+    /// Whether frames of the ECU are received.
+    pub state: LinkState,
+    /// When the last good frame was complete.
+    pub last_rx: Option<Instant>,
+    /// Since when frames are received without a loss.
+    pub up_since: Option<Instant>,
+    /// A service command that is in force makes the ECU stop its engine.
+    pub shutting_down: bool,
+    /// What was counted.
+    pub counters: Counters,
+}
+
+/// Whether frames of an ECU are received: silence is found by a timer, never at the next byte.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LinkMonitor {
+pub struct LinkMonitor {
     timing: Timing,
-    state: LinkState,
     frames_in_a_row: u8,
-    heard: Option<Instant>,
-    up_since: Option<Instant>,
     silent_at: Option<Instant>,
 }
 
 impl LinkMonitor {
+    /// Nothing is received yet.
     pub const fn new(timing: Timing) -> Self {
-        Self {
-            timing,
-            state: LinkState::Silent,
-            frames_in_a_row: 0,
-            heard: None,
-            up_since: None,
-            silent_at: None,
-        }
+        Self { timing, frames_in_a_row: 0, silent_at: None }
     }
 
+    /// The conversation begins.
     pub fn start(&mut self, now: Instant) {
         self.silent_at = Some(now + self.timing.lost_after);
     }
 
     /// A good frame came. True if that brought the link up.
-    pub fn frame(&mut self, now: Instant) -> bool {
-        self.heard = Some(now);
+    pub fn frame(&mut self, now: Instant, status: &mut LinkStatus) -> bool {
+        status.last_rx = Some(now);
         self.silent_at = Some(now + self.timing.lost_after);
         self.frames_in_a_row = self.frames_in_a_row.saturating_add(1);
-        let up = self.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
+        let up = status.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
         if up {
-            self.state = LinkState::Up;
-            self.up_since = Some(now);
+            status.state = LinkState::Up;
+            status.up_since = Some(now);
         }
         up
     }
 
     /// True if the link is lost as of now.
-    pub fn timeout(&mut self, now: Instant) -> bool {
+    pub fn timeout(&mut self, now: Instant, status: &mut LinkStatus) -> bool {
         if self.silent_at.is_none_or(|at| now < at) {
             return false;
         }
         self.silent_at = None;
         self.frames_in_a_row = 0;
-        let lost = self.state != LinkState::Lost;
-        self.state = LinkState::Lost;
-        self.up_since = None;
-        lost
+        status.up_since = None;
+        core::mem::replace(&mut status.state, LinkState::Lost) != LinkState::Lost
     }
 
+    /// When [`LinkMonitor::timeout`] wants to be called.
     pub const fn deadline(&self) -> Option<Instant> {
         self.silent_at
-    }
-
-    pub const fn state(&self) -> LinkState {
-        self.state
-    }
-
-    pub const fn last_rx(&self) -> Option<Instant> {
-        self.heard
-    }
-
-    pub const fn up_since(&self) -> Option<Instant> {
-        self.up_since
     }
 }
 
 /// Gaps in the beat of an ECU. Damaged frames keep the beat, for 10 s at most after the last good one: bursts of about a
 /// frame's length with a pause before each. A steady babble and a break do not.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Beat {
+pub struct Beat {
     /// Bytes of a frame.
     frame_len: u8,
     line: Line,
-    /// A frame is expected at this interval.
-    interval: Duration,
+    /// After this without a frame there is a gap.
+    gap_after: Duration,
     /// A longer pause separates two bursts.
     pause: Duration,
     last: Option<Instant>,
@@ -296,33 +289,34 @@ const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
 const GAP_FRAMES: u32 = 3;
 
 impl Beat {
+    /// Of frames of so many bytes, expected at this interval.
     pub fn new(frame_len: u8, line: Line, interval: Duration) -> Self {
-        let pause = Self::pause(frame_len, line, interval);
-        Self {
+        let mut beat = Self {
             frame_len,
             line,
-            interval,
-            pause,
+            gap_after: Duration::MIN,
+            pause: Duration::MIN,
             last: None,
             good: None,
             last_byte: None,
             burst: 0,
             gap: false,
-        }
+        };
+        beat.expect(interval);
+        beat
     }
 
     /// Frames come at another interval from now on.
     pub fn expect(&mut self, interval: Duration) {
-        if self.interval != interval {
-            self.interval = interval;
-            self.pause = Self::pause(self.frame_len, self.line, interval);
+        let gap_after = interval * GAP_FRAMES;
+        if self.gap_after != gap_after {
+            self.gap_after = gap_after;
+            // At a high rate there is little between two frames.
+            let rest =
+                interval.as_ticks().saturating_sub(self.line.time_of(self.frame_len.into()).as_ticks());
+            let pause = self.line.time_of(2) + Duration::from_millis(2);
+            self.pause = pause.min(Duration::from_ticks(rest * 2 / 3));
         }
-    }
-
-    /// At a high rate there is little between two frames.
-    fn pause(frame_len: u8, line: Line, interval: Duration) -> Duration {
-        let rest = interval.as_ticks().saturating_sub(line.time_of(frame_len.into()).as_ticks());
-        (line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3))
     }
 
     /// Bytes came, of whatever kind.
@@ -349,7 +343,7 @@ impl Beat {
 
     /// When the gap begins.
     pub fn gap_at(&self) -> Option<Instant> {
-        self.last.filter(|_| !self.gap)?.checked_add(self.interval * GAP_FRAMES)
+        self.last.filter(|_| !self.gap)?.checked_add(self.gap_after)
     }
 
     /// The gap was seen.
@@ -360,12 +354,11 @@ impl Beat {
 
 /// What waits to be handed out, and whether the UART is busy with what was.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Outbox {
+pub struct Outbox {
     waiting: Option<Transmission>,
     busy: bool,
     events: Deque<Event, 16>,
-    /// Events that found no room.
-    pub events_lost: u32,
+    events_lost: u32,
 }
 
 impl Outbox {
@@ -374,6 +367,7 @@ impl Outbox {
         self.waiting = Some(transmission);
     }
 
+    /// Reports an event, or counts it as lost where too many wait.
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
             bump(&mut self.events_lost);
@@ -385,6 +379,7 @@ impl Outbox {
         self.busy = false;
     }
 
+    /// The UART is busy with what was handed out.
     pub const fn busy(&self) -> bool {
         self.busy
     }
@@ -395,7 +390,7 @@ impl Outbox {
     }
 
     /// The next thing to do, if any.
-    pub fn poll(&mut self) -> Option<Output> {
+    pub fn poll(&mut self, status: &mut LinkStatus) -> Option<Output> {
         // A reply is in more of a hurry than what there is to tell.
         if !self.busy
             && let Some(transmission) = self.waiting.take()
@@ -403,6 +398,7 @@ impl Outbox {
             self.busy = true;
             return Some(Output::Transmit(transmission));
         }
+        status.counters.events_lost = self.events_lost;
         self.events.pop_front().map(Output::Event)
     }
 }

@@ -3,96 +3,123 @@
 pub mod amt;
 pub mod any;
 mod decoder;
+pub mod vendor;
 pub mod zk;
 
-/// Which ECU is on a port, and how it is spoken to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum EcuConfig {
-    /// AMT serial control.
-    Amt(amt::config::Config),
-    /// ZK-Protocol.
-    Zk(zk::config::Config),
-}
+use crate::setting::Setting;
+use vendor::{VendorFaults, VendorService};
 
-/// A service command: done once, in the ECU's own terms.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Service {
-    /// Of an AMT ECU.
-    Amt(amt::config::Service),
-    /// Of a ZK ECU.
-    Zk(zk::config::Service),
-}
-
-impl Service {
-    /// It moves fuel or heats, so the engine has to be cold and at rest, and it is ended after a time.
-    pub const fn moves_fuel(self) -> bool {
-        match self {
-            Self::Amt(_) => false,
-            Self::Zk(service) => service.moves_fuel(),
+/// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU. A new one is a
+/// folder and a line here (docs/porting.md); `Config`, `Service` and the faults offer what the makers below ask of them.
+macro_rules! protocols {
+    ($make:ident) => {
+        $make! {
+            /// AMT serial control.
+            Amt($crate::ecu::amt::config::Config, $crate::ecu::amt::config::Service, $crate::ecu::amt::codec::ErrorBits);
+            /// ZK-Protocol.
+            Zk($crate::ecu::zk::config::Config, $crate::ecu::zk::config::Service, $crate::ecu::zk::codec::ErrorCode);
         }
-    }
+    };
+}
+use protocols;
 
-    /// It ends what one that moves fuel began.
-    pub const fn closes_pump(self) -> bool {
-        matches!(self, Self::Zk(zk::config::Service::Action(zk::codec::Action::ClosePump)))
-    }
-
-    /// Whether the ECU has to report a stopped engine first.
-    pub const fn needs_stopped_engine(self) -> bool {
-        match self {
-            Self::Amt(service) => service.needs_stopped_engine(),
-            Self::Zk(service) => service.needs_stopped_engine(),
+macro_rules! vendor_types {
+    ($($(#[$doc:meta])* $name:ident($config:ty, $service:ty, $faults:ty);)+) => {
+        /// Which ECU is on a port, and how it is spoken to.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum EcuConfig {
+            $($(#[$doc])* $name($config),)+
         }
-    }
-}
 
-/// The faults that an ECU reports.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Faults {
-    /// Of an AMT ECU: several at once.
-    Amt(amt::codec::ErrorBits),
-    /// Of a ZK ECU: one code.
-    Zk(zk::codec::ErrorCode),
-}
-
-impl Faults {
-    /// Whether it reports none.
-    pub const fn is_empty(self) -> bool {
-        match self {
-            Self::Amt(bits) => bits.0 == 0,
-            Self::Zk(code) => code.code() == 0,
-        }
-    }
-}
-
-impl Faults {
-    /// The number on the wire: AMT a set of bits, ZK a code.
-    pub const fn number(self) -> u8 {
-        match self {
-            Self::Amt(bits) => bits.0,
-            Self::Zk(code) => code.code(),
-        }
-    }
-}
-
-impl core::fmt::Display for Faults {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Amt(bits) if bits.0 == 0 => f.write_str("none"),
-            Self::Amt(bits) => {
-                for (i, name) in bits.names().enumerate() {
-                    if i > 0 {
-                        f.write_str(", ")?;
-                    }
-                    f.write_str(name)?;
+        impl EcuConfig {
+            /// The settings of the protocol, in a fixed order.
+            pub(crate) fn settings(&self) -> &'static [Setting] {
+                match self {
+                    $(Self::$name(_) => <$config>::SETTINGS,)+
                 }
-                Ok(())
             }
-            Self::Zk(zk::codec::ErrorCode::Unknown(code)) => write!(f, "unknown error {code}"),
-            Self::Zk(code) => f.write_str(code.name()),
+
+            /// The number of a setting of the protocol.
+            pub(crate) fn number(&self, name: &str) -> Option<i32> {
+                match self {
+                    $(Self::$name(config) => config.own(name),)+
+                }
+            }
+
+            /// Changes a setting of the protocol. False if it has none of that name.
+            pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
+                match self {
+                    $(Self::$name(config) => config.set_own(name, number),)+
+                }
+            }
+
+            /// The protocol, and which engine it is set to: another number where what was retained must not be believed.
+            pub(crate) fn identity(&self) -> [u8; 2] {
+                match self {
+                    $(Self::$name(config) => config.identity(),)+
+                }
+            }
         }
-    }
+
+        /// A service command: done once, in the ECU's own terms.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Service {
+            $($(#[$doc])* $name($service),)+
+        }
+
+        impl Service {
+            /// It moves fuel or heats, so the engine has to be cold and at rest, and it is ended after a time.
+            pub fn moves_fuel(self) -> bool {
+                match self {
+                    $(Self::$name(service) => service.moves_fuel(),)+
+                }
+            }
+
+            /// It ends what one that moves fuel began.
+            pub fn closes_pump(self) -> bool {
+                match self {
+                    $(Self::$name(service) => service.closes_pump(),)+
+                }
+            }
+
+            /// Whether the ECU has to report a stopped engine first.
+            pub fn needs_stopped_engine(self) -> bool {
+                match self {
+                    $(Self::$name(service) => service.needs_stopped_engine(),)+
+                }
+            }
+        }
+
+        /// The faults that an ECU reports.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Faults {
+            $($(#[$doc])* $name($faults),)+
+        }
+
+        impl Faults {
+            /// The number on the wire: AMT a set of bits, ZK a code.
+            pub fn number(self) -> u8 {
+                match self {
+                    $(Self::$name(faults) => faults.number(),)+
+                }
+            }
+
+            /// Whether it reports none.
+            pub fn is_empty(self) -> bool {
+                self.number() == 0
+            }
+        }
+
+        impl core::fmt::Display for Faults {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                match self {
+                    $(Self::$name(faults) => faults.fmt(f),)+
+                }
+            }
+        }
+    };
 }
+protocols!(vendor_types);

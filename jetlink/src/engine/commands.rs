@@ -218,7 +218,7 @@ impl Engine {
         }
         let result = match &self.mode {
             Mode::Stop(_) => Err(Rejected::StopLatched),
-            Mode::Listen(_) if self.link.state() == LinkState::Lost => Err(Rejected::NoLink),
+            Mode::Listen(_) if self.link.status().state == LinkState::Lost => Err(Rejected::NoLink),
             Mode::Listen(_) => Err(Rejected::Listening),
             // A demand that the ECU cannot follow changes nothing, not even the source's previous command.
             _ if can.is_err() => Err(can.err().unwrap_or(Rejected::NotSupported)),
@@ -324,7 +324,7 @@ impl Engine {
             return Err(Rejected::StopLatched);
         }
         if matches!(self.mode, Mode::Listen(_)) {
-            let lost = self.link.state() == LinkState::Lost;
+            let lost = self.link.status().state == LinkState::Lost;
             return Err(if lost { Rejected::NoLink } else { Rejected::Listening });
         }
         if let Some(above) = self.sources.above(now, origin) {
@@ -354,7 +354,7 @@ impl Engine {
         if !self.armed {
             return Err(Rejected::Start(Interlock::NotArmed));
         }
-        let state = EngineState::of(self.at, self.link.state(), self.link.report());
+        let state = EngineState::of(self.at, self.link.status().state, &self.link.status().report);
         // An ECU that reports "stopped" may be one that does not receive our commands.
         if !matches!(self.mode, Mode::Standby) || state != EngineState::Standby {
             return Err(Rejected::Start(Interlock::NotStandby));
@@ -365,8 +365,13 @@ impl Engine {
     /// Clamps a demand to the engine's maximum. Reports it once, until a demand is within it again.
     fn clamp(&mut self, demand: Demand) -> Demand {
         let Demand::Rpm(rpm) = demand else { return demand };
-        let own =
-            self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
+        let own = self
+            .link
+            .status()
+            .report
+            .max_rpm
+            .map(|max| max.value)
+            .filter(|_| self.link.speed_control().is_ok());
         // The governor's maximum does not apply while the ECU has not reported its version.
         let waits = self.waits_for_version();
         let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
@@ -393,11 +398,11 @@ impl Engine {
         {
             return Err(Rejected::Start(Interlock::NotIdle));
         }
-        if self.link.state() != LinkState::Up {
+        if self.link.status().state != LinkState::Up {
             return Err(Rejected::NoLink);
         }
         // Releasing to standby starts nothing, so an old phase does not prevent it: an AMT error set carries none.
-        let reported = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
+        let reported = self.link.status().report.phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
         if reported {
             self.require_stopped()?;
         }
@@ -418,7 +423,7 @@ impl Engine {
                 let Some(governor) = self.config.governor else { return Err(why) };
                 // A governor in use handles old speeds itself: they must not cost the source its control.
                 let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
-                let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
+                let known = self.link.status().report.rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
                 if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
             }
             Ok(()) => Ok(()),
@@ -428,7 +433,7 @@ impl Engine {
     /// The first interlock that keeps the engine from a start.
     fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
         let rules = &self.config.start;
-        let report = self.link.report();
+        let report = &self.link.status().report;
         if rules.arming && !self.armed {
             return Err(Interlock::NotArmed);
         }
@@ -464,10 +469,10 @@ impl Engine {
     /// Whether the ECU has been received without a gap for the configured time.
     fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
         let time = self.config.start.link_stable;
-        let stable = self.link.up_since().is_some_and(|since| now >= since + time);
+        let stable = self.link.status().up_since.is_some_and(|since| now >= since + time);
         // A gap counts before it is a loss of the link.
         let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
-        let receiving = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
+        let receiving = self.link.status().state == LinkState::Up && self.link.gap_at().is_some();
         if stable && steady && receiving { Ok(()) } else { Err(Interlock::Link) }
     }
 
@@ -475,7 +480,7 @@ impl Engine {
     fn cold(&self, now: Instant) -> Result<(), Interlock> {
         let rules = &self.config.start;
         let max_age = rules.link_stable.max(Duration::from_secs(1));
-        let egt = self.link.report().egt.filter(|egt| egt.age(now) <= max_age);
+        let egt = self.link.status().report.egt.filter(|egt| egt.age(now) <= max_age);
         // A broken thermocouple reads −50 °C, which must not pass as cool.
         let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
             return Err(Interlock::EgtUnknown);
@@ -488,14 +493,14 @@ impl Engine {
         match demand {
             Demand::Throttle(throttle) => throttle <= self.config.start.idle_band,
             Demand::Rpm(rpm) => {
-                let idle = self.link.report().idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
+                let idle = self.link.status().report.idle_rpm.map_or(Rpm::new(0), |idle| idle.value);
                 rpm <= idle
             }
         }
     }
 
     fn require_stopped(&self) -> Result<(), Rejected> {
-        if self.link.state() != LinkState::Up {
+        if self.link.status().state != LinkState::Up {
             return Err(Rejected::NoLink);
         }
         match self.phase() {

@@ -395,7 +395,7 @@ impl Engine {
 
     /// Takes a snapshot.
     pub fn telemetry(&self, now: Instant) -> Telemetry {
-        let mut counters = self.link.counters();
+        let mut counters = self.link.status().counters;
         counters.commands_rejected = self.commands_rejected;
         counters.events_lost = counters.events_lost.wrapping_add(self.events_lost);
         let run = match &self.mode {
@@ -406,10 +406,10 @@ impl Engine {
         let ended = if self.ended_by_loss { LossStage::Standby } else { LossStage::None };
         Telemetry {
             at: now,
-            link: self.link.state(),
-            last_rx: self.link.last_rx(),
-            state: EngineState::of(now, self.link.state(), self.link.report()),
-            report: *self.link.report(),
+            link: self.link.status().state,
+            last_rx: self.link.status().last_rx,
+            state: EngineState::of(now, self.link.status().state, &self.link.status().report),
+            report: self.link.status().report,
             ordered: self.ordered,
             obeyed: !self.not_obeyed,
             active_source,
@@ -560,7 +560,7 @@ impl Engine {
 
     /// Longest time for a start: twice the ECU's own figure, where it has one.
     fn start_time(&self) -> Duration {
-        match self.link.report().startup {
+        match self.link.status().report.startup {
             Some(startup) if startup.value.as_ticks() > 0 => {
                 (startup.value * 2).clamp(START_TIMEOUT_MIN, START_TIMEOUT_MAX)
             }
@@ -604,7 +604,9 @@ impl Engine {
 
     fn observe_exhaust(&mut self, now: Instant, sign: Sign) {
         let egt = match sign {
-            Sign::State { .. } => self.link.report().egt.filter(|egt| egt.at == now).map(|egt| egt.value),
+            Sign::State { .. } => {
+                self.link.status().report.egt.filter(|egt| egt.at == now).map(|egt| egt.value)
+            }
             Sign::Faulted { egt, .. } => egt,
             _ => return,
         };
@@ -621,7 +623,7 @@ impl Engine {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
             _ => false,
         };
-        let failed = reached && !self.link.shutting_down();
+        let failed = reached && !self.link.status().shutting_down;
         self.sources.forget_runs();
         self.standby(now, Origin::Node);
         self.failed = failed;
@@ -851,10 +853,11 @@ impl Engine {
         if !run.life.reached() {
             return;
         }
-        let phase = self.link.report().phase;
+        let phase = self.link.status().report.phase;
         let old = phase.is_none_or(|phase| phase.age(now) > STATE_MAX_AGE);
-        let only_faults = old && self.link.report().faults.is_some_and(|faults| !faults.value.is_empty());
-        if self.link.state() == LinkState::Lost || only_faults {
+        let only_faults =
+            old && self.link.status().report.faults.is_some_and(|faults| !faults.value.is_empty());
+        if self.link.status().state == LinkState::Lost || only_faults {
             self.failed = true;
         } else if run.life.in_doubt().is_none() && !old {
             self.failed = false;
@@ -863,17 +866,18 @@ impl Engine {
 
     /// Orders the demand after ramps, slew and limits.
     fn shape(&mut self, now: Instant) {
-        let idle_rpm = self.link.report().idle_rpm.map(|idle| idle.value);
+        let idle_rpm = self.link.status().report.idle_rpm.map(|idle| idle.value);
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
             received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
             idle_rpm,
-            max_rpm: self.link.report().max_rpm.map(|max| max.value),
-            rpm: self.link.report().rpm,
+            max_rpm: self.link.status().report.max_rpm.map(|max| max.value),
+            rpm: self.link.status().report.rpm,
             throttle: self
                 .link
-                .report()
+                .status()
+                .report
                 .throttle
                 .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
                 .map(|throttle| throttle.value),
@@ -947,7 +951,7 @@ impl Engine {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
-        self.limits.observe(now, self.link.report(), lowered);
+        self.limits.observe(now, &self.link.status().report, lowered);
         while let Some(violation) = self.limits.found() {
             self.event(Event::Limit(violation));
         }
@@ -961,7 +965,7 @@ impl Engine {
 
     /// Whether the ECU's recent reports match the order. Old reports count as a match.
     fn obeys(&self, now: Instant) -> bool {
-        let report = self.link.report();
+        let report = &self.link.status().report;
         let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
         let at_rest = self.phase().is_some_and(Phase::is_stopped);
         let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
@@ -975,7 +979,7 @@ impl Engine {
         let throttle = report.throttle.filter(|throttle| throttle.age(now) <= STATE_MAX_AGE);
         let throttle_obeys = match (self.ordered.order, throttle) {
             (Order::Run(Demand::Throttle(ordered)), Some(reported))
-                if self.phase() == Some(Phase::Running) && !self.link.shutting_down() =>
+                if self.phase() == Some(Phase::Running) && !self.link.status().shutting_down =>
             {
                 ordered.tenths().abs_diff(reported.value.tenths()) <= OBEY_BAND
             }
@@ -1034,7 +1038,7 @@ impl Engine {
     }
 
     fn phase(&self) -> Option<Phase> {
-        self.link.report().phase.map(|phase| phase.value)
+        self.link.status().report.phase.map(|phase| phase.value)
     }
 
     fn event(&mut self, event: Event) {

@@ -225,7 +225,7 @@ impl Engine {
     }
 
     fn run_state(&self, run: &Run) -> Order {
-        if self.link.shutting_down() {
+        if self.link.status().shutting_down {
             // A reset ends the service command, not the shutdown.
             return Order::Standby;
         }
@@ -250,7 +250,8 @@ impl Engine {
             Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
             _ => None,
         };
-        let reported = self.link.report().throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
+        let reported =
+            self.link.status().report.throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
         let throttle = throttle.or(reported.map(|throttle| throttle.value));
         match (found, throttle) {
             (Found::Nothing, _) => {}

@@ -9,6 +9,7 @@
 //! There is no checksum. No data byte is ever 0xFF, so 0xFF always starts a frame (AMT-1).
 
 use crate::ecu::decoder::feed;
+use crate::ecu::vendor::VendorFaults;
 use crate::open_enum::open_enum;
 use crate::units::{Celsius, Millivolts, Throttle};
 
@@ -330,6 +331,27 @@ impl ErrorBits {
     /// Names of the bits that are on, in bit order.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         (0..).zip(Self::NAMES).filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)
+    }
+}
+
+impl VendorFaults for ErrorBits {
+    fn number(self) -> u8 {
+        self.0
+    }
+}
+
+impl core::fmt::Display for ErrorBits {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.0 == 0 {
+            return f.write_str("none");
+        }
+        for (i, name) in self.names().enumerate() {
+            if i > 0 {
+                f.write_str(", ")?;
+            }
+            f.write_str(name)?;
+        }
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! How an AMT ECU is spoken to, and what it can be asked to do once.
 
 use super::codec::{CONTROL_LEN, Engine};
+use crate::ecu::vendor::VendorService;
 use crate::line::{Line, Timing};
 use crate::setting::settings;
 use embassy_time::Duration;
@@ -26,6 +27,10 @@ impl Config {
     /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 
+    pub(crate) fn identity(self) -> [u8; 2] {
+        [1, self.engine.map_or(0, |engine| engine as u8 + 1)]
+    }
+
     /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
     /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
     pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
@@ -46,8 +51,8 @@ pub enum Service {
     Ctf,
 }
 
-impl Service {
-    pub(crate) const fn needs_stopped_engine(self) -> bool {
+impl VendorService for Service {
+    fn needs_stopped_engine(self) -> bool {
         match self {
             Self::Ctf => false,
         }

@@ -21,10 +21,8 @@ use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission};
-use crate::report::{
-    Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
-};
+use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission};
+use crate::report::{EcuState, NotSent, Phase, RawFrame, Reading, ReportedSwitch, Timed, bump};
 use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
@@ -39,14 +37,12 @@ pub struct AmtLink {
     slack: Option<Duration>,
     monitor: LinkMonitor,
     decoder: Decoder,
-    report: Report,
+    status: LinkStatus,
     outbox: Outbox,
-    counters: Counters,
     order: Order,
     beat: Beat,
     sign: Option<Sign>,
-    ctf: bool,
-    /// That it went out was told.
+    /// That CTF went out was reported.
     ctf_ordered: bool,
     /// The UART saw a fault in the frame that is coming in: its values will not be believed.
     damaged: bool,
@@ -73,13 +69,11 @@ impl AmtLink {
             slack: config.reply_slack(line),
             monitor: LinkMonitor::new(timing),
             decoder: Decoder::new(),
-            report: Report::default(),
+            status: LinkStatus::default(),
             outbox: Outbox::default(),
-            counters: Counters::default(),
             order: Order::Listen,
             beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
             sign: None,
-            ctf: false,
             ctf_ordered: false,
             damaged: false,
             fault: false,
@@ -96,7 +90,7 @@ impl AmtLink {
         // There is no checksum, so a line error is all that can tell a damaged frame from a good one. It
         // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
         if core::mem::take(&mut self.damaged) {
-            bump(&mut self.counters.damaged_frames);
+            bump(&mut self.status.counters.damaged_frames);
             self.sign = Some(Sign::Damaged);
         } else {
             self.hear(now);
@@ -108,10 +102,10 @@ impl AmtLink {
     fn hear(&mut self, now: Instant) {
         self.beat.frame(now);
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
-        if self.monitor.timeout(now) {
+        if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
         }
-        if self.monitor.frame(now) {
+        if self.monitor.frame(now, &mut self.status) {
             self.outbox.event(Event::LinkUp);
         }
     }
@@ -144,27 +138,27 @@ impl AmtLink {
                 self.identify(now, Engine::from_id(engine_id), certain);
                 let engine = self.engine();
                 let vout = engine.and_then(Engine::vout_scale);
-                self.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
-                self.report.pump_max = Some(Timed::new(reading(max, vout), now));
+                self.status.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
+                self.status.report.pump_max = Some(Timed::new(reading(max, vout), now));
                 let battery = reading(battery, engine.and_then(Engine::battery_scale));
-                self.report.supply = Some(Timed::new(battery, now));
+                self.status.report.supply = Some(Timed::new(battery, now));
                 let external = reading(external, engine.and_then(Engine::external_scale));
-                self.report.external_battery = Some(Timed::new(external, now));
+                self.status.report.external_battery = Some(Timed::new(external, now));
             }
             Message::Setup(setup) => {
                 // AMT-9: its text is long enough to believe it at once.
                 if let Some(engine) = setup.engine() {
                     self.identify(now, Some(engine), true);
                 }
-                self.report.amt_setup = Some(Timed::new(setup, now));
+                self.status.report.amt_setup = Some(Timed::new(setup, now));
                 // It comes after a power-up only, so its engine is at rest.
-                self.report.powered_up = Some(now);
+                self.status.report.powered_up = Some(now);
                 self.sign = Some(Sign::PowerUp);
                 self.outbox.event(Event::EcuStarted);
             }
             Message::Unknown => {
                 self.sign = Some(Sign::Stateless);
-                self.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
+                self.status.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
             }
         }
     }
@@ -177,13 +171,13 @@ impl AmtLink {
             SwitchPosition::Run => ReportedSwitch::Run,
         };
         let reports = (ecu_state, phase_of(state, switch, rpm), switch_reported);
-        self.state.state(now, reports, &mut self.report, &mut self.outbox);
+        self.state.state(now, reports, &mut self.status.report, &mut self.outbox);
     }
 
     fn rpm(&mut self, now: Instant, raw: u8) {
-        self.report.rpm_raw = Some(Timed::new(raw, now));
+        self.status.report.rpm_raw = Some(Timed::new(raw, now));
         // AMT-5: without a scale there is no rpm, and an old one would be a lie.
-        self.report.rpm = self
+        self.status.report.rpm = self
             .engine()
             .and_then(Engine::rpm_step)
             .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
@@ -196,16 +190,16 @@ impl AmtLink {
         throttle: super::codec::ThrottleByte,
         vout: u8,
     ) {
-        self.report.egt = Some(Timed::new(egt.celsius(), now));
+        self.status.report.egt = Some(Timed::new(egt.celsius(), now));
         if let Some(throttle) = throttle.throttle() {
-            self.report.throttle = Some(Timed::new(throttle, now));
+            self.status.report.throttle = Some(Timed::new(throttle, now));
         }
         let scale = self.engine().and_then(Engine::vout_scale);
-        self.report.pump = Some(Timed::new(reading(vout, scale), now));
+        self.status.report.pump = Some(Timed::new(reading(vout, scale), now));
     }
 
     fn faults(&mut self, now: Instant, bits: ErrorBits) {
-        self.state.faults(now, Faults::Amt(bits), &mut self.report, &mut self.outbox);
+        self.state.faults(now, Faults::Amt(bits), &mut self.status.report, &mut self.outbox);
     }
 
     fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
@@ -216,12 +210,12 @@ impl AmtLink {
             self.engine.see(engine);
         }
         let changed = self.engine.get() != before;
-        let told = self.report.amt_engine.map(|told| told.value);
+        let told = self.status.report.amt_engine.map(|told| told.value);
         if self.engine() != engine {
             // One frame against what was known: not yet believed.
             return;
         }
-        self.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
+        self.status.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
         if changed || told != engine {
             self.outbox.event(match engine {
                 Some(engine) => Event::EngineIdentified(engine),
@@ -232,6 +226,15 @@ impl AmtLink {
 
     fn engine(&self) -> Option<Engine> {
         self.engine.get().flatten()
+    }
+
+    fn count(&mut self) {
+        let decoder = self.decoder.counters();
+        let counters = &mut self.status.counters;
+        counters.frames = decoder.frames;
+        counters.unknown_frames = decoder.unknown_frames;
+        counters.truncated = decoder.truncated.wrapping_add(decoder.malformed);
+        counters.bytes_skipped = decoder.bytes_skipped;
     }
 
     /// AMT-11: one reply to this frame, right now or not at all. What it says is decided when it is handed out, so that
@@ -265,7 +268,7 @@ impl AmtLink {
     }
 
     fn missed(&mut self) {
-        bump(&mut self.counters.replies_missed);
+        bump(&mut self.status.counters.replies_missed);
         self.outbox.event(Event::NotSent(NotSent::TooLate));
     }
 
@@ -282,7 +285,7 @@ impl AmtLink {
             Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
         };
         // AMT-13: asked for by its own name, and never instead of an emergency stop.
-        let ops = if self.ctf && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
+        let ops = if self.status.shutting_down && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
         Some(Control { ops, throttle })
     }
 
@@ -298,6 +301,14 @@ impl AmtLink {
     }
 }
 
+impl Speaks for Config {
+    type Link = AmtLink;
+
+    fn link(self, line: Line, timing: Timing) -> AmtLink {
+        AmtLink::new(self, line, timing)
+    }
+}
+
 impl Link for AmtLink {
     fn start(&mut self, now: Instant) {
         self.monitor.start(now);
@@ -310,6 +321,7 @@ impl Link for AmtLink {
         self.damaged &= self.decoder.counters().truncated == cut_off;
         self.damaged |= core::mem::take(&mut self.fault);
         self.beat.bytes(now, taken);
+        self.count();
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -321,13 +333,14 @@ impl Link for AmtLink {
 
     fn line_error(&mut self, error: LineError) {
         self.fault = true;
-        self.counters.line_error(error);
+        self.status.counters.line_error(error);
     }
 
     fn byte_lost(&mut self, error: LineError) {
         // The frame that it was in is never whole. Between two frames it was in neither, and damages none.
         self.decoder.byte_lost();
-        self.counters.line_error(error);
+        self.count();
+        self.status.counters.line_error(error);
     }
 
     fn order(&mut self, _now: Instant, order: Order) -> Result<(), Rejected> {
@@ -343,7 +356,7 @@ impl Link for AmtLink {
         self.order = order;
         // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
         if !matches!(order, Order::Run(_) | Order::Doubt(_)) {
-            self.ctf = false;
+            self.status.shutting_down = false;
         }
         Ok(())
     }
@@ -355,7 +368,7 @@ impl Link for AmtLink {
     fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
         match service {
             AnyService::Amt(Service::Ctf) if matches!(self.order, Order::Run(_) | Order::Doubt(_)) => {
-                self.ctf = true;
+                self.status.shutting_down = true;
                 self.ctf_ordered = false;
                 Ok(())
             }
@@ -369,35 +382,35 @@ impl Link for AmtLink {
     }
 
     fn sent(&mut self, now: Instant) {
-        bump(&mut self.counters.sent);
+        bump(&mut self.status.counters.sent);
         if let Some(window_end) = self.sending {
             match window_end.checked_duration_since(now) {
                 Some(margin) => {
-                    let worst = self.counters.worst_reply_margin.get_or_insert(margin);
+                    let worst = self.status.counters.worst_reply_margin.get_or_insert(margin);
                     *worst = margin.min(*worst);
                 }
-                None => bump(&mut self.counters.replies_late),
+                None => bump(&mut self.status.counters.replies_late),
             }
         }
         self.transmission_over(now);
     }
 
     fn not_sent(&mut self, now: Instant, why: NotSent) {
-        self.counters.not_sent(why);
-        bump(&mut self.counters.replies_missed);
+        self.status.counters.not_sent(why);
+        bump(&mut self.status.counters.replies_missed);
         self.outbox.event(Event::NotSent(why));
         self.transmission_over(now);
     }
 
     fn timeout(&mut self, now: Instant) {
-        if self.monitor.timeout(now) {
+        if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
         }
     }
 
     fn poll(&mut self) -> Output {
         self.reply();
-        self.outbox.poll().unwrap_or(Output::Wait(self.monitor.deadline()))
+        self.outbox.poll(&mut self.status).unwrap_or(Output::Wait(self.monitor.deadline()))
     }
 
     fn take_sign(&mut self) -> Option<Sign> {
@@ -425,40 +438,8 @@ impl Link for AmtLink {
         Some(self.replied.unwrap_or(since) + self.config.serial_delay)
     }
 
-    fn report(&self) -> &Report {
-        &self.report
-    }
-
-    fn state(&self) -> LinkState {
-        self.monitor.state()
-    }
-
-    fn last_rx(&self) -> Option<Instant> {
-        self.monitor.last_rx()
-    }
-
-    fn up_since(&self) -> Option<Instant> {
-        self.monitor.up_since()
-    }
-
-    fn shutting_down(&self) -> bool {
-        self.ctf
-    }
-
-    fn frames(&self) -> u32 {
-        self.decoder.counters().frames
-    }
-
-    fn counters(&self) -> Counters {
-        let decoder = self.decoder.counters();
-        Counters {
-            frames: decoder.frames,
-            unknown_frames: decoder.unknown_frames,
-            truncated: decoder.truncated.wrapping_add(decoder.malformed),
-            bytes_skipped: decoder.bytes_skipped,
-            events_lost: self.outbox.events_lost,
-            ..self.counters
-        }
+    fn status(&self) -> &LinkStatus {
+        &self.status
     }
 }
 

@@ -6,6 +6,7 @@
 //! ```
 
 use crate::ecu::decoder::feed;
+use crate::ecu::vendor::VendorFaults;
 use crate::line::Line;
 use crate::open_enum::open_enum;
 use crate::units::{
@@ -631,6 +632,21 @@ open_enum! {
         OverCurrent = 17 => "over-current",
         /// 18.
         EngineOffline = 18 => "engine-offline",
+    }
+}
+
+impl VendorFaults for ErrorCode {
+    fn number(self) -> u8 {
+        self.code()
+    }
+}
+
+impl core::fmt::Display for ErrorCode {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Unknown(code) => write!(f, "unknown error {code}"),
+            known => f.write_str(known.name()),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! How a ZK ECU is spoken to, and what it can be asked to do once.
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
+use crate::ecu::vendor::VendorService;
 use crate::line::Timing;
 use crate::setting::settings;
 use embassy_time::Duration;
@@ -19,6 +20,10 @@ settings! {
 impl Config {
     /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
     pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
+
+    pub(crate) const fn identity(self) -> [u8; 2] {
+        [2, 0]
+    }
 }
 
 /// Service commands of a ZK ECU.
@@ -34,11 +39,25 @@ pub enum Service {
 }
 
 impl Service {
-    pub(crate) const fn needs_stopped_engine(self) -> bool {
+    pub(super) const fn control(self) -> Control {
+        match self {
+            Self::Action(action) => Control::Action(action),
+            Self::IgnitionPump(voltage) => Control::IgnitionPump(voltage),
+            Self::Curve(curve) => Control::Curve(curve),
+        }
+    }
+
+    pub(super) const fn needs_unlock(self) -> bool {
+        matches!(self, Self::IgnitionPump(_) | Self::Curve(_))
+    }
+}
+
+impl VendorService for Service {
+    fn needs_stopped_engine(self) -> bool {
         !matches!(self, Self::Action(Action::Rate20Hz | Action::Rate50Hz | Action::Rate100Hz))
     }
 
-    pub(crate) const fn moves_fuel(self) -> bool {
+    fn moves_fuel(self) -> bool {
         matches!(
             self,
             Self::Action(
@@ -52,15 +71,7 @@ impl Service {
         )
     }
 
-    pub(super) const fn control(self) -> Control {
-        match self {
-            Self::Action(action) => Control::Action(action),
-            Self::IgnitionPump(voltage) => Control::IgnitionPump(voltage),
-            Self::Curve(curve) => Control::Curve(curve),
-        }
-    }
-
-    pub(super) const fn needs_unlock(self) -> bool {
-        matches!(self, Self::IgnitionPump(_) | Self::Curve(_))
+    fn closes_pump(self) -> bool {
+        self == Self::Action(Action::ClosePump)
     }
 }

@@ -18,10 +18,11 @@ use super::service::{Pressure, PumpClosing, RateSetting, ServiceCommand};
 use super::status::{Believed, reported, sign_of};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::Service as AnyService;
+use crate::ecu::vendor::VendorService;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, Outbox, Output, Sign, Transmission, earlier};
-use crate::report::{Counters, LinkState, NotSent, Report, bump};
+use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Transmission, earlier};
+use crate::report::{NotSent, bump};
 use crate::units::{Hectopascals, Rpm};
 use embassy_time::{Duration, Instant};
 
@@ -31,10 +32,9 @@ pub struct ZkLink {
     line: Line,
     monitor: LinkMonitor,
     decoder: Decoder,
-    report: Report,
+    status: LinkStatus,
     believed: Believed,
     outbox: Outbox,
-    counters: Counters,
     beat: Beat,
     sign: Option<Sign>,
     next_slot: Option<Instant>,
@@ -57,10 +57,9 @@ impl ZkLink {
             line,
             monitor: LinkMonitor::new(timing),
             decoder: Decoder::new(),
-            report: Report::default(),
+            status: LinkStatus::default(),
             believed: Believed::new(),
             outbox: Outbox::default(),
-            counters: Counters::default(),
             beat: Beat::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
             sign: None,
             next_slot: None,
@@ -79,15 +78,15 @@ impl ZkLink {
         // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
         self.check_link(now);
         self.beat.frame(now);
-        if self.monitor.frame(now) {
+        if self.monitor.frame(now, &mut self.status) {
             self.outbox.event(Event::LinkUp);
         }
         let status = frame.status();
-        self.sign = Some(sign_of(frame, &status, &self.report));
-        self.believed.see(now, frame, &status, &mut self.report, &mut self.outbox);
+        self.sign = Some(sign_of(frame, &status, &self.status.report));
+        self.believed.see(now, frame, &status, &mut self.status.report, &mut self.outbox);
         match status {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
-            Status::Settings { .. } => self.service.confirm(&self.report, &mut self.outbox),
+            Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
             Status::Identity { rate, .. } => {
                 self.expect_frames();
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);
@@ -97,11 +96,11 @@ impl ZkLink {
     }
 
     fn check_link(&mut self, now: Instant) {
-        if self.monitor.timeout(now) {
+        if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
             // Nothing that decides what the ECU is sent outlives the link; it may have another rate, too.
             self.rate = RateSetting::NotKnown;
-            self.believed.forget(&mut self.report);
+            self.believed.forget(&mut self.status.report);
         }
     }
 
@@ -114,7 +113,7 @@ impl ZkLink {
 
     /// The version that two reports agree on: what decides which commands the ECU gets.
     fn version(&self) -> Option<Version> {
-        self.report.version.map(|version| version.value)
+        self.status.report.version.map(|version| version.value)
     }
 
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
@@ -138,7 +137,7 @@ impl ZkLink {
         {
             return control;
         }
-        if let Some(control) = self.pump.frame(now, self.report.pump) {
+        if let Some(control) = self.pump.frame(now, self.status.report.pump) {
             return control;
         }
         if self.modes.stops() {
@@ -159,7 +158,7 @@ impl ZkLink {
     fn switch_and_demand(&mut self) -> Control {
         let known = Known {
             version: self.version(),
-            max_rpm: self.report.max_rpm.map(|max| max.value),
+            max_rpm: self.status.report.max_rpm.map(|max| max.value),
             at_rest: self.believed.at_rest(),
         };
         self.modes.frame(&known)
@@ -174,7 +173,7 @@ impl ZkLink {
     }
 
     fn pressure_command(&mut self, now: Instant) -> Option<Control> {
-        let control = self.pressure.frame(now, &self.report)?;
+        let control = self.pressure.frame(now, &self.status.report)?;
         self.require(control.min_version()).ok()?;
         self.pressure.taken(now);
         Some(control)
@@ -188,6 +187,14 @@ impl ZkLink {
     }
 }
 
+impl Speaks for Config {
+    type Link = ZkLink;
+
+    fn link(self, line: Line, timing: Timing) -> ZkLink {
+        ZkLink::new(self, line, timing)
+    }
+}
+
 impl Link for ZkLink {
     fn start(&mut self, now: Instant) {
         self.monitor.start(now);
@@ -197,6 +204,12 @@ impl Link for ZkLink {
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
         self.beat.bytes(now, taken);
+        let decoder = self.decoder.counters();
+        let counters = &mut self.status.counters;
+        counters.frames = decoder.frames;
+        counters.unknown_frames = decoder.unknown_frames;
+        counters.crc_failures = decoder.crc_failures;
+        counters.bytes_skipped = decoder.bytes_skipped;
         if let Some(frame) = frame {
             self.frame(now, &frame);
         }
@@ -204,20 +217,20 @@ impl Link for ZkLink {
     }
 
     fn line_error(&mut self, error: LineError) {
-        self.counters.line_error(error);
+        self.status.counters.line_error(error);
     }
 
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
         if let Order::Run(Demand::Rpm(rpm)) = order {
             self.speed_control()?;
             // Status ID 6 carries the version and the maximum, so it is known here.
-            if let Some(max) = self.report.max_rpm
+            if let Some(max) = self.status.report.max_rpm
                 && rpm > max.value
             {
                 return Err(Rejected::AboveMaxRpm { max: max.value });
             }
         }
-        let alive = self.report.phase.is_some_and(|phase| phase.value.is_alive());
+        let alive = self.status.report.phase.is_some_and(|phase| phase.value.is_alive());
         if !self.modes.order(now, order, alive) {
             return Ok(());
         }
@@ -271,14 +284,14 @@ impl Link for ZkLink {
     }
 
     fn sent(&mut self, now: Instant) {
-        bump(&mut self.counters.sent);
+        bump(&mut self.status.counters.sent);
         self.out_of_slot |= self.modes.sent();
         self.service.sent(now, &mut self.outbox);
         self.transmission_over(now);
     }
 
     fn not_sent(&mut self, now: Instant, why: NotSent) {
-        self.counters.not_sent(why);
+        self.status.counters.not_sent(why);
         self.outbox.event(Event::NotSent(why));
         self.modes.not_sent();
         self.service.not_sent();
@@ -289,22 +302,25 @@ impl Link for ZkLink {
         self.check_link(now);
         let Some(due) = self.next_slot.filter(|due| now >= *due) else { return };
         let delay = now - due;
-        let worst = self.counters.worst_slot_delay.get_or_insert(delay);
+        let worst = self.status.counters.worst_slot_delay.get_or_insert(delay);
         *worst = delay.max(*worst);
         // Slots keep their beat; those that are over are skipped, never made up for in a burst.
         let interval = self.wanted_rate.interval();
         let skipped = delay.as_ticks() / interval.as_ticks();
         self.next_slot = Some(due + Duration::from_ticks(interval.as_ticks() * (skipped + 1)));
-        self.counters.send_slots_missed = self.counters.send_slots_missed.wrapping_add(skipped as u32);
+        self.status.counters.send_slots_missed =
+            self.status.counters.send_slots_missed.wrapping_add(skipped as u32);
         if self.outbox.idle() {
             self.fill_slot(now);
         } else {
-            bump(&mut self.counters.send_slots_missed);
+            bump(&mut self.status.counters.send_slots_missed);
         }
     }
 
     fn poll(&mut self) -> Output {
-        self.outbox.poll().unwrap_or_else(|| Output::Wait(earlier(self.next_slot, self.monitor.deadline())))
+        self.outbox
+            .poll(&mut self.status)
+            .unwrap_or_else(|| Output::Wait(earlier(self.next_slot, self.monitor.deadline())))
     }
 
     fn take_sign(&mut self) -> Option<Sign> {
@@ -350,35 +366,7 @@ impl Link for ZkLink {
         self.pump.is_pending()
     }
 
-    fn report(&self) -> &Report {
-        &self.report
-    }
-
-    fn state(&self) -> LinkState {
-        self.monitor.state()
-    }
-
-    fn last_rx(&self) -> Option<Instant> {
-        self.monitor.last_rx()
-    }
-
-    fn up_since(&self) -> Option<Instant> {
-        self.monitor.up_since()
-    }
-
-    fn frames(&self) -> u32 {
-        self.decoder.counters().frames
-    }
-
-    fn counters(&self) -> Counters {
-        let decoder = self.decoder.counters();
-        Counters {
-            frames: decoder.frames,
-            unknown_frames: decoder.unknown_frames,
-            crc_failures: decoder.crc_failures,
-            bytes_skipped: decoder.bytes_skipped,
-            events_lost: self.outbox.events_lost,
-            ..self.counters
-        }
+    fn status(&self) -> &LinkStatus {
+        &self.status
     }
 }

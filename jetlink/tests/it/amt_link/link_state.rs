@@ -7,29 +7,29 @@ use super::*;
 fn link_up_after_two_frames_and_lost_to_the_tick() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
-    assert_eq!((bench.machine.state(), bench.deadline_us()), (LinkState::Silent, Some(1_000_000)));
+    assert_eq!((bench.machine.status().state, bench.deadline_us()), (LinkState::Silent, Some(1_000_000)));
     bench.rx_at_us(100_000, &frame);
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Silent, vec![]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Silent, vec![]));
     bench.rx_at_us(225_000, &frame);
-    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.machine.status().state, LinkState::Up);
     assert_eq!(bench.events()[0], (225_000, Event::LinkUp));
     bench.run_to_us(300_000);
     assert_eq!(bench.deadline_us(), Some(1_225_000));
     bench.timeout_at_us(1_224_999);
     assert_eq!(
-        (bench.machine.state(), bench.event_kinds()),
+        (bench.machine.status().state, bench.event_kinds()),
         (LinkState::Up, vec![]),
         "early calls do nothing"
     );
     bench.timeout_at_us(1_225_000);
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
-    assert_eq!(bench.machine.last_rx(), Some(at_us(225_000)));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    assert_eq!(bench.machine.status().last_rx, Some(at_us(225_000)));
     bench.run_to_us(60_000_000);
     assert_eq!(bench.event_kinds(), [], "once");
     bench.rx_at_us(60_000_000, &frame);
-    assert_eq!(bench.machine.state(), LinkState::Lost);
+    assert_eq!(bench.machine.status().state, LinkState::Lost);
     bench.rx_at_us(60_125_000, &frame);
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
 }
 
 /// Two frames that are more than `lost_after` apart do not bring the link up.
@@ -39,10 +39,10 @@ fn two_frames_far_apart_are_not_two_in_a_row() {
     let mut bench = default();
     for t in [900_000, 2_900_000, 4_900_000, 6_900_000] {
         bench.rx_at_us(t, &frame);
-        assert_ne!(bench.machine.state(), LinkState::Up, "{t}");
+        assert_ne!(bench.machine.status().state, LinkState::Up, "{t}");
     }
     bench.rx_at_us(7_899_999, &frame);
-    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
 /// AMT-1: a frame with a line error is answered, but is no sign of an ECU: it neither brings the link up nor keeps
@@ -55,27 +55,33 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
         bench.machine.line_error(LineError::Framing);
         reply_to(&mut bench, &frame);
     }
-    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, None));
+    assert_eq!((bench.machine.status().state, bench.machine.status().last_rx), (LinkState::Silent, None));
     reply_to(&mut bench, &frame);
     let t = bench.now_us();
-    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Silent, Some(at_us(t))));
+    assert_eq!(
+        (bench.machine.status().state, bench.machine.status().last_rx),
+        (LinkState::Silent, Some(at_us(t)))
+    );
     reply_to(&mut bench, &frame);
     let heard = bench.now_us();
-    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.machine.status().state, LinkState::Up);
     bench.event_kinds();
     for _ in 0..7 {
         bench.machine.line_error(LineError::Noise);
         reply_to(&mut bench, &frame);
     }
-    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(at_us(heard))));
+    assert_eq!(
+        (bench.machine.status().state, bench.machine.status().last_rx),
+        (LinkState::Up, Some(at_us(heard)))
+    );
     bench.machine.line_error(LineError::Noise);
     reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
     for _ in 0..2 {
-        assert_eq!(bench.machine.state(), LinkState::Lost);
+        assert_eq!(bench.machine.status().state, LinkState::Lost);
         reply_to(&mut bench, &frame);
     }
-    assert_eq!(bench.machine.state(), LinkState::Up);
+    assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
 /// An ECU that is never heard is lost once, too.
@@ -84,7 +90,7 @@ fn an_ecu_never_heard_is_lost_once() {
     let mut bench = default();
     bench.run_to_us(100_000_000);
     assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
-    assert_eq!(bench.machine.last_rx(), None);
+    assert_eq!(bench.machine.status().last_rx, None);
 }
 
 /// AMT-9: the set-up set says that the ECU came out of its power-up.
@@ -94,7 +100,7 @@ fn amt_9_a_restart_of_the_ecu_is_told() {
     reply_to(&mut bench, &setup("9.35 140617 "));
     let events = bench.event_kinds();
     assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
-    let report = bench.machine.report();
+    let report = &bench.machine.status().report;
     assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
     assert_eq!(report.amt_setup.unwrap().at, at_us(bench.now_us()));
 }

@@ -42,7 +42,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
             assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), None);
             bench.machine.line_error(LineError::Framing);
             assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), None);
-            let counters = bench.machine.counters();
+            let counters = bench.machine.status().counters;
             assert_eq!((counters.frames, counters.sent, counters.replies_missed), (256, 0, 0));
             // Beside the orders that are answered.
             for (order, expected) in

@@ -52,14 +52,14 @@ proptest! {
         }
         bench.run_to_us(bench.now_us() + 100_000);
         check_replies(&mut bench, line, stopped)?;
-        let counters = bench.machine.counters();
+        let counters = bench.machine.status().counters;
         prop_assert_eq!(counters.sent + counters.replies_missed, counters.frames);
         prop_assert_eq!(counters.replies_late, 0);
         bench.events();
-        let was_lost = bench.machine.state() == LinkState::Lost;
+        let was_lost = bench.machine.status().state == LinkState::Lost;
         bench.run_to_us(bench.now_us() + 10_000_000);
         let lost = bench.event_kinds().into_iter().filter(|event| *event == Event::LinkLost).count();
-        prop_assert_eq!(bench.machine.state(), LinkState::Lost);
+        prop_assert_eq!(bench.machine.status().state, LinkState::Lost);
         prop_assert_eq!(lost, usize::from(!was_lost));
         prop_assert_eq!(bench.frames(), vec![], "nothing is sent into silence");
     }
@@ -70,10 +70,10 @@ proptest! {
         let timing = Timing { up_after, lost_after: micros(lost_after) };
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, Line::new(115_200), timing), Line::new(115_200));
         for i in 1..=u64::from(up_after) {
-            prop_assert_eq!(bench.machine.state(), LinkState::Silent);
+            prop_assert_eq!(bench.machine.status().state, LinkState::Silent);
             bench.rx_at_us(i * (lost_after - 1), &normal(CLEARANCE, AUTO_STOP, 0));
         }
-        prop_assert_eq!(bench.machine.state(), LinkState::Up);
+        prop_assert_eq!(bench.machine.status().state, LinkState::Up);
         bench.events();
         let last = u64::from(up_after) * (lost_after - 1);
         bench.run_to_us(last + lost_after - 1);
@@ -122,13 +122,13 @@ fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
 fn one_odd_set_changes_nothing() {
     for odd in [error(0x04), normal(FULL_OPERATION, AUTO_STOP, 100)] {
         let mut bench = running();
-        let before = *bench.machine.report();
+        let before = bench.machine.status().report;
         reply_to(&mut bench, &odd);
-        let after = *bench.machine.report();
+        let after = bench.machine.status().report;
         assert_eq!(after.faults.map(|f| f.value), before.faults.map(|f| f.value));
         assert_eq!(after.switch.map(|s| s.value), before.switch.map(|s| s.value));
         reply_to(&mut bench, &odd);
-        let after = *bench.machine.report();
+        let after = bench.machine.status().report;
         let changed = after.faults.map(|f| f.value) != before.faults.map(|f| f.value)
             || after.switch.map(|s| s.value) != before.switch.map(|s| s.value);
         assert!(changed, "{odd:02x?}");

@@ -22,10 +22,10 @@ fn amt_11_every_kind_of_frame_gets_one_reply_at_once() {
     ] {
         assert_eq!(reply_to(&mut bench, &frame), control(AUTO_OPS, 0), "{frame:02x?}");
     }
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     bench.run_to_us(bench.now_us() + 30_000);
     assert_eq!((counters.frames, counters.replies_missed), (12, 0));
-    assert_eq!(bench.machine.counters().sent, 12);
+    assert_eq!(bench.machine.status().counters.sent, 12);
 }
 
 /// AMT-11: no reply without a frame.
@@ -39,7 +39,7 @@ fn amt_11_nothing_is_sent_without_a_frame() {
     bench.rx_at_us(12_000_000, &[0xFF, 0xFF, 0xFF]); // leaders
     bench.run_to_us(20_000_000);
     assert_eq!(bench.frames(), []);
-    assert_eq!(bench.machine.counters().replies_missed, 0);
+    assert_eq!(bench.machine.status().counters.replies_missed, 0);
     // And with the rest of a frame it comes.
     bench.rx_at_us(20_000_000, &normal(FULL_OPERATION, RUN, 100)[1..]);
     assert_eq!(bench.frames(), [(20_000_000, control(STOP_OPS, 0).to_vec())]);
@@ -76,7 +76,7 @@ fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
         let start_by: Vec<_> = sent.iter().map(|(_, frame)| frame.start_by).collect();
         let expected: Vec<_> = slack.map(|slack| Some(at_us(700_000 + slack))).into_iter().collect();
         assert_eq!(start_by, expected, "{baud} {guard}");
-        assert_eq!(bench.machine.counters().replies_missed, u32::from(slack.is_none()));
+        assert_eq!(bench.machine.status().counters.replies_missed, u32::from(slack.is_none()));
     }
 }
 
@@ -106,7 +106,7 @@ fn amt_11_a_frame_during_a_transmission() {
             .map(|(at, frame)| (*at, frame.start_by.unwrap().as_micros()))
             .collect();
         assert_eq!(second_reply, reply.into_iter().collect::<Vec<_>>(), "{baud} {second}");
-        let counters = bench.machine.counters();
+        let counters = bench.machine.status().counters;
         assert_eq!(counters.replies_missed, u32::from(reply.is_none()), "{baud} {second}");
         assert_eq!(counters.sent + counters.replies_missed, counters.frames);
     }
@@ -124,7 +124,7 @@ fn amt_11_several_frames_during_a_transmission() {
     bench.run_to_us(100_000);
     let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
     assert_eq!(at, [0, 20_834]);
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     assert_eq!((counters.frames, counters.sent, counters.replies_missed), (4, 2, 2));
 }
 
@@ -140,13 +140,13 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
         bench.not_sent_at_us(110_000, why);
         assert_eq!(bench.frames(), [], "not again");
         assert_eq!(bench.event_kinds(), [Event::NotSent(why)]);
-        let counters = bench.machine.counters();
+        let counters = bench.machine.status().counters;
         assert_eq!((counters.sent, counters.replies_missed), (0, 1));
         assert_eq!((counters.given_up, counters.write_errors), (given_up, write_errors));
         bench.rx_at_us(225_000, &normal(CLEARANCE, AUTO_STOP, 0));
         assert_eq!(bench.frames(), [(225_000, control(AUTO_OPS, 0).to_vec())]);
         bench.sent_at_us(246_000);
-        assert_eq!(bench.machine.counters().sent, 1);
+        assert_eq!(bench.machine.status().counters.sent, 1);
     }
 }
 
@@ -164,7 +164,7 @@ fn amt_11_margin_of_the_window() {
     ] {
         bench.rx_at_us(frame, &normal(CLEARANCE, AUTO_STOP, 0));
         bench.sent_at_us(sent);
-        let counters = bench.machine.counters();
+        let counters = bench.machine.status().counters;
         assert_eq!(counters.worst_reply_margin, worst.map(micros), "{frame}");
         assert_eq!(counters.replies_late, late, "{frame}");
     }
@@ -184,6 +184,6 @@ fn amt_12_the_stream_is_answered_frame_by_frame() {
     }
     bench.run_to_us(3_600_000_000);
     assert_eq!(bench.frames(), [], "silence answers silence");
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     assert_eq!((u64::from(counters.sent), counters.replies_missed, counters.replies_late), (frames, 0, 0));
 }

@@ -18,7 +18,7 @@ fn amt_5_amt_6_rpm_and_voltages_by_engine() {
         let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
         bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID says nothing
         bench.rx_at_us(225_000, &[0xFF, FULL_OPERATION << 3 | RUN, 100, 100, 150, 51]);
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         assert_eq!(report.rpm.map(|rpm| rpm.value.get()), rpm, "{engine:?}");
         assert_eq!(report.rpm_raw.unwrap().value, 100);
         for (name, reading, raw, expected) in [
@@ -43,14 +43,14 @@ fn amt_5_no_rpm_without_a_scale() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = default();
     reply_to(&mut bench, &frame);
-    assert_eq!((bench.machine.report().rpm, bench.machine.report().amt_engine), (None, None));
-    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 100);
+    assert_eq!((bench.machine.status().report.rpm, bench.machine.status().report.amt_engine), (None, None));
+    assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 100);
     reply_to(&mut bench, &alternate(0x18));
     reply_to(&mut bench, &frame);
-    assert_eq!(bench.machine.report().rpm.unwrap().value.get(), 50_000);
+    assert_eq!(bench.machine.status().report.rpm.unwrap().value.get(), 50_000);
     reply_to(&mut bench, &setup("14.35 200131 ")); // Lynx
     reply_to(&mut bench, &frame);
-    assert_eq!(bench.machine.report().rpm, None);
+    assert_eq!(bench.machine.status().report.rpm, None);
 }
 
 /// AMT-4, AMT-9: who names the engine. An ID without a checksum changes a known engine only when it comes twice.
@@ -66,7 +66,7 @@ fn amt_4_identity_rules() {
                 _ => None,
             })
             .collect();
-        (told, bench.machine.report().amt_engine.map(|engine| engine.value))
+        (told, bench.machine.status().report.amt_engine.map(|engine| engine.value))
     };
     use Engine::{Mercury, Olympus, Pegasus, Titan};
     let configured = || {
@@ -97,15 +97,15 @@ fn amt_4_identity_rules() {
     let mut bench = configured();
     reply_to(&mut bench, &alternate(0xF8));
     reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
-    assert_eq!(bench.machine.report().rpm.map(|rpm| rpm.value.get()), Some(50_000), "one odd frame");
+    assert_eq!(bench.machine.status().report.rpm.map(|rpm| rpm.value.get()), Some(50_000), "one odd frame");
     reply_to(&mut bench, &alternate(0xF8));
     reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
     assert!(bench.event_kinds().contains(&Event::EngineUnknown));
-    assert_eq!((bench.machine.report().rpm, bench.machine.report().amt_engine), (None, None));
+    assert_eq!((bench.machine.status().report.rpm, bench.machine.status().report.amt_engine), (None, None));
 
     // What was configured is told when the ECU says so itself; what the ECU says wins.
     let mut bench = configured();
-    assert_eq!(bench.machine.report().amt_engine, None, "the ECU has not said it");
+    assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not said it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
     let mut bench = configured();
     assert_eq!(named(&mut bench, &alternate(0x03)).0, []);
@@ -132,15 +132,15 @@ fn amt_3_phases() {
     ] {
         let mut bench = default();
         reply_to(&mut bench, &normal(state, switch, rpm));
-        assert_eq!(bench.machine.report().phase, None, "one frame is not believed");
+        assert_eq!(bench.machine.status().report.phase, None, "one frame is not believed");
         reply_to(&mut bench, &normal(state, switch, rpm));
-        assert_eq!(bench.machine.report().phase.map(|phase| phase.value), Some(phase), "{state:#07b}");
+        assert_eq!(bench.machine.status().report.phase.map(|phase| phase.value), Some(phase), "{state:#07b}");
         let switch_reported = match switch {
             EMERGENCY => ReportedSwitch::Stop,
             AUTO_STOP => ReportedSwitch::Standby,
             _ => ReportedSwitch::Run,
         };
-        assert_eq!(bench.machine.report().switch.unwrap().value, switch_reported);
+        assert_eq!(bench.machine.status().report.switch.unwrap().value, switch_reported);
     }
 }
 
@@ -160,18 +160,18 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
         normal(STARTED_UP, RUN, 50),
     ] {
         reply_to(&mut bench, &other);
-        let phase = bench.machine.report().phase.unwrap();
+        let phase = bench.machine.status().report.phase.unwrap();
         assert_eq!((phase.value, phase.at), (Phase::Running, at_us(agreed)), "{other:02x?}");
     }
     reply_to(&mut bench, &running);
     let t = bench.now_us();
-    assert_eq!(bench.machine.report().phase.unwrap().at, at_us(t));
+    assert_eq!(bench.machine.status().report.phase.unwrap().at, at_us(t));
     // Two that agree with each other are the new phase, as old as the second.
     for _ in 0..2 {
         reply_to(&mut bench, &normal(NO_CLEARANCE, EMERGENCY, 0));
     }
     let t = bench.now_us();
-    let phase = bench.machine.report().phase.unwrap();
+    let phase = bench.machine.status().report.phase.unwrap();
     assert_eq!((phase.value, phase.at), (Phase::Stopped, at_us(t)));
 }
 
@@ -212,7 +212,7 @@ fn amt_8_faults_are_told_when_they_change() {
             .collect();
         assert_eq!(faults, told.into_iter().collect::<Vec<_>>(), "{frame:02x?}");
     }
-    assert_eq!(bench.machine.report().faults.unwrap().value, Faults::Amt(ErrorBits(0)));
+    assert_eq!(bench.machine.status().report.faults.unwrap().value, Faults::Amt(ErrorBits(0)));
 }
 
 /// AMT-8: Data2 of an error set is no rpm.
@@ -221,7 +221,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
     let mut bench = amt(Config { engine: Some(Engine::Titan), ..Config::DEFAULT }, SLOW);
     bench.order(0, Order::Standby).unwrap();
     reply_to(&mut bench, &error(0x20));
-    let report = bench.machine.report();
+    let report = &bench.machine.status().report;
     assert_eq!((report.rpm, report.rpm_raw), (None, None));
     assert_eq!(report.egt.unwrap().value.tenths(), 420); // Data3..5 as in the normal set: 20 × 4.6 − 50
 }
@@ -232,9 +232,9 @@ fn amt_2_unknown_kinds_are_kept() {
     let mut bench = default();
     let unknown = [0xFF, 0b0101_1101, 1, 2, 3, 4];
     reply_to(&mut bench, &unknown);
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     assert_eq!((counters.frames, counters.unknown_frames), (1, 1));
-    assert_eq!(bench.machine.report().unknown.unwrap().value.as_bytes(), unknown);
+    assert_eq!(bench.machine.status().report.unknown.unwrap().value.as_bytes(), unknown);
 }
 
 /// AMT-7: a throttle byte above 200 is no throttle.
@@ -242,23 +242,23 @@ fn amt_2_unknown_kinds_are_kept() {
 fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
     let mut bench = default();
     reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 201, 1]);
-    assert_eq!(bench.machine.report().throttle, None);
+    assert_eq!(bench.machine.status().report.throttle, None);
     reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 200, 1]);
-    assert_eq!(bench.machine.report().throttle.unwrap().value, Throttle::FULL);
+    assert_eq!(bench.machine.status().report.throttle.unwrap().value, Throttle::FULL);
 }
 
 /// AMT-1: there is no checksum, so a fault that the UART saw costs a frame its values, and never its reply.
 #[test]
 fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
     let mut bench = running();
-    let report = *bench.machine.report();
+    let report = bench.machine.status().report;
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(STARTING, AUTO_STOP, 1)), (RUN_OPS, 160));
-    assert_eq!(*bench.machine.report(), report);
-    assert_eq!(bench.machine.counters().damaged_frames, 1);
+    assert_eq!(bench.machine.status().report, report);
+    assert_eq!(bench.machine.status().counters.damaged_frames, 1);
     // The next is believed again.
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
-    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+    assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }
 
 /// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
@@ -283,9 +283,9 @@ fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
         }
         let rpm = 101 + begun.len() as u8;
         assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, rpm)), (RUN_OPS, 160));
-        assert_eq!(bench.machine.report().rpm_raw.unwrap().value, rpm);
+        assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, rpm);
     }
-    assert_eq!(bench.machine.counters().damaged_frames, 0);
+    assert_eq!(bench.machine.status().counters.damaged_frames, 0);
 }
 
 /// A fault in a set that is cut off damages that one, and not the next.
@@ -296,12 +296,12 @@ fn amt_1_a_fault_in_a_set_that_is_cut_off_does_not_cost_the_next() {
     bench.machine.line_error(LineError::Framing);
     bench.receive(&[7]);
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
-    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+    assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
     // One that was seen since may be in the next.
     bench.receive(&[0xFF, 0x21]);
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 102)), (RUN_OPS, 160));
-    assert_eq!(bench.machine.report().rpm_raw.unwrap().value, 101);
+    assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }
 
 /// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.
@@ -316,7 +316,7 @@ fn amt_1_line_faults_are_counted() {
         bench.machine.line_error(error);
     }
     bench.machine.line_error(LineError::Parity);
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     assert_eq!((counters.truncated, counters.frames, counters.bytes_skipped), (2, 0, 3 + 3 + 17));
     assert_eq!((counters.framing_errors, counters.noise_errors, counters.overruns), (1, 2, 1));
     assert_eq!((counters.read_errors, counters.parity_errors), (1, 1));

@@ -243,7 +243,7 @@ fn zk_9_rpm_x_stays_with_the_order() {
     for _ in 0..2 {
         bench.receive(&zk::identity(80, 4, 0));
     }
-    assert_eq!(bench.machine.report().max_rpm.unwrap().value.get(), 80_000);
+    assert_eq!(bench.machine.status().report.max_rpm.unwrap().value.get(), 80_000);
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
     bench.order(bench.now_us(), rpm(50_000)).unwrap(); // a new number is no new order
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
@@ -347,13 +347,13 @@ fn zk_9_an_ecu_met_in_mode_3_is_reached_in_time() {
 #[test]
 fn zk_16_one_odd_frame_changes_no_identity() {
     let known = |bench: &Bench<ZkLink>| {
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         (report.version.unwrap().value.get(), report.max_rpm.unwrap().value.get())
     };
     let mut bench = link(Config::DEFAULT, LINE);
     for odd in [zk::identity(160, 4, 0), zk::identity(40, 4, 0), zk::identity(160, 4, 0)] {
         bench.receive(&odd);
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         assert_eq!((report.version, report.max_rpm), (None, None), "one alone");
     }
     bench.receive(&zk::identity(160, 4, 0));
@@ -370,10 +370,10 @@ fn zk_16_one_odd_frame_changes_no_identity() {
     assert_eq!(bench.event_kinds(), [Event::VersionKnown(Version::new(1).unwrap())]);
 
     bench.receive(&zk::idle(30, false));
-    assert_eq!(bench.machine.report().idle_rpm, None, "one alone");
+    assert_eq!(bench.machine.status().report.idle_rpm, None, "one alone");
     for (frame, idle) in [(30, 30), (60, 30), (30, 30), (60, 30), (50, 30), (60, 30), (60, 60)] {
         bench.receive(&zk::idle(frame, false));
-        assert_eq!(bench.machine.report().idle_rpm.unwrap().value.get(), idle * 1000, "{frame}");
+        assert_eq!(bench.machine.status().report.idle_rpm.unwrap().value.get(), idle * 1000, "{frame}");
     }
 }
 

@@ -192,7 +192,7 @@ fn zk_9_a_change_of_the_maximum_never_raises_the_target() {
                     assert!(ecu.target_rpm <= demand, "{before} to {after} after {turns_before}: {ecu:?}");
                 }
             }
-            assert_eq!(bench.machine.report().max_rpm.unwrap().value.get(), u32::from(after) * 1000);
+            assert_eq!(bench.machine.status().report.max_rpm.unwrap().value.get(), u32::from(after) * 1000);
         }
     }
 }

@@ -96,11 +96,11 @@ proptest! {
             prop_assert_ne!(switch_of(frame), Some(PWM), "{:02x?}", bytes);
         }
         bench.events();
-        let was_lost = bench.machine.state() == LinkState::Lost;
+        let was_lost = bench.machine.status().state == LinkState::Lost;
         bench.run_to_us(bench.now_us() + 5_000_000);
         let lost = bench.event_kinds().into_iter().filter(|event| *event == Event::LinkLost).count();
         prop_assert_eq!(lost, usize::from(!was_lost));
-        prop_assert_eq!(bench.machine.state(), LinkState::Lost);
+        prop_assert_eq!(bench.machine.status().state, LinkState::Lost);
     }
 }
 

@@ -6,19 +6,22 @@ use super::*;
 #[test]
 fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
     let mut bench = link(Config::DEFAULT, LINE);
-    assert_eq!(bench.machine.state(), LinkState::Silent);
+    assert_eq!(bench.machine.status().state, LinkState::Silent);
     bench.rx_at_us(123_456, &zk::state(STATE_STANDBY));
-    assert_eq!((bench.machine.state(), bench.machine.last_rx()), (LinkState::Up, Some(at_us(123_456))));
+    assert_eq!(
+        (bench.machine.status().state, bench.machine.status().last_rx),
+        (LinkState::Up, Some(at_us(123_456)))
+    );
     bench.events();
     bench.run_to_us(623_455);
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![]));
     bench.run_to_us(623_456);
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
     bench.frames();
     bench.run_to_us(10_623_456);
     assert_eq!((bench.frames().len(), bench.event_kinds()), (200, vec![]));
     bench.receive(&zk::state(STATE_STANDBY));
-    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+    assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
     bench.receive(&zk::state(STATE_STANDBY));
     assert_eq!(bench.event_kinds(), [Event::Phase(Phase::Standby)], "two agree");
 }
@@ -30,10 +33,10 @@ fn zk_15_unknown_ids_are_frames() {
         let mut bench = link(Config::DEFAULT, LINE);
         let frame = zk::status(id, 55_550, [1, 2, 3]);
         bench.receive(&frame);
-        assert_eq!(bench.machine.state(), LinkState::Up);
-        let counters = bench.machine.counters();
+        assert_eq!(bench.machine.status().state, LinkState::Up);
+        let counters = bench.machine.status().counters;
         assert_eq!((counters.frames, counters.unknown_frames, counters.bytes_skipped), (1, 1, 0));
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         assert_eq!(report.unknown.unwrap().value.as_bytes(), frame);
         assert_eq!(report.rpm.unwrap().value.get(), 55_550, "every status carries the rpm");
     }
@@ -47,7 +50,7 @@ fn zk_15_unknown_numbers_are_kept() {
     for _ in 0..2 {
         bench.receive(&zk::status(1, 0, [25 | (29 << 5 & 0xE0), 29 >> 3 | 3 << 5, 76]));
     }
-    let report = bench.machine.report();
+    let report = &bench.machine.status().report;
     assert_eq!((report.state.unwrap().value.code, report.phase.unwrap().value), (25, Phase::Unknown));
     assert_eq!(report.switch.unwrap().value, ReportedSwitch::Unknown(3));
     let Faults::Zk(error) = report.faults.unwrap().value else { panic!("ZK") };
@@ -74,7 +77,7 @@ fn zk_8_phases_and_reported_switch() {
                 let mut bench = link(Config::DEFAULT, LINE);
                 bench.receive(&zk::status(1, 0, [state, code << 5, 0]));
                 bench.receive(&zk::status(1, 0, [state, code << 5, 0]));
-                let report = bench.machine.report();
+                let report = &bench.machine.status().report;
                 assert_eq!(
                     (report.phase.unwrap().value, report.switch.unwrap().value),
                     (phase, switch),
@@ -103,7 +106,7 @@ fn zk_5_values_carry_their_time() {
     ] {
         bench.rx_at_us(t, &frame);
     }
-    let report = *bench.machine.report();
+    let report = bench.machine.status().report;
     macro_rules! check {
         ($($field:ident.$get:ident = $value:expr, at $at:expr;)+) => {
             $(
@@ -139,9 +142,9 @@ fn zk_5_values_carry_their_time() {
 fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
     let mut bench = link(Config::DEFAULT, LINE);
     bench.receive(&zk::status(3, 0, [101, 0, 0]));
-    assert_eq!(bench.machine.report().throttle, None);
+    assert_eq!(bench.machine.status().report.throttle, None);
     bench.receive(&zk::status(3, 0, [100, 0, 0]));
-    assert_eq!(bench.machine.report().throttle.unwrap().value, Throttle::FULL);
+    assert_eq!(bench.machine.status().report.throttle.unwrap().value, Throttle::FULL);
 }
 
 /// Events when something changes, and only then.
@@ -180,8 +183,8 @@ fn zk_16_a_corrupted_frame_is_counted() {
     let mut bad = zk::status(1, 0, [STATE_RUNNING, 0, 76]); // none of its bytes looks like a head
     bad[5] ^= 0x10;
     bench.receive(&[&bad[..], &zk::state(STATE_STOP)].concat());
-    let counters = bench.machine.counters();
+    let counters = bench.machine.status().counters;
     assert_eq!((counters.crc_failures, counters.frames, counters.bytes_skipped), (1, 1, 7));
     bench.receive(&zk::state(STATE_STOP));
-    assert_eq!(bench.machine.report().phase.unwrap().value, Phase::Stopped);
+    assert_eq!(bench.machine.status().report.phase.unwrap().value, Phase::Stopped);
 }

@@ -12,7 +12,7 @@ fn zk_10_zk_11_something_goes_out_at_every_turn() {
         let expected: Vec<_> =
             (0..=10_000_000 / every).map(|turn| (turn * every, zk::keep_alive().to_vec())).collect();
         assert_eq!(bench.frames(), expected, "{rate:?}");
-        let counters = bench.machine.counters();
+        let counters = bench.machine.status().counters;
         assert_eq!(counters.send_slots_missed, 0);
         assert_eq!(counters.worst_slot_delay.map(|delay| delay.as_micros()), Some(0));
     }
@@ -31,7 +31,7 @@ fn zk_10_a_late_turn_makes_no_burst() {
         bench.run_to_us(160_000);
         let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
         assert_eq!(at, [&[SEND_SLOT_US + late][..], &next].concat(), "{late}");
-        let worst = bench.machine.counters().worst_slot_delay.map(|delay| delay.as_micros());
+        let worst = bench.machine.status().counters.worst_slot_delay.map(|delay| delay.as_micros());
         assert_eq!(worst, Some(late));
     }
     // After turns that are over altogether: one now, the next within one interval, none in between.
@@ -49,7 +49,11 @@ fn zk_10_a_late_turn_makes_no_burst() {
         assert!(at.windows(2).skip(1).all(|pair| pair[1] - pair[0] == SEND_SLOT_US), "{late}: {at:?}");
         assert!((10..=11).contains(&at.len()), "{late}: {at:?}");
         // Of the turns from 50 ms to the one at or before the waking, all but one are over.
-        assert_eq!(u64::from(bench.machine.counters().send_slots_missed), late / SEND_SLOT_US, "{late}");
+        assert_eq!(
+            u64::from(bench.machine.status().counters.send_slots_missed),
+            late / SEND_SLOT_US,
+            "{late}"
+        );
     }
 }
 
@@ -59,12 +63,12 @@ fn a_turn_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
     bench.run_to_us(120_000); // the frame of turn 0 hangs
     assert_eq!(bench.frames().len(), 1);
-    assert_eq!(bench.machine.counters().send_slots_missed, 2);
+    assert_eq!(bench.machine.status().counters.send_slots_missed, 2);
     bench.not_sent_at_us(125_000, NotSent::GaveUp);
     assert_eq!(bench.frames(), [], "not out of turn");
     bench.run_to_us(150_000);
     assert_eq!(bench.frames(), [(150_000, zk::keep_alive().to_vec())]);
-    assert_eq!(bench.machine.counters().given_up, 1);
+    assert_eq!(bench.machine.status().counters.given_up, 1);
 }
 
 /// ZK-12: at the slowest line a frame is over before the next turn.
@@ -74,6 +78,6 @@ fn zk_12_the_slowest_line_carries_every_turn() {
         let mut bench = link(Config::DEFAULT, line);
         bench.order(0, Order::Standby).unwrap();
         bench.run_to_us(10_000_000);
-        assert_eq!((bench.frames().len(), bench.machine.counters().send_slots_missed), (201, 0));
+        assert_eq!((bench.frames().len(), bench.machine.status().counters.send_slots_missed), (201, 0));
     }
 }

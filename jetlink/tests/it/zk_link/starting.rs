@@ -108,14 +108,14 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         zk::status(1, 0, [state | error << 5, error >> 3 | switch << 5, 76])
     };
     let known = |bench: &Bench<ZkLink>| {
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         let Faults::Zk(error) = report.faults.unwrap().value else { panic!("ZK") };
         (report.phase.unwrap().value, error.code(), report.switch.unwrap().value)
     };
     let running = (Phase::Running, 0, ReportedSwitch::Run);
     for odd in [says(0, 12, 0), says(1, 0, 1), says(11, 0, 2)] {
         bench.receive(&odd);
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         assert_eq!((report.phase, report.switch), (None, None), "one alone");
         assert!(report.faults.is_none_or(|faults| faults.value.is_empty()), "one alone");
     }
@@ -132,7 +132,7 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
             bench.rx_at_us(t, &says(state, error, switch));
             assert_eq!(known(&bench), running, "{state} {error} {switch}");
             bench.receive(&says(11, 0, 2));
-            assert_eq!((known(&bench), bench.machine.report().phase.unwrap().at), (running, at_us(t)));
+            assert_eq!((known(&bench), bench.machine.status().report.phase.unwrap().at), (running, at_us(t)));
         }
         bench.receive(&says(state, error, switch));
         bench.receive(&says(state, error, switch));

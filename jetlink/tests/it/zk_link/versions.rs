@@ -49,7 +49,7 @@ fn zk_7_every_command_by_version() {
 #[test]
 fn zk_7_the_version_does_not_outlive_the_link() {
     let known = |bench: &Bench<ZkLink>| {
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         (report.version.is_some(), report.max_rpm.is_some(), report.idle_rpm.is_some())
     };
     let refused = Err(Rejected::NeedsVersion { needed: 4, known: None });
@@ -65,7 +65,7 @@ fn zk_7_the_version_does_not_outlive_the_link() {
     for supply in [None, Some(12_000)] {
         bench.receive(&zk::identity(160, 3, 0));
         bench.receive(&zk::status(2, 0, [60, 120, 255]));
-        let voltage = bench.machine.report().supply.unwrap().value.voltage;
+        let voltage = bench.machine.status().report.supply.unwrap().value.voltage;
         assert_eq!(voltage.map(Millivolts::get), supply, "0.1 V a step");
     }
     let known = Some(3);
@@ -99,7 +99,7 @@ fn zk_7_status_fields_by_version() {
         bench.receive(&zk::status(4, 0, [1, 2, 3]));
         bench.receive(&zk::status(8, 0, [30, 0x30, 25]));
         bench.receive(&zk::status(8, 0, [30, 0x30, 25]));
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         assert!(report.current.is_some() && report.idle_rpm.is_some());
         assert_eq!(report.thrust.is_some(), version >= Some(2), "{version:?}");
         assert_eq!(report.pressure_requested.is_some(), version >= Some(4), "{version:?}");
@@ -122,7 +122,7 @@ fn zk_6_voltages_wait_for_the_version() {
             bench.receive(&zk::status(6, 0, [160, 100, version << 2]));
         }
         bench.receive(&zk::status(2, 0, [60, 120, 255]));
-        let report = bench.machine.report();
+        let report = &bench.machine.status().report;
         for (reading, raw, voltage) in
             [(report.radio, 60, radio), (report.supply, 120, power), (report.pump, 255, pump)]
         {
