@@ -279,8 +279,8 @@ struct Zk {
 impl Zk {
     /// A field that ECUs carry from a version on (ZK-7): nothing if the version is known to be lower. While
     /// it is not known the field is given as it came, since its scale does not depend on the version.
-    fn since<T>(&self, needed: u8, value: T) -> Option<T> {
-        self.version.is_none_or(|version| version.get() >= needed).then_some(value)
+    fn since<T>(&self, since: zk::Version, value: T) -> Option<T> {
+        (zk::Version::knows(self.version, since) != Some(false)).then_some(value)
     }
 }
 
@@ -316,7 +316,7 @@ impl Source for Zk {
             }
             zk::Status::Load { current, thrust } => {
                 record.field("current_a", thousandths(current.get()));
-                record.field("thrust_kg", self.since(2, thousandths(thrust.get())));
+                record.field("thrust_kg", self.since(zk::Status::THRUST_SINCE, thousandths(thrust.get())));
             }
             zk::Status::Settings { ignition_pump, increase, decrease } => {
                 record.field("ignition_pump_v", thousandths(ignition_pump.get()));
@@ -336,10 +336,14 @@ impl Source for Zk {
             }
             zk::Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
                 record.field("idle_rpm", idle_rpm.get());
-                record.field("pressure_requested", self.since(4, pressure_requested));
-                record.field("closed_loop", self.since(4, closed_loop));
+                record
+                    .field("pressure_requested", self.since(zk::Status::IDLE_REST_SINCE, pressure_requested));
+                record.field("closed_loop", self.since(zk::Status::IDLE_REST_SINCE, closed_loop));
                 // Twelve bits of 0.1 s.
-                record.field("startup_s", self.since(4, thousandths(startup.as_millis() as u32)));
+                record.field(
+                    "startup_s",
+                    self.since(zk::Status::IDLE_REST_SINCE, thousandths(startup.as_millis() as u32)),
+                );
             }
             zk::Status::Temperature { ecu } => record.field("ecu_c", tenths(ecu.tenths())),
             zk::Status::Unknown => {}

@@ -76,6 +76,7 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]
 
+mod debounce;
 mod open_enum;
 
 pub mod channel;

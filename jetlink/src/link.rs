@@ -156,8 +156,9 @@ pub trait Link {
     fn poll(&mut self) -> Output;
     /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;
-    /// The engine runs, so that a demand goes out; until then "run" carries the throttle of a start.
-    fn release(&mut self, released: bool);
+    /// The engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). That a demand stays at
+    /// idle until then is the engine's rule, for every ECU.
+    fn release(&mut self, _released: bool) {}
     /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
     /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
@@ -278,6 +279,10 @@ pub(crate) struct Beat {
     /// Bytes of a frame.
     frame_len: u8,
     line: Line,
+    /// A frame is expected at this interval.
+    interval: Duration,
+    /// A longer pause separates two bursts.
+    pause: Duration,
     last: Option<Instant>,
     good: Option<Instant>,
     last_byte: Option<Instant>,
@@ -291,17 +296,38 @@ const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
 const GAP_FRAMES: u32 = 3;
 
 impl Beat {
-    pub fn new(frame_len: u8, line: Line) -> Self {
-        Self { frame_len, line, last: None, good: None, last_byte: None, burst: 0, gap: false }
+    pub fn new(frame_len: u8, line: Line, interval: Duration) -> Self {
+        let pause = Self::pause(frame_len, line, interval);
+        Self {
+            frame_len,
+            line,
+            interval,
+            pause,
+            last: None,
+            good: None,
+            last_byte: None,
+            burst: 0,
+            gap: false,
+        }
     }
 
-    /// Bytes came, of whatever kind, with a frame expected at this interval.
-    pub fn bytes(&mut self, now: Instant, count: usize, interval: Duration) {
-        // A longer pause separates two bursts. At a high rate there is little between two frames.
-        let frame = self.line.time_of(self.frame_len.into());
-        let rest = interval.as_ticks().saturating_sub(frame.as_ticks());
-        let pause = (self.line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3));
-        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > pause);
+    /// Frames come at another interval from now on.
+    pub fn expect(&mut self, interval: Duration) {
+        if self.interval != interval {
+            self.interval = interval;
+            self.pause = Self::pause(self.frame_len, self.line, interval);
+        }
+    }
+
+    /// At a high rate there is little between two frames.
+    fn pause(frame_len: u8, line: Line, interval: Duration) -> Duration {
+        let rest = interval.as_ticks().saturating_sub(line.time_of(frame_len.into()).as_ticks());
+        (line.time_of(2) + Duration::from_millis(2)).min(Duration::from_ticks(rest * 2 / 3))
+    }
+
+    /// Bytes came, of whatever kind.
+    pub fn bytes(&mut self, now: Instant, count: usize) {
+        let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);
         self.last_byte = Some(now);
         let before = if paused { 0 } else { self.burst };
         self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
@@ -321,9 +347,9 @@ impl Beat {
         self.gap = false;
     }
 
-    /// When the gap begins, with frames expected at this interval.
-    pub fn gap_at(&self, interval: Duration) -> Option<Instant> {
-        self.last.filter(|_| !self.gap)?.checked_add(interval * GAP_FRAMES)
+    /// When the gap begins.
+    pub fn gap_at(&self) -> Option<Instant> {
+        self.last.filter(|_| !self.gap)?.checked_add(self.interval * GAP_FRAMES)
     }
 
     /// The gap was seen.
@@ -378,53 +404,6 @@ impl Outbox {
             return Some(Output::Transmit(transmission));
         }
         self.events.pop_front().map(Output::Event)
-    }
-}
-
-/// A value that changes only when two frames in a row say so. AMT frames have no checksum, a ZK one lets one in
-/// 256 damaged frames through, and one odd frame must not drop the throttle of a running engine.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Debounced<T> {
-    value: Option<T>,
-    candidate: Option<T>,
-}
-
-impl<T: Copy + PartialEq> Debounced<T> {
-    pub const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None }
-    }
-
-    pub const fn get(&self) -> Option<T> {
-        self.value
-    }
-
-    /// One frame says this. True if the value changed.
-    pub fn see(&mut self, seen: T) -> bool {
-        if self.value == Some(seen) {
-            self.candidate = None;
-            return false;
-        }
-        if self.candidate == Some(seen) {
-            return self.set(seen);
-        }
-        self.candidate = Some(seen);
-        false
-    }
-
-    /// One frame says this; the very first is believed. True if it is the value now.
-    pub fn first_or_see(&mut self, seen: T) -> bool {
-        if self.value.is_none() {
-            self.set(seen);
-        } else {
-            self.see(seen);
-        }
-        self.value == Some(seen)
-    }
-
-    /// It is certain. True if the value changed.
-    pub fn set(&mut self, value: T) -> bool {
-        self.candidate = None;
-        self.value.replace(value) != Some(value)
     }
 }
 

@@ -1,4 +1,5 @@
-//! The cases that the issue of the supervision names, each with what must go out at each step. The truth judges them, too.
+//! Named cases of loss, restart and disagreement, each with what must go out at each step. The judge of the random worlds judges
+//! them, too.
 
 use crate::fate::Blow;
 use crate::faults::Fault;

@@ -2,6 +2,7 @@
 
 pub mod amt;
 pub mod any;
+mod decoder;
 pub mod zk;
 
 /// Which ECU is on a port, and how it is spoken to.

@@ -80,6 +80,7 @@ fn zk_each_state_is_reported_as_its_phase() {
         for switch in 0..4u8 {
             let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
             scenario.bench.rx_at_us(FRAME_PERIOD_US, &zk_frames::status(1, 0, [code, switch << 5, 76]));
+            scenario.bench.rx_at_us(2 * FRAME_PERIOD_US, &zk_frames::status(1, 0, [code, switch << 5, 76]));
             let running = switch == 2;
             let ending = switch < 2;
             let expected = match code {
@@ -102,6 +103,7 @@ fn zk_each_state_is_reported_as_its_phase() {
         // An engine that does not run, with a fault, is in fault.
         let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
         scenario.bench.rx_at_us(FRAME_PERIOD_US, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
+        scenario.bench.rx_at_us(2 * FRAME_PERIOD_US, &zk_frames::status(1, 0, [code | 3 << 5, 1 << 5, 76]));
         let state = scenario.telemetry().state;
         let alive = matches!(code, 2..=11 | 13);
         assert_eq!(state == EngineState::Fault, !alive, "code {code}: {state:?}");

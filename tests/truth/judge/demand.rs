@@ -14,6 +14,7 @@ impl Case<'_> {
             Ask::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
         }
     }
+
     /// A pilot moved the stick since the frame before, from a demand that was in force to this one or more. What goes out may be reduced
     /// because another engine has failed.
     fn moved(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
@@ -26,9 +27,10 @@ impl Case<'_> {
     fn moved_to(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
         // Where sets could not be read there was no frame since.
         let reach = at - when + 3 * self.h.rules.period + 50 * MS;
-        self.h.said(at.saturating_sub(reach), at).iter().any(|said| {
-            matches!(said.word, Word::Run(ask) if self.share(ask) + STEP >= to)
-                && matches!(said.word, Word::Run(ask) if self.was_in_force(*said, ask, at.saturating_sub(reach), from))
+        let since = at.saturating_sub(reach);
+        self.h.said(since, at).iter().any(|said| {
+            let Word::Run(ask) = said.word else { return false };
+            self.share(ask) + STEP >= to && self.was_in_force(*said, ask, since, from)
         })
     }
 

@@ -3,9 +3,12 @@
 use super::control::{silences, to_fail_safe};
 use super::{Case, Rule, seconds};
 use crate::history::{Ask, Cause, Kind, MS, SECOND, Switch, Told};
+use sim::turbine::Phase;
 
 /// From a new demand to the turbine's speed.
 const SPIN_DOWN: u64 = 7 * SECOND;
+/// Standby follows the fail-safe so long after it, where no engine is known to run, and nothing else is configured.
+const RUN_OUT: u64 = 10 * SECOND;
 /// Longest time in which a node that was reset finds out what its engine does, beside `listen`.
 const FINDS_OUT: u64 = 1500 * MS;
 
@@ -15,6 +18,7 @@ impl Case<'_> {
         let rules = &h.rules;
         let stages = to_fail_safe(h) + 300 * MS;
         for (from, to) in silences(h, stages) {
+            self.no_start_in_silence(from, to);
             let wire = self.fail_safe_by(from, to, stages);
             // In doubt a demand does not reach the engine (ZK): standby does, when the stages have run out.
             let hidden = self.blind.union(&h.noise).union(&self.down);
@@ -59,6 +63,25 @@ impl Case<'_> {
                 );
                 self.verdict.finding(Rule::SilentTurbine, sample.at, text);
             }
+        }
+    }
+
+    /// An order to run whose engine has not come to run ends when the stages of loss have run out.
+    fn no_start_in_silence(&mut self, from: u64, to: u64) {
+        let h = self.h;
+        let rules = &h.rules;
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let ends = from + age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT) + SECOND;
+        let told = h.frames_within(ends, to).iter().find(|frame| frame.told.switch() == Some(Switch::Run));
+        let Some(frame) = told else { return };
+        let ran = h
+            .samples(from, frame.at)
+            .iter()
+            .any(|sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle) || sample.hidden);
+        if !ran && !self.down.touches(from, frame.at) && !h.pwm.touches(from, frame.at) {
+            let text =
+                format!("run for an engine that does not run, all sources silent since {}", seconds(from));
+            self.verdict.finding(Rule::SilentWire, frame.at, text);
         }
     }
 

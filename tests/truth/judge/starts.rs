@@ -122,6 +122,9 @@ impl Case<'_> {
         }
         let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
         let coolest = last(1200 * MS).iter().map(|sample| sample.egt).fold(f64::MAX, f64::min);
+        if at > 3 * SECOND && h.sensor.within(at - 3 * SECOND, at) == 3 * SECOND {
+            return Some("the exhaust is not measured".into());
+        }
         // A ZK report has whole degrees, an AMT one steps of 4.6.
         if coolest > h.rules.egt_max + 6.0 && coolest < f64::MAX {
             return Some(format!("the exhaust has {coolest:.0} °C"));

@@ -8,6 +8,7 @@
 //!
 //! There is no checksum. No data byte is ever 0xFF, so 0xFF always starts a frame (AMT-1).
 
+use crate::ecu::decoder::feed;
 use crate::open_enum::open_enum;
 use crate::units::{Celsius, Millivolts, Throttle};
 
@@ -354,6 +355,14 @@ impl ThrottleByte {
     pub const fn tenths(self) -> u16 {
         self.0 as u16 * 5
     }
+
+    /// The throttle; `None` above 100 %.
+    pub const fn throttle(self) -> Option<Throttle> {
+        match Throttle::from_tenths(self.tenths()) {
+            Ok(throttle) => Some(throttle),
+            Err(_) => None,
+        }
+    }
 }
 
 /// What a frame says.
@@ -454,6 +463,30 @@ impl Setup {
     }
 }
 
+/// The kind of a frame, by its Data1 (AMT-2).
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Normal(SwitchPosition),
+    Error,
+    Alternate,
+    Setup,
+    Unknown,
+}
+
+impl Kind {
+    const fn of(data1: u8) -> Self {
+        match (data1, data1 & 7) {
+            (0x00, _) => Self::Error,
+            (SETUP, _) => Self::Setup,
+            (0x03 | 0x06 | 0x07, _) | (_, 0b000) => Self::Alternate,
+            (_, 0b001) => Self::Normal(SwitchPosition::EmergencyStop),
+            (_, 0b010) => Self::Normal(SwitchPosition::AutoStop),
+            (_, 0b100) => Self::Normal(SwitchPosition::Run),
+            _ => Self::Unknown,
+        }
+    }
+}
+
 /// A frame from the ECU, whole.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -468,36 +501,37 @@ impl Frame {
         self.bytes.get(..self.len.into()).unwrap_or_default()
     }
 
-    /// What it says, by Data1 (AMT-2).
+    fn kind(&self) -> Kind {
+        Kind::of(self.bytes[1])
+    }
+
+    /// What it says.
     pub fn message(&self) -> Message {
         let [_, data1, data2, data3, data4, data5, ..] = self.bytes;
-        let normal = |switch| Message::Normal {
-            switch,
-            state: State::from_code(data1 >> 3),
-            rpm: data2,
-            egt: EgtByte(data3),
-            throttle: ThrottleByte(data4),
-            vout: data5,
-        };
-        match (data1, data1 & 7) {
-            (0x00, _) => Message::Error {
+        match self.kind() {
+            Kind::Normal(switch) => Message::Normal {
+                switch,
+                state: State::from_code(data1 >> 3),
+                rpm: data2,
+                egt: EgtByte(data3),
+                throttle: ThrottleByte(data4),
+                vout: data5,
+            },
+            Kind::Error => Message::Error {
                 errors: ErrorBits(data2),
                 egt: EgtByte(data3),
                 throttle: ThrottleByte(data4),
                 vout: data5,
             },
-            (SETUP, _) => Message::Setup(self.setup()),
-            (0x03 | 0x06 | 0x07, _) | (_, 0b000) => Message::Alternate {
+            Kind::Alternate => Message::Alternate {
                 engine_id: data1,
                 idle: data2,
                 max: data3,
                 battery: data4,
                 external: data5,
             },
-            (_, 0b001) => normal(SwitchPosition::EmergencyStop),
-            (_, 0b010) => normal(SwitchPosition::AutoStop),
-            (_, 0b100) => normal(SwitchPosition::Run),
-            _ => Message::Unknown,
+            Kind::Setup => Message::Setup(self.setup()),
+            Kind::Unknown => Message::Unknown,
         }
     }
 
@@ -558,12 +592,7 @@ impl Decoder {
     /// Takes bytes up to the end of the first frame. Gives how many it took, and the frame.
     /// Call again with the rest while any is left.
     pub fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Frame>) {
-        for (taken, &byte) in (1..).zip(bytes) {
-            if let Some(frame) = self.push(byte) {
-                return (taken, Some(frame));
-            }
-        }
-        (bytes.len(), None)
+        feed(bytes, |byte| self.push(byte))
     }
 
     /// What it has seen.
@@ -602,7 +631,7 @@ impl Decoder {
                 let frame = self.frame;
                 self.frame = Frame { bytes: [0; MAX_FRAME_LEN], len: 0 };
                 self.counters.frames = self.counters.frames.wrapping_add(1);
-                if matches!(frame.message(), Message::Unknown) {
+                if frame.kind() == Kind::Unknown {
                     self.counters.unknown_frames = self.counters.unknown_frames.wrapping_add(1);
                 }
                 Some(frame)

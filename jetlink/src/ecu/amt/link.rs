@@ -17,10 +17,11 @@ use super::codec::{
 };
 use super::config::{Config, REPLY_WINDOW, Service};
 use crate::command::{Demand, Order, Rejected};
+use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Debounced, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission};
+use crate::link::{Beat, Link, LinkMonitor, Outbox, Output, Sign, Stage, Transmission};
 use crate::report::{
     Counters, EcuState, LinkState, NotSent, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed, bump,
 };
@@ -57,10 +58,7 @@ pub struct AmtLink {
     replied: Option<Instant>,
     /// End of the window of a frame that has no reply yet.
     due: Option<Instant>,
-    phase: Debounced<Phase>,
-    switch: Debounced<ReportedSwitch>,
-    /// Whether the sets are error sets. One odd set is no fault.
-    faulty: Debounced<bool>,
+    state: DebouncedState,
     /// The engine runs, so the demand goes out; until then the start throttle does (AMT-14).
     released: bool,
     /// `Some(None)`: the ECU named an engine that no table has.
@@ -79,7 +77,7 @@ impl AmtLink {
             outbox: Outbox::default(),
             counters: Counters::default(),
             order: Order::Listen,
-            beat: Beat::new(FRAME_LEN as u8, line),
+            beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
             sign: None,
             ctf: false,
             ctf_ordered: false,
@@ -88,9 +86,7 @@ impl AmtLink {
             sending: None,
             replied: None,
             due: None,
-            phase: Debounced::new(None),
-            switch: Debounced::new(None),
-            faulty: Debounced::new(Some(false)),
+            state: DebouncedState::new(),
             released: false,
             engine: Debounced::new(config.engine.map(Some)),
         }
@@ -127,7 +123,7 @@ impl AmtLink {
                 self.sign = Some(Sign::State {
                     stage: stage_of(state),
                     turning: Some(rpm >= self.config.half_idle),
-                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    throttle: throttle.throttle(),
                 });
                 self.rpm(now, rpm);
                 self.common(now, egt, throttle, vout);
@@ -135,7 +131,7 @@ impl AmtLink {
             }
             Message::Error { errors, egt, throttle, vout } => {
                 self.sign = Some(Sign::Faulted {
-                    throttle: Throttle::from_tenths(throttle.tenths()).ok(),
+                    throttle: throttle.throttle(),
                     egt: (!errors.egt()).then(|| egt.celsius()),
                 });
                 self.common(now, egt, throttle, vout);
@@ -175,26 +171,13 @@ impl AmtLink {
 
     fn state(&mut self, now: Instant, state: State, switch: SwitchPosition, rpm: u8) {
         let ecu_state = EcuState { code: state.code(), name: state.name() };
-        self.report.state = Some(Timed::new(ecu_state, now));
         let switch_reported = match switch {
             SwitchPosition::EmergencyStop => ReportedSwitch::Stop,
             SwitchPosition::AutoStop => ReportedSwitch::Standby,
             SwitchPosition::Run => ReportedSwitch::Run,
         };
-        self.switch.see(switch_reported);
-        if self.switch.get() == Some(switch_reported) {
-            self.report.switch = Some(Timed::new(switch_reported, now));
-        }
-        let seen = phase_of(state, switch, rpm);
-        if self.phase.see(seen)
-            && let Some(phase) = self.phase.get()
-        {
-            self.outbox.event(Event::Phase(phase));
-        }
-        // A frame that says otherwise does not make the phase any newer.
-        if self.phase.get() == Some(seen) {
-            self.report.phase = Some(Timed::new(seen, now));
-        }
+        let reports = (ecu_state, phase_of(state, switch, rpm), switch_reported);
+        self.state.state(now, reports, &mut self.report, &mut self.outbox);
     }
 
     fn rpm(&mut self, now: Instant, raw: u8) {
@@ -214,7 +197,7 @@ impl AmtLink {
         vout: u8,
     ) {
         self.report.egt = Some(Timed::new(egt.celsius(), now));
-        if let Ok(throttle) = Throttle::from_tenths(throttle.tenths()) {
+        if let Some(throttle) = throttle.throttle() {
             self.report.throttle = Some(Timed::new(throttle, now));
         }
         let scale = self.engine().and_then(Engine::vout_scale);
@@ -222,20 +205,17 @@ impl AmtLink {
     }
 
     fn faults(&mut self, now: Instant, bits: ErrorBits) {
-        self.faulty.see(bits.0 != 0);
-        if self.faulty.get() != Some(bits.0 != 0) {
-            return;
-        }
-        let faults = Faults::Amt(bits);
-        let before = self.report.faults.map_or(Faults::Amt(ErrorBits(0)), |faults| faults.value);
-        self.report.faults = Some(Timed::new(faults, now));
-        if faults != before {
-            self.outbox.event(Event::Faults(faults));
-        }
+        self.state.faults(now, Faults::Amt(bits), &mut self.report, &mut self.outbox);
     }
 
     fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
-        let changed = if certain { self.engine.set(engine) } else { self.engine.see(engine) };
+        let before = self.engine.get();
+        if certain {
+            self.engine.set(engine);
+        } else {
+            self.engine.see(engine);
+        }
+        let changed = self.engine.get() != before;
         let told = self.report.amt_engine.map(|told| told.value);
         if self.engine() != engine {
             // One frame against what was known: not yet believed.
@@ -329,7 +309,7 @@ impl Link for AmtLink {
         // A fault from before these bytes was in the frame that they cut off.
         self.damaged &= self.decoder.counters().truncated == cut_off;
         self.damaged |= core::mem::take(&mut self.fault);
-        self.beat.bytes(now, taken, SET_INTERVAL);
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
@@ -429,7 +409,7 @@ impl Link for AmtLink {
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at(SET_INTERVAL)
+        self.beat.gap_at()
     }
 
     fn gap(&mut self) {

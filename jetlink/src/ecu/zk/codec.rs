@@ -5,12 +5,15 @@
 //! status,  ECU to host:  0xF0+ID | rpm/10 LSB | rpm/10 MSB | 3 bytes | CRC   7 bytes, CRC over bytes 0..=5
 //! ```
 
+use crate::ecu::decoder::feed;
 use crate::line::Line;
 use crate::open_enum::open_enum;
 use crate::units::{
     Celsius, Grams, Hectopascals, Milliamps, Millilitres, MillilitresPerMinute, Millivolts, OutOfRange,
     Pascals, Rpm, Throttle, within,
 };
+use core::ops::RangeInclusive;
+use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 use embassy_time::Duration;
 
 /// Bytes of a control frame.
@@ -19,21 +22,16 @@ pub const CONTROL_LEN: usize = 4;
 pub const STATUS_LEN: usize = 7;
 /// First byte of every control frame.
 pub const CONTROL_HEAD: u8 = 0xFF;
+/// The status IDs that the document names (ZK-15).
+const STATUS_IDS: RangeInclusive<u8> = 1..=9;
 
-/// CRC-8/MAXIM-DOW: polynomial 0x31 reflected (0x8C), start 0, no final xor (ZK-1).
+/// CRC-8/MAXIM-DOW: polynomial 0x31 reflected (0x8C), start 0, no final xor (ZK-1). Without a table, which would be larger
+/// than the frames are long.
+const CRC: Crc<u8, NoTable> = Crc::<u8, NoTable>::new(&CRC_8_MAXIM_DOW);
+
+/// The CRC of a frame's bytes (ZK-1).
 pub const fn crc8(bytes: &[u8]) -> u8 {
-    let mut crc = 0u8;
-    let mut i = 0;
-    while i < bytes.len() {
-        crc ^= bytes[i];
-        let mut bit = 0;
-        while bit < 8 {
-            crc = if crc & 1 == 1 { (crc >> 1) ^ 0x8C } else { crc >> 1 };
-            bit += 1;
-        }
-        i += 1;
-    }
-    crc
+    CRC.checksum(bytes)
 }
 
 /// Protocol version of an ECU, from status ID 6 (0..=63).
@@ -42,6 +40,9 @@ pub const fn crc8(bytes: &[u8]) -> u8 {
 pub struct Version(u8);
 
 impl Version {
+    /// The lowest. What it knows every ECU knows, also one whose version is not known.
+    pub const FIRST: Self = Self(1);
+
     /// From its number; six bits on the wire.
     ///
     /// # Errors
@@ -56,6 +57,14 @@ impl Version {
     /// Its number.
     pub const fn get(self) -> u8 {
         self.0
+    }
+
+    /// Whether an ECU has what came with version `since`, by the version that is known of it; `None` where none is known.
+    pub const fn knows(known: Option<Self>, since: Self) -> Option<bool> {
+        match known {
+            Some(version) => Some(version.0 >= since.0),
+            None => None,
+        }
     }
 }
 
@@ -223,7 +232,7 @@ impl Action {
         Version(match self {
             Self::ResetFuel | Self::ZeroThrust => 2,
             Self::OpenPump | Self::ClosePump => 5,
-            _ => 1,
+            _ => Version::FIRST.0,
         })
     }
 
@@ -432,6 +441,9 @@ impl core::fmt::Display for ControlError {
 impl core::error::Error for ControlError {}
 
 impl Control {
+    /// The version that brought the modes 2 and 3: IDs 6 and 7 (ZK-7).
+    pub const MODES_SINCE: Version = Version(4);
+
     /// The command ID, 0..=8.
     pub const fn id(self) -> u8 {
         match self {
@@ -451,8 +463,9 @@ impl Control {
     pub const fn min_version(self) -> Version {
         match self {
             Self::Action(action) => action.min_version(),
-            Self::Mode { .. } | Self::Rpm(_) | Self::Pressure(_) => Version(4),
-            _ => Version(1),
+            Self::Mode { .. } | Self::Rpm(_) => Self::MODES_SINCE,
+            Self::Pressure(_) => Version(4),
+            _ => Version::FIRST,
         }
     }
 
@@ -735,6 +748,13 @@ pub enum Status {
     Unknown,
 }
 
+impl Status {
+    /// The version that brought the thrust of ID 4 (ZK-7).
+    pub const THRUST_SINCE: Version = Version(2);
+    /// The version that brought all of ID 8 but the idle rpm (ZK-7).
+    pub const IDLE_REST_SINCE: Version = Version(4);
+}
+
 /// A status frame whose CRC is right.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -864,12 +884,7 @@ impl Decoder {
     /// Takes bytes up to the end of the first frame. Gives how many it took, and the frame.
     /// Call again with the rest while any is left.
     pub fn feed(&mut self, bytes: &[u8]) -> (usize, Option<StatusFrame>) {
-        for (taken, &byte) in (1..).zip(bytes) {
-            if let Some(frame) = self.push(byte) {
-                return (taken, Some(frame));
-            }
-        }
-        (bytes.len(), None)
+        feed(bytes, |byte| self.push(byte))
     }
 
     /// What it has seen.
@@ -897,7 +912,7 @@ impl Decoder {
         if let Some(frame) = StatusFrame::new(self.window) {
             self.len = 0;
             self.counters.frames = self.counters.frames.wrapping_add(1);
-            if matches!(frame.status(), Status::Unknown) {
+            if !STATUS_IDS.contains(&frame.id()) {
                 self.counters.unknown_frames = self.counters.unknown_frames.wrapping_add(1);
             }
             return Some(frame);

@@ -43,8 +43,6 @@ pub struct ZkLink {
     /// The last slot was used for something else than switch and demand.
     extra_last: bool,
     modes: Modes,
-    /// The engine runs, so that the demand goes out.
-    released: bool,
     wanted_rate: Rate,
     rate: RateSetting,
     service: ServiceCommand,
@@ -63,13 +61,12 @@ impl ZkLink {
             believed: Believed::new(),
             outbox: Outbox::default(),
             counters: Counters::default(),
-            beat: Beat::new(STATUS_LEN as u8, line),
+            beat: Beat::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
             sign: None,
             next_slot: None,
             out_of_slot: false,
             extra_last: false,
             modes: Modes::new(config.split_switch),
-            released: false,
             wanted_rate: config.rate,
             rate: RateSetting::NotKnown,
             service: ServiceCommand::None,
@@ -92,6 +89,7 @@ impl ZkLink {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
             Status::Settings { .. } => self.service.confirm(&self.report, &mut self.outbox),
             Status::Identity { rate, .. } => {
+                self.expect_frames();
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);
             }
             _ => {}
@@ -109,18 +107,23 @@ impl ZkLink {
 
     /// From one frame to the next: the slower one of what two reports agree on and what is asked for, because an ECU may answer
     /// at either (ZK-10, ZK-11).
-    fn frame_interval(&self) -> Duration {
+    fn expect_frames(&mut self) {
         let reported = self.believed.rate().unwrap_or(Rate::Hz20);
-        reported.interval().max(self.wanted_rate.interval())
+        self.beat.expect(reported.interval().max(self.wanted_rate.interval()));
+    }
+
+    /// The version that two reports agree on: what decides which commands the ECU gets.
+    fn version(&self) -> Option<Version> {
+        self.report.version.map(|version| version.value)
     }
 
     /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
-        let known = self.believed.version(&self.report).map(Version::get);
-        if needed.get() <= known.unwrap_or(1).max(1) {
+        let known = self.version();
+        if needed <= Version::FIRST || Version::knows(known, needed) == Some(true) {
             return Ok(());
         }
-        Err(Rejected::NeedsVersion { needed: needed.get(), known })
+        Err(Rejected::NeedsVersion { needed: needed.get(), known: known.map(Version::get) })
     }
 
     fn fill_slot(&mut self, now: Instant) {
@@ -155,11 +158,9 @@ impl ZkLink {
 
     fn switch_and_demand(&mut self) -> Control {
         let known = Known {
-            version: self.believed.version(&self.report),
+            version: self.version(),
             max_rpm: self.report.max_rpm.map(|max| max.value),
-            idle_rpm: self.report.idle_rpm.map(|idle| idle.value),
             at_rest: self.believed.at_rest(),
-            released: self.released,
         };
         self.modes.frame(&known)
     }
@@ -195,7 +196,7 @@ impl Link for ZkLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken, self.frame_interval());
+        self.beat.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, &frame);
         }
@@ -254,6 +255,7 @@ impl Link for ZkLink {
                 return Err(Rejected::RateTooFast);
             }
             self.wanted_rate = rate;
+            self.expect_frames();
             self.rate = RateSetting::asking(now);
             return Ok(());
         }
@@ -309,12 +311,8 @@ impl Link for ZkLink {
         self.sign.take()
     }
 
-    fn release(&mut self, released: bool) {
-        self.released = released;
-    }
-
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at(self.frame_interval())
+        self.beat.gap_at()
     }
 
     fn gap(&mut self) {

@@ -22,23 +22,15 @@ pub(super) struct Known {
     /// The version that two reports agree on: what decides which commands the ECU gets.
     pub version: Option<Version>,
     pub max_rpm: Option<Rpm>,
-    pub idle_rpm: Option<Rpm>,
     /// It reports an engine at rest.
     pub at_rest: bool,
-    /// The engine runs, so that the demand goes out.
-    pub released: bool,
 }
 
 impl Known {
     /// ID 6 and ID 7 (ZK-7).
     fn knows_modes(&self) -> bool {
-        knows(self.version, 4)
+        Version::knows(self.version, Control::MODES_SINCE) == Some(true)
     }
-}
-
-/// Whether an ECU of a version, if it is known, has what came with another.
-pub(super) fn knows(version: Option<Version>, needed: u8) -> bool {
-    version.is_some_and(|version| version.get() >= needed)
 }
 
 /// The order in force, with what belongs to it and ends with it.
@@ -311,8 +303,7 @@ impl Modes {
             }
             // Leaving mode 3, the throttle goes first: ID 6 must not bring an old one into force.
             Mode::Throttle { throttle, next, .. } => {
-                let throttle = if known.released { *throttle } else { Throttle::IDLE };
-                let id1 = id1(Switch::Run, throttle);
+                let id1 = id1(Switch::Run, *throttle);
                 if by_id6 { next.take(id1, id6(Switch::Run, RpmFactor::OFF)) } else { id1 }
             }
             // ID 0, and in mode 3 the rpm in turn with it. An ECU that restarted has forgotten ID 6 and ignores ID 7.
@@ -334,9 +325,7 @@ impl Modes {
             // Mode 3. The rpm goes first: the mode must not come into force with an old one.
             Mode::Rpm { rpm, factor, next, .. } => {
                 let factor = *factor.get_or_insert_with(|| covering(known));
-                let idle = || known.idle_rpm.map_or(Rpm::new(0), |idle| idle.min(*rpm));
-                let rpm = if known.released { *rpm } else { idle() };
-                next.take(Control::Rpm(RpmCode::for_target(rpm, factor)), id6(Switch::Run, factor))
+                next.take(Control::Rpm(RpmCode::for_target(*rpm, factor)), id6(Switch::Run, factor))
             }
         }
     }

@@ -1,10 +1,10 @@
 //! What a ZK ECU reports: its status frames into the report, debounced where something depends on them.
 
-use super::codec::{ErrorCode, Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
-use super::mode::knows;
+use super::codec::{Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
+use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::Faults;
 use crate::event::Event;
-use crate::link::{Debounced, Outbox, Sign, Stage};
+use crate::link::{Outbox, Sign, Stage};
 use crate::report::{EcuState, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed};
 use crate::units::{Rpm, Throttle};
 use embassy_time::Instant;
@@ -18,14 +18,10 @@ const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 #[derive(Clone, Debug)]
 pub(super) struct Believed {
     identity: Debounced<(Version, Rpm)>,
-    /// Identities that agreed in a row since the link came up.
-    identities: u8,
     idle: Debounced<Rpm>,
     /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
     rate: Debounced<Option<Rate>>,
-    phase: Debounced<Phase>,
-    switch: Debounced<ReportedSwitch>,
-    error: Debounced<ErrorCode>,
+    state: DebouncedState,
 }
 
 impl Believed {
@@ -33,12 +29,9 @@ impl Believed {
     pub const fn new() -> Self {
         Self {
             identity: Debounced::new(None),
-            identities: 0,
             idle: Debounced::new(None),
             rate: Debounced::new(None),
-            phase: Debounced::new(None),
-            switch: Debounced::new(None),
-            error: Debounced::new(None),
+            state: DebouncedState::new(),
         }
     }
 
@@ -49,11 +42,6 @@ impl Believed {
             (None, None, None, None, None);
     }
 
-    /// The version that two reports agree on since the link came up: what decides which commands the ECU gets.
-    pub fn version(&self, report: &Report) -> Option<Version> {
-        report.version.map(|version| version.value).filter(|_| self.identities >= 2)
-    }
-
     /// The status rate.
     pub fn rate(&self) -> Option<Rate> {
         self.rate.get().flatten()
@@ -61,7 +49,7 @@ impl Believed {
 
     /// It reports an engine at rest.
     pub fn at_rest(&self) -> bool {
-        self.phase.get().is_some_and(Phase::is_stopped)
+        self.state.phase().is_some_and(Phase::is_stopped)
     }
 
     /// One frame.
@@ -81,12 +69,10 @@ impl Believed {
         match *status {
             Status::Engine { state, error, egt, switch } => {
                 report.egt = Some(Timed::new(egt, now));
-                let switch = reported(switch);
-                if self.switch.first_or_see(switch) {
-                    report.switch = Some(Timed::new(switch, now));
-                }
-                self.state(now, state, report, outbox);
-                self.faults(now, error, report, outbox);
+                let ecu_state = EcuState { code: state.code(), name: state.name() };
+                let reports = (ecu_state, phase_of(state), reported(switch));
+                self.state.state(now, reports, report, outbox);
+                self.state.faults(now, Faults::Zk(error), report, outbox);
             }
             Status::Voltages { radio, power, pump } => {
                 report.radio = voltage(radio);
@@ -101,8 +87,7 @@ impl Believed {
             }
             Status::Load { current, thrust } => {
                 report.current = Some(Timed::new(current, now));
-                // ZK-7: thrust from version 2.
-                if knows(version, 2) {
+                if Version::knows(version, Status::THRUST_SINCE) == Some(true) {
                     report.thrust = Some(Timed::new(thrust, now));
                 }
             }
@@ -116,18 +101,21 @@ impl Believed {
                 report.pump_max = Some(Timed::new(max_pump, now));
                 self.identity(now, version, max_rpm, report, outbox);
                 report.rate = rate.map(|rate| Timed::new(rate, now));
-                self.rate.first_or_see(rate);
+                if self.rate.get().is_some() {
+                    self.rate.see(rate);
+                } else {
+                    self.rate.set(rate);
+                }
             }
             Status::Fuel { flow, total } => {
                 report.fuel_flow = Some(Timed::new(flow, now));
                 report.fuel_total = Some(Timed::new(total, now));
             }
             Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
-                if self.idle.first_or_see(idle_rpm) {
+                if self.idle.see(idle_rpm) {
                     report.idle_rpm = Some(Timed::new(idle_rpm, now));
                 }
-                // ZK-7: the rest of this frame from version 4.
-                if knows(version, 4) {
+                if Version::knows(version, Status::IDLE_REST_SINCE) == Some(true) {
                     report.pressure_requested = Some(Timed::new(pressure_requested, now));
                     report.closed_loop = Some(Timed::new(closed_loop, now));
                     report.startup = Some(Timed::new(startup, now));
@@ -149,44 +137,13 @@ impl Believed {
         report: &mut Report,
         outbox: &mut Outbox,
     ) {
-        let same = self.identity.get() == Some((version, max_rpm));
-        if !self.identity.first_or_see((version, max_rpm)) {
+        if !self.identity.see((version, max_rpm)) {
             return;
-        }
-        // Two that agree, be it the first two or two against what was known.
-        self.identities = if same { self.identities.saturating_add(1) } else { 1 };
-        if !same && report.version.is_some() {
-            self.identities = 2;
         }
         report.max_rpm = Some(Timed::new(max_rpm, now));
         let before = report.version.replace(Timed::new(version, now));
         if before.is_none_or(|before| before.value != version) {
             outbox.event(Event::VersionKnown(version));
-        }
-    }
-
-    fn state(&mut self, now: Instant, state: State, report: &mut Report, outbox: &mut Outbox) {
-        let ecu_state = EcuState { code: state.code(), name: state.name() };
-        report.state = Some(Timed::new(ecu_state, now));
-        let phase = phase_of(state);
-        let before = self.phase.get();
-        // A frame that says otherwise does not make the phase any newer.
-        if self.phase.first_or_see(phase) {
-            report.phase = Some(Timed::new(phase, now));
-            if before != Some(phase) {
-                outbox.event(Event::Phase(phase));
-            }
-        }
-    }
-
-    fn faults(&mut self, now: Instant, error: ErrorCode, report: &mut Report, outbox: &mut Outbox) {
-        if !self.error.first_or_see(error) {
-            return;
-        }
-        let faults = Faults::Zk(error);
-        let before = report.faults.replace(Timed::new(faults, now));
-        if before.map_or(!faults.is_empty(), |before| before.value != faults) {
-            outbox.event(Event::Faults(faults));
         }
     }
 }

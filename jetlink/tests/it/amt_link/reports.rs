@@ -175,7 +175,8 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     assert_eq!((phase.value, phase.at), (Phase::Stopped, at_us(t)));
 }
 
-/// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault and does not end one.
+/// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault, changes none
+/// and does not end one.
 #[test]
 fn amt_8_faults_are_reported_when_they_change() {
     let mut bench = default();
@@ -186,10 +187,17 @@ fn amt_8_faults_are_reported_when_they_change() {
         (error(0x01), None),
         (error(0x01), Some(0x01)),
         (error(0x01), None),
+        (error(0xC1), None),
+        (error(0x01), None),
+        (error(0xC1), None),
         (error(0xC1), Some(0xC1)),
         (alternate(0x18), None), // says nothing of faults
         (normal(CLEARANCE, AUTO_STOP, 0), None),
         (error(0xC1), None),
+        (normal(CLEARANCE, AUTO_STOP, 0), None),
+        (normal(CLEARANCE, AUTO_STOP, 0), Some(0)),
+        (error(0x01), None),
+        (error(0x02), Some(0x02)), // others in every set are faults all the same
         (normal(CLEARANCE, AUTO_STOP, 0), None),
         (normal(CLEARANCE, AUTO_STOP, 0), Some(0)),
     ] {

@@ -2,6 +2,16 @@
 
 use super::*;
 
+/// MAVLink commands 100 %, and the first throttle that goes out is below 20 %.
+fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
+    scenario.bench.frames();
+    let first = (0..100).find_map(|_| {
+        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
+        runs_in(&scenario.sent()).first().copied()
+    });
+    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+}
+
 /// "After a ... take-over ... the demand rises at a set rate": from an rpm to a throttle, of an ECU that has not given its
 /// throttle.
 #[test]
@@ -9,17 +19,8 @@ fn a_throttle_that_takes_over_from_an_rpm_rises_at_the_rate() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(20_000));
     let low = Command::Run(rpm(20_000));
     scenario.fly_us(low, Origin::Rc, SECOND);
-    // RC is lost; MAVLink asks for 100 %.
-    scenario.bench.frames();
-    let mut first = None;
-    for _ in 0..100 {
-        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
-        if let Some(tenths) = runs_in(&scenario.sent()).first() {
-            first = Some(*tenths);
-            break;
-        }
-    }
-    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+    // RC is lost.
+    mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
 /// The same, where the throttle that the ECU gave is minutes old.
@@ -33,14 +34,5 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
         scenario.command(Command::Run(rpm(20_000))).unwrap();
     }
     scenario.fly_us(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
-    scenario.bench.frames();
-    let mut first = None;
-    for _ in 0..100 {
-        scenario.fly_us(run(100), Origin::Mavlink, COMMAND_PERIOD_US);
-        if let Some(tenths) = runs_in(&scenario.sent()).first() {
-            first = Some(*tenths);
-            break;
-        }
-    }
-    assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
+    mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }

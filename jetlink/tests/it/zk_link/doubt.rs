@@ -129,11 +129,13 @@ fn each_status_is_a_sign_of_the_life_that_its_state_means() {
         (Some(30), None, 15_000),
     ] {
         let mut bench = link(Config::DEFAULT, LINE);
-        if let Some(max) = max {
-            bench.receive(&zk::identity(max, 4, 0));
-        }
-        if let Some(idle) = idle {
-            bench.receive(&zk::idle(idle, false));
+        for _ in 0..2 {
+            if let Some(max) = max {
+                bench.receive(&zk::identity(max, 4, 0));
+            }
+            if let Some(idle) = idle {
+                bench.receive(&zk::idle(idle, false));
+            }
         }
         for (rpm, turns) in [(0, false), (half - 10, false), (half, true), (160_000, true)] {
             for state in 0..=31 {

@@ -80,12 +80,11 @@ fn running(version: u8) -> Bench<ZkLink> {
     bench
 }
 
-/// The ECU reports a running engine, twice, and the demand is released.
+/// The ECU reports a running engine, twice.
 fn runs(bench: &mut Bench<ZkLink>) {
     for _ in 0..2 {
         bench.receive(&zk::state(STATE_RUNNING));
     }
-    bench.act(|link, _| link.release(true));
 }
 
 /// A fresh link that meets an engine that runs: it knows the version, and nothing of ID 6.

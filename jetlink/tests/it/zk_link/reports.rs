@@ -18,10 +18,9 @@ fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     bench.run_to_us(10_623_456);
     assert_eq!((bench.frames().len(), bench.event_kinds()), (200, vec![]));
     bench.receive(&zk::state(STATE_STANDBY));
-    assert_eq!(
-        (bench.machine.state(), bench.event_kinds()),
-        (LinkState::Up, vec![Event::LinkUp, Event::Phase(Phase::Standby)])
-    );
+    assert_eq!((bench.machine.state(), bench.event_kinds()), (LinkState::Up, vec![Event::LinkUp]));
+    bench.receive(&zk::state(STATE_STANDBY));
+    assert_eq!(bench.event_kinds(), [Event::Phase(Phase::Standby)], "two agree");
 }
 
 /// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are kept.
@@ -45,7 +44,9 @@ fn zk_15_unknown_ids_are_frames() {
 fn zk_15_unknown_numbers_are_kept() {
     let mut bench = link(Config::DEFAULT, LINE);
     // state 25, error 29, switch 3
-    bench.receive(&zk::status(1, 0, [25 | (29 << 5 & 0xE0), 29 >> 3 | 3 << 5, 76]));
+    for _ in 0..2 {
+        bench.receive(&zk::status(1, 0, [25 | (29 << 5 & 0xE0), 29 >> 3 | 3 << 5, 76]));
+    }
     let report = bench.machine.report();
     assert_eq!((report.state.unwrap().value.code, report.phase.unwrap().value), (25, Phase::Unknown));
     assert_eq!(report.switch.unwrap().value, ReportedSwitch::Unknown(3));
@@ -72,6 +73,7 @@ fn zk_8_each_state_has_its_phase_and_reported_switch() {
             {
                 let mut bench = link(Config::DEFAULT, LINE);
                 bench.receive(&zk::status(1, 0, [state, code << 5, 0]));
+                bench.receive(&zk::status(1, 0, [state, code << 5, 0]));
                 let report = bench.machine.report();
                 assert_eq!(
                     (report.phase.unwrap().value, report.switch.unwrap().value),
@@ -87,6 +89,7 @@ fn zk_8_each_state_has_its_phase_and_reported_switch() {
 #[test]
 fn zk_5_values_carry_their_time() {
     let mut bench = link(Config::DEFAULT, LINE);
+    bench.rx_at_us(500, &zk::identity(160, 5, 0));
     bench.rx_at_us(1_000, &zk::identity(160, 5, 0));
     for (t, frame) in [
         (2_000, zk::status(1, 12_340, [11, 0b10 << 5 | 0b010 << 2, 38])),
@@ -94,6 +97,7 @@ fn zk_5_values_carry_their_time() {
         (4_000, zk::status(4, 12_360, [0x2C, 0x01 | 2 << 1, 10])),
         (5_000, zk::status(5, 12_370, [100, 40, 30])),
         (6_000, zk::status(7, 12_380, [0x10, 0x01 | 5 << 2, 1])),
+        (6_500, zk::status(8, 12_390, [33, 0x12, 0x34])),
         (7_000, zk::status(8, 12_390, [33, 0x12, 0x34])),
         (8_000, zk::status(9, 12_400, [95, 0, 0])),
     ] {
@@ -146,9 +150,11 @@ fn events_come_when_something_changes_and_only_then() {
     let mut bench = link(Config::DEFAULT, LINE);
     let version = Version::new(4).unwrap();
     for (frame, events) in [
-        (zk::state(STATE_STOP), vec![Event::LinkUp, Event::Phase(Phase::Stopped)]),
+        (zk::state(STATE_STOP), vec![Event::LinkUp]),
+        (zk::state(STATE_STOP), vec![Event::Phase(Phase::Stopped)]),
         (zk::state(STATE_STOP), vec![]),
-        (zk::identity(160, 4, 0), vec![Event::VersionKnown(version), Event::RateConfirmed(Rate::Hz20)]),
+        (zk::identity(160, 4, 0), vec![Event::RateConfirmed(Rate::Hz20)]),
+        (zk::identity(160, 4, 0), vec![Event::VersionKnown(version)]),
         (zk::identity(160, 4, 0), vec![]),
         (zk::state(STATE_IGNITION), vec![]),
         (zk::state(4), vec![Event::Phase(Phase::Starting)]),
@@ -176,5 +182,6 @@ fn zk_16_a_corrupted_frame_is_counted() {
     bench.receive(&[&bad[..], &zk::state(STATE_STOP)].concat());
     let counters = bench.machine.counters();
     assert_eq!((counters.crc_failures, counters.frames, counters.bytes_skipped), (1, 1, 7));
+    bench.receive(&zk::state(STATE_STOP));
     assert_eq!(bench.machine.report().phase.unwrap().value, Phase::Stopped);
 }

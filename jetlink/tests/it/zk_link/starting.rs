@@ -2,22 +2,6 @@
 
 use super::*;
 
-/// The demand is kept at its minimum until the engine is released, whatever the ECU reports: ignition demands it.
-#[test]
-fn the_demand_waits_for_its_release() {
-    let mut bench = ecu(3); // throttle and switch in ID 1, whatever switch it reports
-    bench.order(bench.now_us(), throttle(600)).unwrap();
-    for (released, tenths) in [(false, 0), (true, 600), (false, 0)] {
-        bench.act(|link, _| link.release(released));
-        for state in 0..=31 {
-            bench.receive(&zk::state(state));
-            for frame in turns(&mut bench, 2) {
-                assert_eq!(frame, zk::throttle(RUN, tenths), "state {state}");
-            }
-        }
-    }
-}
-
 /// A state with the shaft turning at 50 000 rpm, well above half of idle.
 fn turning(state: u8) -> [u8; 7] {
     let switch = if matches!(state, 0 | 1 | 12) { 1 } else { 2 };
@@ -26,12 +10,17 @@ fn turning(state: u8) -> [u8; 7] {
 
 /// The supervision on top of the link: ordered to start, with the stick at 60 % behind it.
 fn started() -> Bench<Engine> {
+    started_with(3)
+}
+
+/// The same with an ECU of a version.
+fn started_with(version: u8) -> Bench<Engine> {
     let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
     let mut bench = Bench::new(Engine::new(&config), LINE);
     bench.machine = Engine::new(&config);
     bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
     for _ in 0..30 {
-        engine_turn(&mut bench, &zk::identity(160, 3, 0));
+        engine_turn(&mut bench, &zk::identity(160, version, 0));
         engine_turn(&mut bench, &zk::state(STATE_STANDBY));
     }
     for command in [Command::Arm, Command::Standby, Command::Run(Demand::Throttle(Throttle::IDLE))] {
@@ -42,16 +31,20 @@ fn started() -> Bench<Engine> {
 
 /// A status of the ECU, and what goes out up to the next turn while the source asks for 60 %.
 fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
-    let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
-    bench.rx_at_us(t - 10_000, frame);
-    let demand = Command::Run(Demand::Throttle(Throttle::from_percent(60).unwrap()));
-    // Refused while it is no start yet.
-    let _ = bench.act(|engine, now| engine.command(now, demand, Origin::Rc, true));
-    bench.frames();
-    bench.run_to_us(t + 5_000);
-    let mut frames = bench.bytes();
+    let mut frames = engine_turn_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
+}
+
+/// The same with another demand, and all that goes out.
+fn engine_turn_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
+    let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
+    bench.rx_at_us(t - 10_000, frame);
+    // Refused while it is no start yet.
+    let _ = bench.act(|engine, now| engine.command(now, Command::Run(demand), Origin::Rc, true));
+    bench.frames();
+    bench.run_to_us(t + 5_000);
+    bench.bytes()
 }
 
 /// The demand goes out when two reports say that the engine runs and its shaft turns. Until then, whatever is reported of a
@@ -107,7 +100,7 @@ fn one_odd_report_withholds_the_run_and_two_end_it() {
     }
 }
 
-/// What the report says of phase, faults and switch is debounced: the first counts at once, a change when two agree.
+/// What the report says of phase, faults and switch is debounced: it counts when two agree, also the first time.
 #[test]
 fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
     let mut bench = link(Config::DEFAULT, LINE);
@@ -120,8 +113,14 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         (report.phase.unwrap().value, error.code(), report.switch.unwrap().value)
     };
     let running = (Phase::Running, 0, ReportedSwitch::Run);
+    for odd in [says(0, 12, 0), says(1, 0, 1), says(11, 0, 2)] {
+        bench.receive(&odd);
+        let report = bench.machine.report();
+        assert_eq!((report.phase, report.switch), (None, None), "one alone");
+        assert!(report.faults.is_none_or(|faults| faults.value.is_empty()), "one alone");
+    }
     bench.receive(&says(11, 0, 2));
-    assert_eq!(known(&bench), running, "the first counts");
+    assert_eq!(known(&bench), running, "the first two");
     for (state, error, switch) in [(0, 0, 2), (11, 12, 2), (11, 0, 1), (0, 12, 0)] {
         let changed = (
             phase_of(state),
@@ -141,6 +140,12 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         bench.receive(&says(11, 0, 2));
         bench.receive(&says(11, 0, 2));
     }
+    // Faults that change in every frame are a fault all the same.
+    bench.receive(&says(11, 12, 2));
+    bench.receive(&says(11, 13, 2));
+    assert_eq!(known(&bench), (Phase::Running, 13, ReportedSwitch::Run));
+    bench.receive(&says(11, 12, 2));
+    assert_eq!(known(&bench), (Phase::Running, 13, ReportedSwitch::Run), "one alone");
 }
 
 fn phase_of(state: u8) -> Phase {
@@ -155,23 +160,31 @@ fn phase_of(state: u8) -> Phase {
     }
 }
 
-/// In mode 3 the minimum is the engine's idle rpm, 0 while that is not known.
+/// In mode 3 the demand stays at the engine's idle rpm until it runs, at 0 while that is not known.
 #[test]
-fn the_rpm_waits_for_its_release() {
+fn the_rpm_waits_for_a_running_engine() {
     for (idle, demand, target) in
         [(None, 100_000, 0), (Some(30), 100_000, 30_000), (Some(30), 20_000, 20_000)]
     {
-        let mut bench = ecu(4);
-        if let Some(idle) = idle {
-            bench.receive(&zk::idle(idle, false));
-        }
-        bench.receive(&zk::state(STATE_IGNITION));
-        bench.order(bench.now_us(), rpm(demand)).unwrap();
+        let mut bench = started_with(4);
         let mut ecu = SimpleEcu::default();
-        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-        assert_eq!(ecu.obeyed(), (RUN, Some(target), None), "{idle:?}");
-        runs(&mut bench);
-        turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-        assert_eq!(ecu.obeyed(), (RUN, Some(demand), None), "{idle:?}");
+        let mut turn = |bench: &mut Bench<Engine>, frame: &[u8]| {
+            for sent in engine_turn_with(bench, frame, Demand::Rpm(Rpm::new(demand))) {
+                ecu.obey(&sent);
+            }
+            ecu.obeyed()
+        };
+        let introduced = idle.map(|idle| zk::idle(idle, false));
+        for state in [1, 2, 3, 4, 5, STATE_UNKNOWN] {
+            for _ in 0..2 {
+                turn(&mut bench, &introduced.unwrap_or(zk::state(state)));
+                turn(&mut bench, &zk::state(state));
+            }
+            assert_eq!(turn(&mut bench, &zk::state(state)), (RUN, Some(target), None), "{idle:?} {state}");
+        }
+        for _ in 0..200 {
+            turn(&mut bench, &turning(STATE_RUNNING));
+        }
+        assert_eq!(turn(&mut bench, &turning(STATE_RUNNING)), (RUN, Some(demand), None), "{idle:?}");
     }
 }

@@ -55,17 +55,19 @@ fn zk_7_the_version_does_not_outlive_the_link() {
     let refused = Err(Rejected::NeedsVersion { needed: 4, known: None });
     let mut bench = ecu(5);
     bench.receive(&zk::idle(30, false));
+    bench.receive(&zk::idle(30, false));
     // 0.5 s without a frame is a loss; less is none.
     bench.run_to_us(bench.now_us() + 499_999);
     assert_eq!((known(&bench), bench.machine.speed_control()), ((true, true, true), Ok(())));
     bench.run_to_us(bench.now_us() + 1);
     assert_eq!((known(&bench), bench.machine.speed_control()), ((false, false, false), refused));
-    // Another ECU: its voltages have its own scale at once, its commands need two reports.
-    bench.receive(&zk::identity(160, 3, 0));
-    bench.receive(&zk::status(2, 0, [60, 120, 255]));
-    let supply = bench.machine.report().supply.unwrap().value.voltage;
-    assert_eq!(supply.map(Millivolts::get), Some(12_000), "0.1 V a step");
-    bench.receive(&zk::identity(160, 3, 0));
+    // Another ECU: the scale of its voltages and its commands need two reports.
+    for supply in [None, Some(12_000)] {
+        bench.receive(&zk::identity(160, 3, 0));
+        bench.receive(&zk::status(2, 0, [60, 120, 255]));
+        let voltage = bench.machine.report().supply.unwrap().value.voltage;
+        assert_eq!(voltage.map(Millivolts::get), supply, "0.1 V a step");
+    }
     let known = Some(3);
     assert_eq!(bench.machine.speed_control(), Err(Rejected::NeedsVersion { needed: 4, known }));
 }
@@ -92,8 +94,10 @@ fn zk_7_each_version_has_its_status_fields() {
         let mut bench = link(Config::DEFAULT, LINE);
         if let Some(version) = version {
             bench.receive(&zk::identity(160, version, 0));
+            bench.receive(&zk::identity(160, version, 0));
         }
         bench.receive(&zk::status(4, 0, [1, 2, 3]));
+        bench.receive(&zk::status(8, 0, [30, 0x30, 25]));
         bench.receive(&zk::status(8, 0, [30, 0x30, 25]));
         let report = bench.machine.report();
         assert!(report.current.is_some() && report.idle_rpm.is_some());
@@ -104,7 +108,7 @@ fn zk_7_each_version_has_its_status_fields() {
     }
 }
 
-/// ZK-6: until status ID 6 has been seen a voltage is its raw byte alone.
+/// ZK-6: until two status IDs 6 agree a voltage is its raw byte alone.
 #[test]
 fn zk_6_voltages_wait_for_the_version() {
     for (version, radio, power, pump) in [
@@ -114,6 +118,7 @@ fn zk_6_voltages_wait_for_the_version() {
     ] {
         let mut bench = link(Config::DEFAULT, LINE);
         if let Some(version) = version {
+            bench.receive(&zk::status(6, 0, [160, 100, version << 2]));
             bench.receive(&zk::status(6, 0, [160, 100, version << 2]));
         }
         bench.receive(&zk::status(2, 0, [60, 120, 255]));
