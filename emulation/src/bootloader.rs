@@ -1,6 +1,10 @@
-//! A stand-in for an ArduPilot bootloader: instructions that leave the part as the real one leaves it, and jump as
+//! A stand-in for an ArduPilot bootloader, or PX4's: instructions that leave the part as the real one leaves it, and jump as
 //! the real one jumps. Written from Tools/AP_Bootloader (`bl_protocol.cpp`, `AP_Bootloader.cpp`), from ChibiOS as that
 //! uses it, and from the reference manuals; assembled here, so that a test chooses what is left behind.
+//!
+//! PX4's: PX4-Autopilot, `platforms/nuttx/src/bootloader/common/bl.c` (`jump_to_app`) and `stm/stm32_common/main.c`
+//! (`clock_deinit`, `board_deinit`, `arch_do_jump`), `boards/px4/fmu-v6c/nuttx-config/bootloader/defconfig`; for an F427
+//! PX4-Bootloader, `bl.c` and `main_f4.c`.
 //!
 //! Not modelled: what the real bootloader does before its jump (USB, its own LED), and the 5 s for which it waits for
 //! an upload, unless [`Bootloader::decides`] is set.
@@ -10,7 +14,7 @@ use crate::board::{Board, Part};
 /// How the bootloader jumps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Jump {
-    /// Up to 2019: loads the main stack pointer only. The process stack pointer stays in the bootloader's own RAM.
+    /// Up to 2019, and PX4's: loads the main stack pointer only. The process stack pointer stays in the bootloader's own RAM.
     Old,
     /// Loads `sp` and the main stack pointer.
     New,
@@ -49,6 +53,17 @@ pub enum Leftover {
     WatchdogCrossing,
     /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
     Vtor,
+    /// PX4's: the core is back on the chip's own oscillator, the PLLs and the crystal are off, the dividers of the buses and the
+    /// flash's wait states are not put back (`clock_deinit`).
+    HalfResetClocks,
+    /// PX4's: AHB1ENR is 0, or what a reset leaves there; on an F427 no GPIO port has a clock (`board_deinit`).
+    BusClocksOff,
+    /// PX4's: the floating-point unit is on and in use.
+    Fpu,
+    /// PX4's: the instruction cache is on (H743).
+    InstructionCache,
+    /// PX4's: the interrupt of USB is enabled.
+    UsbInterrupt,
 }
 
 /// A bootloader.
@@ -88,6 +103,18 @@ impl Leftover {
         Self::Pll,
         Self::Watchdog,
     ];
+
+    /// What PX4's leaves. NuttX sets all priorities to 0x80; the lowest are worse. Whether its threads run on the process
+    /// stack depends on its version.
+    pub const PX4: [Self; 7] = [
+        Self::HalfResetClocks,
+        Self::BusClocksOff,
+        Self::Fpu,
+        Self::InstructionCache,
+        Self::UsbInterrupt,
+        Self::Priorities,
+        Self::ProcessStack,
+    ];
 }
 
 /// How long the bootloader waits for an upload (HAL_BOOTLOADER_TIMEOUT), in ms.
@@ -106,11 +133,46 @@ impl Bootloader {
             decide(&mut code, board, &registers);
         }
         let leaves = |leftover| self.leaves.contains(&leftover);
-        if leaves(Leftover::Pll) {
+        if leaves(Leftover::Pll) || leaves(Leftover::HalfResetClocks) {
             match board.part {
                 Part::H743 => pll_h743(&mut code, board),
                 Part::F427 => pll_f427(&mut code, board),
             }
+        }
+        if leaves(Leftover::HalfResetClocks) {
+            let (config, pll, pll_reset) = match board.part {
+                Part::H743 => (0x10, 0x2C, 0x01FF_0000),
+                Part::F427 => (0x08, 0x04, 0x2400_3010),
+            };
+            code.write(registers.rcc + config, 0);
+            code.wait_clear(registers.rcc + config, 0b11 << if board.part == Part::H743 { 3 } else { 2 });
+            // HSEON, CSSON, PLLON; on an H743 PLL2ON and PLL3ON.
+            let plls = if board.part == Part::H743 { 0b1_0101 << 24 } else { 1 << 24 };
+            code.modify(registers.rcc, 0, 1 << 16 | 1 << 19 | plls);
+            code.write(registers.rcc + pll, pll_reset);
+            code.modify(registers.rcc, 0, 1 << 18);
+        }
+        if leaves(Leftover::BusClocksOff) {
+            match board.part {
+                Part::H743 => code.write(registers.rcc + 0xD8, 0),
+                Part::F427 => code.write(registers.rcc + 0x30, 0x0010_0000),
+            }
+        }
+        if leaves(Leftover::Fpu) {
+            code.modify(CPACR, 0xF << 20, 0);
+            code.push(&DSB);
+            code.push(&ISB);
+            code.push(&[0xEE00, 0x0A10]); // vmov s0, r0
+        }
+        if leaves(Leftover::InstructionCache) && board.part == Part::H743 {
+            code.modify(CCR, 1 << 17, 0);
+        }
+        if leaves(Leftover::UsbInterrupt) {
+            let interrupt = match board.part {
+                Part::H743 => 101,
+                Part::F427 => 67,
+            };
+            code.write(NVIC_ISER + 4 * (interrupt / 32), 1 << (interrupt % 32));
         }
         if leaves(Leftover::Watchdog) {
             // 10 counts of 4 periods of its 32 kHz: a start that takes it over late is too late.
@@ -365,6 +427,7 @@ const NVIC_IPR: u32 = 0xE000_E400;
 const ICSR: u32 = 0xE000_ED04;
 const VTOR: u32 = 0xE000_ED08;
 const CCR: u32 = 0xE000_ED14;
+const CPACR: u32 = 0xE000_ED88;
 const MPU_CTRL: u32 = 0xE000_ED94;
 const MPU_RNR: u32 = 0xE000_ED98;
 const MPU_RBAR: u32 = 0xE000_ED9C;
@@ -378,6 +441,7 @@ const BASEPRI: u16 = 17;
 const CONTROL: u16 = 20;
 
 const ISB: [u16; 2] = [0xF3BF, 0x8F6F];
+const DSB: [u16; 2] = [0xF3BF, 0x8F4F];
 
 /// Thumb instructions (Armv7-M, A7.7), as halfwords.
 #[derive(Default)]

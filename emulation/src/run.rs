@@ -40,6 +40,7 @@ pub struct Run {
     acts: Vec<(Nanos, Act)>,
     taps: Vec<&'static str>,
     registers: Vec<u64>,
+    labels: Vec<&'static str>,
     until: Nanos,
     live: bool,
     patch: Option<(u64, Vec<u16>)>,
@@ -61,6 +62,7 @@ impl Run {
             acts: Vec::new(),
             taps: Vec::new(),
             registers: Vec::new(),
+            labels: Vec::new(),
             until: SECOND,
             live: false,
             patch: None,
@@ -120,6 +122,12 @@ impl Run {
     /// Records every write to this register.
     pub fn record(mut self, register: u64) -> Self {
         self.registers.push(register);
+        self
+    }
+
+    /// Records every time that the core comes by this label of the image.
+    pub fn watch(mut self, label: &'static str) -> Self {
+        self.labels.push(label);
         self
     }
 
@@ -252,6 +260,10 @@ impl Run {
         let rtt = symbols.get("_SEGGER_RTT").expect("the image logs over RTT");
         session.watch(Watch::Writes { address: log::write_offset(rtt), length: 4 });
         session.watch(Watch::Instruction(symbols.get("HardFault").expect("a handler of faults")));
+        let labels =
+            self.labels.iter().map(|&label| (symbols.get(label).expect("a label of the image"), label));
+        let labels: HashMap<u64, &str> = labels.collect();
+        labels.keys().for_each(|&address| session.watch(Watch::Instruction(address)));
 
         self.acts.sort_by_key(|act| act.0);
         let hand = Hand {
@@ -263,6 +275,8 @@ impl Run {
             tapped: Vec::new(),
             registers: self.registers,
             written: Vec::new(),
+            labels,
+            passed: Vec::new(),
             rtt,
             chunks: Vec::new(),
             faults: Vec::new(),
@@ -294,6 +308,7 @@ impl Run {
             logs,
             taps: hand.tapped,
             written: hand.written,
+            passed: hand.passed,
             resets,
             faults: hand.faults,
             at,
@@ -466,6 +481,8 @@ pub struct Report {
     pub taps: Vec<Tap>,
     /// What the core wrote to the recorded registers.
     pub written: Vec<Written>,
+    /// When the core came by which of the watched labels.
+    pub passed: Vec<(Nanos, &'static str)>,
     /// When and why the part was reset.
     pub resets: Vec<(Nanos, ResetCause)>,
     /// When the core took a fault.
@@ -584,6 +601,8 @@ struct Hand {
     tapped: Vec<Tap>,
     registers: Vec<u64>,
     written: Vec<Written>,
+    labels: HashMap<u64, &'static str>,
+    passed: Vec<(Nanos, &'static str)>,
     rtt: u64,
     chunks: Vec<(Nanos, Vec<u8>)>,
     faults: Vec<Nanos>,
@@ -638,7 +657,10 @@ impl Driver<Rig> for Hand {
                     None => self.chunks.push((hit.at.0, bytes)),
                 }
             }
-            Settled::Hit(hit) => self.faults.push(hit.at.0),
+            Settled::Hit(hit) => match self.labels.get(&hit.address) {
+                Some(&label) => self.passed.push((hit.at.0, label)),
+                None => self.faults.push(hit.at.0),
+            },
             // What a far end heard at this stop may have it act sooner than it said before.
             Settled::Stop(stop) => {
                 let next = self.next(stop.at.0.saturating_sub(1), session);

@@ -147,7 +147,8 @@ core::arch::global_asm!(
      dsb
      isb",
     // The data cache, if it is on (CCR bit 16; a Cortex-M4 has none): off, then cleaned and invalidated by set and
-    // way (CSSELR 0, CCSIDR, DCCISW with sets from bit 5 and ways at the top).
+    // way (CSSELR 0, CCSIDR, DCCISW with sets from bit 5 and ways at the top). The labels are for the emulator, which sees no
+    // write to a register of the core.
     "ldr r2, [r1, #0x14]
      tst r2, #0x10000
      beq 5f
@@ -155,6 +156,7 @@ core::arch::global_asm!(
      dsb
      ldr r3, [r1, #0x80]
      bic r2, r2, #0x10000
+     __pre_init_data_cache_off:
      str r2, [r1, #0x14]
      dsb
      ubfx r4, r3, #3, #10
@@ -166,6 +168,7 @@ core::arch::global_asm!(
      4:
      lsl r2, r5, r12
      orr r2, r2, r3, lsl #5
+     __pre_init_data_cache_line:
      str r2, [r1]
      subs r5, #1
      bpl 4b
@@ -180,13 +183,16 @@ core::arch::global_asm!(
      tst r2, #0x20000
      beq 6f
      bic r2, r2, #0x20000
+     __pre_init_instruction_cache_off:
      str r2, [r1]
      ldr r1, =0xE000EF50
+     __pre_init_instruction_cache_empty:
      str r0, [r1]
      6:
      dsb
      isb
      cpsie i
+     __pre_init_end:
      bx lr
      .ltorg
      .cfi_endproc

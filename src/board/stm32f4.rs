@@ -11,10 +11,7 @@ use embassy_stm32::{
     interrupt::Interrupt,
     pac::{self, DBGMCU, EXTI, FLASH, PWR, RCC, rcc::vals::Sw, usart::Usart},
     peripherals,
-    rcc::{
-        AHBPrescaler, APBPrescaler, Hse, LsConfig, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource,
-        Sysclk,
-    },
+    rcc::{AHBPrescaler, APBPrescaler, Hse, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
 };
 use jetlink::line::LineError;
 
@@ -112,7 +109,7 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     // ArduPilot's bootloader waits for it itself, and both have to choose it (`before_init`).
     #[cfg(not(feature = "ardupilot-bootloader"))]
     {
-        config.rcc.ls = LsConfig::off();
+        config.rcc.ls = embassy_stm32::rcc::LsConfig::off();
     }
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV1;

@@ -3,7 +3,7 @@
 
 use crate::support::{Task, crash, engines, first_byte, hijack, on_each_board, others_are_well, symbol};
 use emulation::board::Part;
-use emulation::{Board, Bootloader, Image, Jump, Leftover, Report, Run, bootloader};
+use emulation::{Board, Bootloader, Image, Jump, Leftover, MATEK_H743, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
@@ -151,6 +151,41 @@ fn a_data_cache_that_a_bootloader_leaves_is_off() {
     });
 }
 
+/// The emulator has no cache contents and shows no write to a register of the core, so the order of instructions is looked at. A
+/// data cache is off before its lines are cleaned and invalidated, each set and way once: with the cache on, a line could
+/// come back. An instruction cache is off before it is emptied. And all that is over before the RAM is initialised.
+#[test]
+fn caches_that_a_bootloader_leaves_are_off_before_they_are_emptied() {
+    const LABELS: [&str; 5] = [
+        "__pre_init_data_cache_off",
+        "__pre_init_data_cache_line",
+        "__pre_init_instruction_cache_off",
+        "__pre_init_instruction_cache_empty",
+        "__pre_init_end",
+    ];
+    // 16 KiB of four ways and lines of 32 bytes (DS12110, 3.1).
+    const LINES: usize = 128 * 4;
+    let passed = |leaves: Vec<Leftover>| -> Vec<&str> {
+        let bootloader = Bootloader { leaves, ..Bootloader::default() };
+        let run = Run::new(&MATEK_H743, Image::Ardupilot).engines().bootloader(bootloader);
+        let report = LABELS.into_iter().fold(run, Run::watch).until(50 * MILLIS).go_unchecked().0;
+        assert!(report.logged("last reset: PowerOn"), "{}", report.log_text());
+        report.passed.into_iter().map(|(_, label)| label).collect()
+    };
+    let [data_off, line, instruction_off, empty, end] = LABELS;
+    let expected = [vec![data_off], vec![line; LINES], vec![instruction_off, empty, end]].concat();
+    let found = passed(vec![Leftover::DataCache]);
+    let lines = found.iter().filter(|label| **label == line).count();
+    assert!(
+        found == expected,
+        "{lines} lines; {:?} … {:?}",
+        found.first_chunk::<3>(),
+        found.last_chunk::<4>()
+    );
+    // Where both are off, nothing is done to them.
+    assert_eq!(passed(Vec::new()), [end]);
+}
+
 #[test]
 fn all_that_a_bootloader_leaves_together_is_put_right() {
     on_each_board(|board| {
@@ -163,6 +198,18 @@ fn all_that_a_bootloader_leaves_together_is_put_right() {
             Leftover::ALL.into_iter().filter(|one| !masks.contains(one) && !PENDING.contains(one)).collect();
         served(board, Image::Ardupilot, Jump::Old, &[Leftover::ProcessStack]);
         served(board, Image::Ardupilot, Jump::Old, &old);
+    });
+}
+
+/// PX4's bootloader, with which a Pixhawk 6C may be sold, starts the application at the same place.
+#[test]
+fn image_runs_behind_what_px4s_bootloader_leaves() {
+    on_each_board(|board| {
+        served(board, Image::Ardupilot, Jump::Old, &Leftover::PX4);
+        // A version whose threads run on the main stack.
+        let main_stack: Vec<_> =
+            Leftover::PX4.into_iter().filter(|one| *one != Leftover::ProcessStack).collect();
+        served(board, Image::Ardupilot, Jump::Old, &main_stack);
     });
 }
 
