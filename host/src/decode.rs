@@ -12,6 +12,7 @@
 //!   version without one tells nothing, since each engine had several and newer ones are to be expected: the
 //!   set-up set itself gives no engine, and what was known before it (a hint is for just this case) stays.
 
+use crate::decode_hint::{Hint, Other};
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use jetlink::ecu::amt::codec as amt;
@@ -112,8 +113,9 @@ Exit status:
   2  bad arguments
 
 Examples:
-  jetlink decode --protocol zk capture.bin
-  jetlink decode --protocol amt --engine olympus capture.bin | jq 'select(.frame == \"error\")'
+  jetlink decode --protocol zk docs/captures/zk-simulated.bin
+  jetlink decode --protocol amt docs/captures/amt-simulated.bin | jq 'select(.frame == \"alternate\")'
+  stty -F /dev/ttyUSB0 9600 cs8 -parenb -cstopb raw -echo    (the baud rate and stop bits of your ECU)
   cat /dev/ttyUSB0 | jetlink decode --protocol zk";
 
 fn engine(name: String) -> Result<amt::Engine, String> {
@@ -125,8 +127,12 @@ pub fn run(args: Args) -> ExitCode {
     let outcome = match (args.protocol, args.engine, args.zk_version) {
         (Protocol::Amt, _, Some(_)) => Err(Failure::Arguments("--zk-version is only for --protocol zk")),
         (Protocol::Zk, Some(_), _) => Err(Failure::Arguments("--engine is only for --protocol amt")),
-        (Protocol::Amt, engine, None) => decode_file(args.file, Amt { decoder: amt::Decoder::new(), engine }),
-        (Protocol::Zk, None, version) => decode_file(args.file, Zk { decoder: zk::Decoder::new(), version }),
+        (Protocol::Amt, engine, None) => {
+            decode_file(args.file, Amt { decoder: amt::Decoder::new(), engine }, Other::zk())
+        }
+        (Protocol::Zk, None, version) => {
+            decode_file(args.file, Zk { decoder: zk::Decoder::new(), version }, Other::amt())
+        }
     };
     // Nothing can be said any more once standard error is gone, so failing to say it is no failure.
     match outcome {
@@ -161,7 +167,7 @@ impl fmt::Display for Failure {
     }
 }
 
-fn decode_file(file: Option<PathBuf>, source: impl Source) -> Result<Summary, Failure> {
+fn decode_file(file: Option<PathBuf>, source: impl Source, other: Other) -> Result<Summary, Failure> {
     let file = file.filter(|path| path.as_os_str() != "-");
     let name = file.as_ref().map_or_else(|| "standard input".into(), |path| path.display().to_string());
     let input: io::Result<Box<dyn Read>> = match file {
@@ -173,6 +179,7 @@ fn decode_file(file: Option<PathBuf>, source: impl Source) -> Result<Summary, Fa
         &mut input.map_err(unreadable)?,
         &mut BufWriter::with_capacity(BUFFER, io::stdout().lock()),
         source,
+        other,
         unreadable,
     )
 }
@@ -181,6 +188,7 @@ fn decode(
     input: &mut dyn Read,
     output: &mut dyn Write,
     mut source: impl Source,
+    mut other: Other,
     unreadable: impl Fn(io::Error) -> Failure,
 ) -> Result<Summary, Failure> {
     let mut summary = Summary::default();
@@ -193,6 +201,7 @@ fn decode(
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) => return Err(unreadable(error)),
         };
+        other.feed(&buffer[..count]);
         let before = source.counters();
         let mut rest = &buffer[..count];
         while !rest.is_empty() {
@@ -200,6 +209,7 @@ fn decode(
             rest = &rest[taken..];
             summary.bytes += taken as u64;
             let Some(frame) = frame else { continue };
+            summary.in_frames += source.len(&frame) as u64;
             let kind = source.write(summary.bytes, &frame, &mut record);
             output.write_all(record.line()).map_err(Failure::Output)?;
             add(&mut summary.kinds, kind, 1);
@@ -212,6 +222,8 @@ fn decode(
         output.flush().map_err(Failure::Output)?;
     }
     summary.pending = source.pending();
+    let outside = summary.bytes - summary.in_frames - summary.pending as u64;
+    summary.hint = Hint::of(summary.bytes, outside, source.name(), other);
     Ok(summary)
 }
 
@@ -221,7 +233,10 @@ struct Summary {
     bytes: u64,
     kinds: Vec<(&'static str, u64)>,
     counters: Vec<(&'static str, u64)>,
+    /// Bytes that belong to frames.
+    in_frames: u64,
     pending: usize,
+    hint: Option<Hint>,
 }
 
 /// At most as many entries as there are names: sixteen.
@@ -245,13 +260,20 @@ impl fmt::Display for Summary {
         for (what, count) in &self.counters {
             writeln!(f, "{count} {what}")?;
         }
-        writeln!(f, "{} bytes pending at the end", self.pending)
+        writeln!(f, "{} bytes pending at the end", self.pending)?;
+        self.hint.iter().try_for_each(|hint| writeln!(f, "{hint}"))
     }
 }
 
 /// A protocol's decoder, with what the stream has told so far.
 trait Source {
     type Frame;
+
+    /// The protocol, as the command line names it.
+    fn name(&self) -> &'static str;
+
+    /// Bytes of a frame.
+    fn len(&self, frame: &Self::Frame) -> usize;
 
     /// Takes bytes up to the end of the first frame, as the codecs' decoders do.
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>);
@@ -286,6 +308,14 @@ impl Zk {
 
 impl Source for Zk {
     type Frame = zk::StatusFrame;
+
+    fn name(&self) -> &'static str {
+        "zk"
+    }
+
+    fn len(&self, frame: &Self::Frame) -> usize {
+        frame.raw().len()
+    }
 
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         self.decoder.feed(bytes)
@@ -403,6 +433,14 @@ struct Amt {
 
 impl Source for Amt {
     type Frame = amt::Frame;
+
+    fn name(&self) -> &'static str {
+        "amt"
+    }
+
+    fn len(&self, frame: &Self::Frame) -> usize {
+        frame.raw().len()
+    }
 
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         self.decoder.feed(bytes)
@@ -630,7 +668,7 @@ mod tests {
         let mut input = Script(script.into_iter().collect());
         let source = Zk { decoder: zk::Decoder::new(), version: None };
         let unreadable = |error| Failure::Input { name: "the script".into(), error };
-        let result = decode(&mut input, &mut output, source, unreadable);
+        let result = decode(&mut input, &mut output, source, Other::zk(), unreadable);
         (String::from_utf8(output).unwrap(), result)
     }
 

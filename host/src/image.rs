@@ -75,6 +75,11 @@ fn build_and_write(args: &Args) -> Result<(), String> {
         None
     };
     let flash = board.flash(bootloader.is_some()).unwrap_or(board.chip.flash);
+    check_folder(&args.out)?;
+    eprintln!(
+        "building the firmware for the {}; the first time, all that it depends on is built, too",
+        board.title
+    );
     let elf_path = build(args)?;
     let elf = fs::read(&elf_path).map_err(|error| format!("{}: {error}", elf_path.display()))?;
     let (start, mut flat) = flatten(&elf)?;
@@ -92,7 +97,6 @@ fn build_and_write(args: &Args) -> Result<(), String> {
     if args.demo {
         name += "-demo";
     }
-    fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
     let write = |ending: &str, bytes: &[u8]| {
         let path = args.out.join(format!("{name}.{ending}"));
         fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -138,6 +142,26 @@ fn warning(board: &Board) -> String {
     text
 }
 
+/// Whether files can be written there, which is better known before a long build.
+fn check_folder(out: &Path) -> Result<(), String> {
+    let probe = out.join(format!(".jetlink-{}.part", std::process::id()));
+    let written =
+        fs::create_dir_all(out).and_then(|()| fs::write(&probe, "")).and_then(|()| fs::remove_file(&probe));
+    written.map_err(|error| format!("cannot write into {}: {error}", out.display()))
+}
+
+/// The repository that this program was built in: the firmware is built from there, wherever it is called.
+fn repository() -> Result<PathBuf, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    match root.canonicalize() {
+        Ok(root) if root.join(".cargo/config.toml").is_file() => Ok(root),
+        _ => Err(format!(
+            "the sources of jetlink are no longer in {}: run `cargo image` inside a clone of the repository",
+            root.display()
+        )),
+    }
+}
+
 /// Builds the firmware. Gives the path of its ELF file.
 fn build(args: &Args) -> Result<PathBuf, String> {
     let mut features = format!("board-{}", args.board.name);
@@ -149,6 +173,7 @@ fn build(args: &Args) -> Result<PathBuf, String> {
     }
     // By name and by its alias: $CARGO may be another Rust than the one that every image is built with.
     let output = Command::new("cargo")
+        .current_dir(repository()?)
         .args(["fw", &features, "--message-format", "json-render-diagnostics"])
         .stderr(Stdio::inherit())
         .output()

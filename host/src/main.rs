@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod decode;
+mod decode_hint;
 mod image;
 mod rig;
 
@@ -21,7 +22,7 @@ enum Command {
     Decode(decode::Args),
     Image(image::Args),
     /// Run the firmware's own code against simulated ECUs.
-    Rig(rig::Args),
+    Rig(Box<rig::Args>),
 }
 
 fn main() -> ExitCode {
@@ -34,7 +35,7 @@ fn main() -> ExitCode {
     match cli.command {
         Command::Decode(args) => decode::run(args),
         Command::Image(args) => image::run(args),
-        Command::Rig(args) => rig::run(args),
+        Command::Rig(args) => rig::run(&args),
     }
 }
 

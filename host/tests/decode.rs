@@ -261,6 +261,50 @@ fn set_up_set_with_any_text() {
     assert_eq!(found[0]["raw"], "ff05f7e83e392eb13520313430363137".to_owned() + "20");
 }
 
+/// Those that the documentation uses: made by the rig.
+#[test]
+fn the_captures_of_the_documentation_hold_frames_and_nothing_else() {
+    for (protocol, name) in [("amt", "amt-simulated.bin"), ("zk", "zk-simulated.bin")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/captures").join(name);
+        let found = decode(&["--protocol", protocol, path.to_str().unwrap()], &[]);
+        assert_eq!(found.status, 0);
+        assert!(found.stderr.contains("\n0 bytes skipped\n"), "{}", found.stderr);
+        let running = if protocol == "amt" { "full-operation" } else { "running" };
+        assert!(objects(&found).iter().any(|object| object["state"] == running), "{name}");
+    }
+}
+
+/// Status and standard output stay as they are; the last line of standard error says what the other protocol would find.
+#[test]
+fn the_wrong_protocol_is_hinted_at() {
+    let zk = ZK_EXAMPLE.repeat(20);
+    let outcome = decode(&["--protocol", "amt"], &zk);
+    assert_eq!((outcome.status, outcome.stdout.as_str()), (0, ""));
+    assert_eq!(
+        outcome.stderr.lines().last(),
+        Some(
+            "hint: 100 % of the bytes are in no amt frame; --protocol zk would find 20 frames and leave 0 %"
+        )
+    );
+    let amt = AMT_NORMAL.repeat(20);
+    assert_eq!(
+        decode(&["--protocol", "zk"], &amt).stderr.lines().last(),
+        Some(
+            "hint: 100 % of the bytes are in no zk frame; --protocol amt would find 20 frames and leave 0 %"
+        )
+    );
+    // Neither: something else is wrong.
+    let garbage: Vec<u8> = (0..200_u32).map(|i| (i * 37 % 251) as u8).collect();
+    let outcome = decode(&["--protocol", "zk"], &garbage);
+    let hint = outcome.stderr.lines().last().unwrap();
+    assert!(hint.contains("would find 0 frames") && hint.ends_with("the levels of the line"), "{hint}");
+    // Half of the bytes is not over half, and nothing is no reason for a hint.
+    for input in [[&ZK_EXAMPLE[..], &[0; 7]].concat(), Vec::new(), zk] {
+        let outcome = decode(&["--protocol", "zk"], &input);
+        assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
+    }
+}
+
 #[test]
 fn summary_counts_what_zk_lost() {
     let mut broken = ZK_EXAMPLE;

@@ -73,7 +73,7 @@ impl Channel {
         let mut engine = Engine::new(config);
         let memory = retained.map(|(memory, reset)| {
             let fingerprint = config.fingerprint();
-            engine.keep(memory.load(fingerprint, reset));
+            engine.restore(memory.load(fingerprint, reset));
             Retained { memory, fingerprint, reset, sequence: AtomicU32::new(memory.next_sequence()) }
         });
         Self {
@@ -190,7 +190,7 @@ impl<'a> Source<'a> {
 
     /// Commands the engine. The latest command of a source wins, the highest fresh source is in control, and a stop
     /// pre-empts whatever is going on. A source has to repeat `Run` within its age limit
-    /// ([`crate::engine::config::SourceAges`]).
+    /// ([`crate::engine::config::SourceTimeouts`]).
     ///
     /// # Errors
     /// [`Rejected`] with the reason; what was commanded before stays in force.

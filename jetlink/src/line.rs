@@ -85,7 +85,7 @@ pub enum LineError {
 settings! {
     /// When the link to an ECU is up, and when it is lost.
     pub struct Timing, "timing.", AtNextStart {
-        up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Good frames in a row, none of them `lost_after` later than the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
+        up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Consecutive good frames, each within `lost_after` of the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
         lost_after: ms "LINK_LOST" = 500 in 200..=60_000, "Silence until the link is lost: ten frames at 20 Hz. AMT: 1000, eight frames at 2400 baud.";
     }
 }

@@ -7,12 +7,20 @@ use std::process::ChildStdout;
 use std::thread::JoinHandle;
 
 /// One line.
-#[derive(PartialEq, Eq)]
 pub struct Line {
+    /// When, as the firmware gives it.
+    pub time: String,
     /// "INFO", "WARN", ...
     pub level: &'static str,
     /// What the firmware said.
     pub message: String,
+}
+
+impl Line {
+    /// What two runs of the same have in common.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (self.level, &self.message) == (other.level, &other.message)
+    }
 }
 
 /// What came.
@@ -67,9 +75,9 @@ fn follow(table: &Table, mut source: ChildStdout, show: fn(&Line) -> bool) -> Li
                         _ => "ERROR",
                     });
                     let time = frame.display_timestamp().map_or_else(String::new, |time| time.to_string());
-                    let line = Line { level, message: frame.display_message().to_string() };
+                    let line = Line { time, level, message: frame.display_message().to_string() };
                     if show(&line) {
-                        println!("{time:>11} {level:<5} {}", line.message);
+                        println!("{:>11} {level:<5} {}", line.time, line.message);
                     }
                     log.lines.push(line);
                 }

@@ -118,7 +118,7 @@ mod tests {
             lines.extend(ENGINES.iter().map(|engine| format!("{}: {chapter}", engine.name)));
         }
         lines.push("trial: passed".into());
-        let line = |message| Line { level: "INFO", message };
+        let line = |message| Line { time: String::new(), level: "INFO", message };
         Lines { lines: lines.into_iter().map(line).collect(), malformed: 0 }
     }
 
@@ -146,7 +146,7 @@ mod tests {
             ("INFO", "jetlink "),
         ] {
             let mut log = good();
-            log.lines.insert(3, Line { level, message: message.into() });
+            log.lines.insert(3, Line { time: String::new(), level, message: message.into() });
             assert_eq!(of_log(&log).len(), 1, "{message}");
         }
         assert_eq!(of_log(&Lines { malformed: 1, ..good() }).len(), 1);

@@ -38,6 +38,8 @@ pub enum Pace {
     Unlimited,
     /// The same, but never ahead of the wall clock by more than 2 ms.
     RealTime,
+    /// So many times as fast as the wall clock; at least once.
+    Times(u32),
 }
 
 struct Alarm {
@@ -138,8 +140,12 @@ pub fn reset() {
 /// Changes the pace of this thread's clock; the time goes on from where it is.
 pub fn set_pace(pace: Pace) {
     CLOCK.with(|clock| {
-        let pacer = Pacer::new(clock.now.get(), WallInstant::now());
-        clock.pacer.set((pace == Pace::RealTime).then_some(pacer));
+        let speed = match pace {
+            Pace::Unlimited => None,
+            Pace::RealTime => Some(1),
+            Pace::Times(speed) => Some(speed.max(1)),
+        };
+        clock.pacer.set(speed.map(|speed| Pacer::new(clock.now.get(), WallInstant::now(), speed)));
     });
 }
 

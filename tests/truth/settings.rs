@@ -138,10 +138,10 @@ fn throttle(tenths: u16) -> Throttle {
 fn supervision(rng: &mut Rng) -> Supervision {
     let mut all = Supervision::DEFAULT;
     if rng.percent(60) {
-        all.ages.emergency = ms(rng.pick(&[300, 500, 2000]));
-        all.ages.rc = ms(rng.pick(&[300, 500, 1000]));
-        all.ages.mavlink = ms(rng.pick(&[500, 1000, 3000]));
-        all.ages.bench = ms(rng.pick(&[300, 500, 1500]));
+        all.timeouts.emergency = ms(rng.pick(&[300, 500, 2000]));
+        all.timeouts.rc = ms(rng.pick(&[300, 500, 1000]));
+        all.timeouts.mavlink = ms(rng.pick(&[500, 1000, 3000]));
+        all.timeouts.bench = ms(rng.pick(&[300, 500, 1500]));
         all.recover_after = ms(rng.pick(&[100, 500, 1000, 2000]));
         all.takeover.within = ms(rng.pick(&[0, 500, 2000, 5000]));
         all.loss.hold = ms(rng.pick(&[0, 300, 1000, 4000]));
@@ -300,7 +300,7 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         kind,
         period: period / 1000,
         round,
-        ages: [all.ages.emergency, all.ages.rc, all.ages.mavlink, all.ages.bench].map(micros),
+        ages: [all.timeouts.emergency, all.timeouts.rc, all.timeouts.mavlink, all.timeouts.bench].map(micros),
         recover_after: micros(all.recover_after),
         return_within: micros(all.return_within),
         takeover: micros(all.takeover.within),

@@ -16,13 +16,20 @@ cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-
     --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
                            ardupilot-bootloader (behind a bootloader, as far as it can tell),
                            selftest (reports on the board after 7 s)
-    --tcp PORT             TCP port of the telemetry UART on this machine; 5760 unless told
+    --tcp PORT             TCP port of the telemetry UART on this machine; 5790 unless given (5760 is ArduPilot SITL's)
 cargo emu-record DIR       writes what four named runs send on each port into DIR, a text file each
 cargo emu-compare DIR      runs them again and compares; fails at another byte or order, or a shift above 100 us";
+
+/// Not 5760: ArduPilot's simulator listens there.
+const USUAL_PORT: u16 = 5790;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    if arguments.iter().any(|argument| matches!(*argument, "--help" | "-h" | "help")) {
+        println!("{USAGE}");
+        return ExitCode::SUCCESS;
+    }
     let result = match arguments.as_slice() {
         ["test", filters @ ..] => test(filters),
         ["run", options @ ..] => run(options),
@@ -38,6 +45,11 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// What is wrong stands last, where it is seen.
+fn wrong(reason: &str) -> String {
+    format!("{USAGE}\n\n{reason}")
 }
 
 /// The project's root.
@@ -98,19 +110,22 @@ fn test(filters: &[&str]) -> Result<(), String> {
 }
 
 fn run(options: &[&str]) -> Result<(), String> {
-    let [board, options @ ..] = options else { return Err(USAGE.to_string()) };
-    let board = Board::by_name(board).ok_or(format!("There is no board \"{board}\".\n\n{USAGE}"))?;
-    let (mut image, mut tcp) = (Image::Release, 5760);
+    let [board, options @ ..] = options else { return Err(wrong("Name the board.")) };
+    let board = Board::by_name(board).ok_or(wrong(&format!("There is no board \"{board}\".")))?;
+    let (mut image, mut tcp) = (Image::Release, USUAL_PORT);
     for option in options.chunks(2) {
         match *option {
             ["--image", name] => {
                 let named = Image::ALL.into_iter().find(|image| image.feature().unwrap_or("release") == name);
-                image = named.ok_or(format!("There is no image \"{name}\".\n\n{USAGE}"))?;
+                image = named.ok_or(wrong(&format!("There is no image \"{name}\".")))?;
             }
             ["--tcp", port] => {
-                tcp = port.parse().map_err(|_| format!("\"{port}\" is no TCP port."))?;
+                tcp = port.parse().map_err(|_| format!("\"{port}\" is not a TCP port."))?;
             }
-            _ => return Err(USAGE.to_string()),
+            [option, ..] => {
+                return Err(wrong(&format!("There is no option \"{option}\", or its value is missing.")));
+            }
+            [] => {}
         }
     }
     build(board, image)?;

@@ -103,7 +103,7 @@ enum Allowed {
 }
 
 /// What the ECU's frames on the wire show of gaps, by what became of each byte.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Heard {
     /// Between two frames of the ECU.
     period: Nanos,
@@ -160,7 +160,7 @@ struct Level {
 }
 
 /// Watches one line.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Audit {
     cadence: Option<Nanos>,
     rate_action: Option<Action>,
@@ -195,6 +195,8 @@ pub struct Audit {
     switched_at: Option<Nanos>,
     /// What the node said last that concerns the switch or the demand.
     pub on_wire: Option<Said>,
+    /// The first bit of the first frame of the last emergency stop.
+    pub stop_at: Option<Nanos>,
     /// All that it said; kept for a scenario's judge.
     pub spoken: Option<Vec<Spoken>>,
     /// Frames of the node.
@@ -229,6 +231,7 @@ impl Audit {
                 .unwrap_or(6),
             orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
             on_wire: None,
+            stop_at: None,
             spoken: None,
             reader: Reader::strict(
                 match engine.ecu {
@@ -363,7 +366,7 @@ impl Audit {
             self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
             self.may_rise(at + RISE_WITHIN);
         } else {
-            self.find(at, Vec::new(), "the node gave up an order, although its ECU was heard");
+            self.find(at, Vec::new(), "the node gave up an order, although its ECU was received");
         }
     }
 
@@ -419,6 +422,9 @@ impl Audit {
             Command::Amt(command) => self.amt_allows(order, command),
             Command::Zk(command) => self.zk_allows(order, command),
         });
+        if said == Said::Stop && self.on_wire != Some(Said::Stop) {
+            self.stop_at = Some(start);
+        }
         if said != Said::Nothing {
             self.on_wire = Some(said);
         }

@@ -4,11 +4,15 @@ use super::audit::Audit;
 use super::engines::Engine;
 use super::limiter::Limiter;
 use super::sample::Message;
+use super::tap::Tap;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::report::LinkState;
 use jetlink::telemetry::Telemetry;
+use sim::any::AnyEcu;
+use sim::clock;
 use sim::ecu::{Nanos, SECOND};
+use sim::wire::Plug;
 use std::cell::{Cell, RefCell};
 
 /// How far an engine's pilot has come.
@@ -28,8 +32,10 @@ pub enum Stage {
     Done,
     /// Something was not reached; the engine is kept in standby.
     Failed,
-    /// A scenario: what it is about happens.
+    /// What the run is about happens: a scenario's event, or a source that falls silent.
     Event,
+    /// It was taken from its script, and is played.
+    Played,
 }
 
 impl Stage {
@@ -44,6 +50,7 @@ impl Stage {
             Self::Done => "done",
             Self::Failed => "failed",
             Self::Event => "event",
+            Self::Played => "played",
         }
     }
 }
@@ -149,10 +156,14 @@ pub struct Desk<'a> {
     pub lever: Cell<Lever>,
     /// Its pilot says nothing.
     pub silent: Cell<bool>,
+    /// It was taken from its script, and somebody else commands it.
+    pub played: Cell<bool>,
     /// When the last fault on its line ends.
     pub clean_from: Instant,
     /// Holds the line against the commands.
     pub audit: RefCell<Audit>,
+    /// The bytes on the line, for whoever looks at them.
+    pub tap: RefCell<Tap>,
     /// How often the engine stopped although it was to run.
     pub stops: Cell<u32>,
     /// What the pilot could not reach, from the moment on when it gave up.
@@ -175,8 +186,10 @@ impl<'a> Desk<'a> {
             stage: Cell::new(Stage::Standby),
             lever: Cell::new(Lever::Standby),
             silent: Cell::new(false),
+            played: Cell::new(false),
             clean_from,
             audit: RefCell::new(Audit::new(engine)),
+            tap: RefCell::default(),
             stops: Cell::new(0),
             failure: RefCell::default(),
             recovered_after: Cell::new(None),
@@ -184,6 +197,13 @@ impl<'a> Desk<'a> {
             limiter: RefCell::new(Limiter::new()),
             notes,
         }
+    }
+
+    /// Takes what the line has recorded, for the audit and the tap.
+    pub fn take_log(&self, plug: &Plug<AnyEcu>) {
+        let log = plug.take_log();
+        self.tap.borrow_mut().add(&log);
+        self.audit.borrow_mut().look(&log);
     }
 
     /// Sees whether the link is up again after the last fault.
@@ -244,5 +264,15 @@ impl<'a> Desk<'a> {
         if let Some(text) = if at_the_end { limiter.rest() } else { limiter.over(Instant::now()) } {
             self.note(text);
         }
+    }
+}
+
+/// Holds what was on the lines against what was commanded.
+pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
+    for (desk, plug) in desks.iter().zip(plugs) {
+        desk.take_log(plug);
+        let mut audit = desk.audit.borrow_mut();
+        audit.see_engine(clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
+        audit.looked_until(clock::now_ns());
     }
 }

@@ -15,7 +15,7 @@ const DEFAULT: [&str; 4] = [
 ];
 
 /// More would not fit the table on a terminal; a board has fewer ports.
-pub const MOST_ENGINES: usize = 8;
+const MOST_ENGINES: usize = 8;
 /// Longer names would not fit the table either.
 const LONGEST_NAME: usize = 12;
 
@@ -158,7 +158,7 @@ fn checked_name(name: &str) -> Result<String, String> {
     let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
     if name.is_empty() || name.len() > LONGEST_NAME || !plain {
         return Err(format!(
-            "`{name}` is no engine name: use 1 to {LONGEST_NAME} letters, digits, `-` or `_`"
+            "`{name}` is not a valid engine name: use 1 to {LONGEST_NAME} letters, digits, `-` or `_`"
         ));
     }
     Ok(name.to_owned())
@@ -223,7 +223,7 @@ fn zk(index: usize, name: &str, description: &Description<'_>) -> Result<Engine,
 fn line(description: &Description<'_>, usual_baud: u32) -> Result<Line, String> {
     let baud = match description.baud {
         None => usual_baud,
-        Some(text) => text.parse().map_err(|_| format!("baud=`{text}` is no number"))?,
+        Some(text) => text.parse().map_err(|_| format!("baud=`{text}` is not a number"))?,
     };
     match description.stop.unwrap_or("1") {
         "1" => Ok(Line::new(baud)),
@@ -274,8 +274,8 @@ mod tests {
             ("name", "key=value"),
             ("colour=red", "no key `colour`"),
             ("name=a,name=b", "twice"),
-            ("name=", "no engine name"),
-            ("name=ü", "no engine name"),
+            ("name=", "not a valid engine name"),
+            ("name=ü", "not a valid engine name"),
             ("name=a,ecu=jetcat", "engine `a`: ecu=`jetcat`"),
             ("name=a,engine=orion", "not simulated"),
             ("name=a,rate=20", "`rate` is for ecu=zk only"),

@@ -1,7 +1,9 @@
 //! What goes wrong in a run and when: `--faults`.
 
 use super::engines::Engine;
-use super::quantity::{duration, share};
+use super::plan::Plan;
+use super::quantity::{duration, seconds, share};
+use super::simulated::parameters;
 use embassy_time::{Duration, Instant};
 use sim::wire::Faults as LineFaults;
 
@@ -42,6 +44,17 @@ pub enum Failure {
     FlameOut(Duration),
 }
 
+impl Failure {
+    /// As it is written.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::HotStart => "hot-start",
+            Self::NoLight => "no-light",
+            Self::FlameOut(_) => "flame-out",
+        }
+    }
+}
+
 /// About one byte in a thousand each is damaged, lost, added or breaks its frame.
 const LIGHT: &str = "noise=0.001,lose=0.001,add=0.001,framing=0.001,jitter=0.5ms";
 /// About one byte in twelve suffers, and some come late.
@@ -55,7 +68,89 @@ impl Faults {
         if faults.until.is_some_and(|until| until <= faults.from) {
             return Err("--faults: `until` has to be later than `from`".to_owned());
         }
+        given_once(text)
+            .and_then(|()| faults.agree(text, engines))
+            .map_err(|what| format!("--faults: {what}"))?;
         Ok(faults)
+    }
+
+    /// Whether they contradict one another, or one cannot act in any run.
+    fn agree(&self, text: &str, engines: &[Engine]) -> Result<(), String> {
+        let of_lines = |part: &str| {
+            let key = part.split('=').next().unwrap_or_default();
+            !matches!(key, "cut" | "hot-start" | "no-light" | "flame-out")
+        };
+        if !self.on_lines() && text.split(',').any(of_lines) {
+            return Err(
+                "no share, `jitter` or `delay` is above 0: nothing would go wrong on a line".to_owned()
+            );
+        }
+        let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
+        for (i, &(engine, failure)) in self.failures.iter().enumerate() {
+            for &(_, other) in self.failures.iter().take(i).filter(|(of, _)| *of == engine) {
+                if failure == other {
+                    return Err(format!("{} of {} is given twice", failure.name(), name(engine)));
+                }
+                // No start succeeds: nothing else can come.
+                if !matches!((failure, other), (Failure::FlameOut(_), Failure::FlameOut(_))) {
+                    let (a, b) = (other.name(), failure.name());
+                    return Err(format!("{a} and {b} of {} contradict each other", name(engine)));
+                }
+            }
+        }
+        for (i, cut) in self.cuts.iter().enumerate() {
+            if cut.length == Duration::MIN {
+                return Err(format!("the cut of {} has no length", name(cut.engine)));
+            }
+            let overlaps = |other: &&Cut| {
+                other.engine == cut.engine
+                    && cut.at < other.at + other.length
+                    && other.at < cut.at + cut.length
+            };
+            if self.cuts.iter().take(i).any(|other| overlaps(&other)) {
+                return Err(format!("two cuts of {} overlap", name(cut.engine)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether each of them can act in this run.
+    pub fn check(&self, plan: &Plan, engines: &[Engine]) -> Result<(), String> {
+        let length = seconds(plan.length);
+        let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
+        if let Some(cut) = self.cuts.iter().find(|cut| cut.at >= plan.length) {
+            let at = seconds(cut.at);
+            return Err(format!(
+                "--faults: the cut of {} at {at} s comes after the end of the run at {length} s",
+                name(cut.engine)
+            ));
+        }
+        for &(engine, failure) in &self.failures {
+            if plan.standby_only {
+                return Err(format!(
+                    "--faults: {} cannot act with --standby: no engine is started",
+                    failure.name()
+                ));
+            }
+            let (Failure::FlameOut(at), Some(times), Some(config)) =
+                (failure, plan.engines.get(engine), engines.get(engine))
+            else {
+                continue;
+            };
+            let p = parameters(config);
+            let lit = times.start_at + Duration::from_millis(((p.ignition_s + p.preheat_s) * 1000.0) as u64);
+            let (lit, out) = (lit - Instant::MIN, times.shutdown_at - Instant::MIN);
+            if !(lit..out).contains(&at) {
+                return Err(format!(
+                    "--faults: flame-out of {} at {} s: its flame burns from about {:.0} s to {:.0} s in this run",
+                    name(engine),
+                    seconds(at),
+                    seconds(lit),
+                    seconds(out)
+                ));
+            }
+        }
+        Ok(())
     }
 
     fn read(&mut self, text: &str, engines: &[Engine]) -> Result<(), String> {
@@ -117,6 +212,14 @@ impl Faults {
         Ok(())
     }
 
+    /// What `heavy` does to a line.
+    pub fn heavy() -> LineFaults {
+        let mut faults = Self::default();
+        // The set is good: the tests read it.
+        let _ = faults.read(HEAVY, &[]);
+        faults.line
+    }
+
     /// Whether anything goes wrong on all lines.
     pub fn on_lines(&self) -> bool {
         self.line != LineFaults::default()
@@ -134,6 +237,23 @@ impl Faults {
         let end = noise.into_iter().chain(cuts).max().unwrap_or(Duration::MIN);
         Instant::MIN + end
     }
+}
+
+/// What has one value is given once; what a set gives may be changed.
+fn given_once(text: &str) -> Result<(), String> {
+    let mut seen: Vec<&str> = Vec::new();
+    for part in text.split(',') {
+        let key = match part.split_once('=') {
+            Some(("cut" | "hot-start" | "no-light" | "flame-out", _)) => continue,
+            Some((key, _)) => key,
+            None => "a set of faults",
+        };
+        if seen.contains(&key) {
+            return Err(format!("{key} is given twice"));
+        }
+        seen.push(key);
+    }
+    Ok(())
 }
 
 fn nanos(text: &str) -> Result<u64, String> {
@@ -170,6 +290,33 @@ mod tests {
     }
 
     #[test]
+    fn a_fault_that_cannot_act_in_this_run_is_refused() {
+        let engines = engines(&[]).unwrap();
+        let check = |text: &str, standby| {
+            let mut faults = Faults::parse(text, &engines).unwrap();
+            let plan = Plan::new(&engines, None, standby, &mut faults).unwrap();
+            faults.check(&plan, &engines)
+        };
+        for text in [
+            "flame-out=left@60s,flame-out=left@90s,flame-out=right@60s",
+            "cut=left@0s+1000s",
+            "hot-start=left",
+        ] {
+            assert_eq!(check(text, false), Ok(()), "{text}");
+        }
+        for (text, standby, part) in [
+            ("flame-out=left@9999s", false, "its flame burns from about"),
+            ("flame-out=left@3s", false, "its flame burns from about"),
+            ("flame-out=booster@30s", false, "its flame burns from about"),
+            ("cut=left@9999s+1s", false, "after the end of the run"),
+            ("hot-start=left", true, "cannot act with --standby"),
+        ] {
+            let error = check(text, standby).unwrap_err();
+            assert!(error.starts_with("--faults: ") && error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
     fn presets_can_be_changed() {
         let engines = engines(&[]).unwrap();
         let heavy = Faults::parse("heavy", &engines).unwrap();
@@ -185,14 +332,24 @@ mod tests {
         for (text, part) in [
             ("", "key=value"),
             ("loud", "`loud`"),
-            ("noise=2", "no share"),
-            ("jitter=soon", "no time"),
+            ("noise=2", "invalid share"),
+            ("jitter=soon", "invalid duration"),
             ("rain=0.1", "no fault `rain`"),
             ("cut=left", "ENGINE@TIME+LENGTH"),
             ("cut=tail@1s+1s", "no engine `tail`"),
             ("flame-out=left", "ENGINE@TIME"),
             ("hot-start=tail", "no engine `tail`"),
             ("heavy,from=9s,until=8s", "later than"),
+            ("from=5s", "nothing would go wrong"),
+            ("noise=0", "nothing would go wrong"),
+            ("noise=0.1,noise=0.2", "noise is given twice"),
+            ("light,heavy", "given twice"),
+            ("cut=left@40s+0s", "no length"),
+            ("cut=left@40s+9s,cut=left@45s+1s", "overlap"),
+            ("hot-start=left,hot-start=left", "given twice"),
+            ("hot-start=left,no-light=left", "contradict"),
+            ("no-light=left,flame-out=left@60s", "contradict"),
+            ("flame-out=left@60s,flame-out=left@60s", "given twice"),
         ] {
             let error = Faults::parse(text, &engines).unwrap_err();
             assert!(error.starts_with("--faults: ") && error.contains(part), "{text}: {error}");

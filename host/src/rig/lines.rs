@@ -1,11 +1,12 @@
 //! Plain lines, for an output that is not a terminal and for runs that are quicker than anybody reads.
 
 use super::desk::Note;
+use super::out::Out;
 use super::quantity::seconds;
 use super::row::{heads, row};
 use super::sample::Sample;
 use embassy_time::{Duration, Instant};
-use std::io::{self, Write};
+use std::io;
 
 /// Lines between two heads.
 const HEAD_EVERY: u32 = 40;
@@ -13,6 +14,7 @@ const HEAD_EVERY: u32 = 40;
 /// Writes notes as they come and, every now and then, one line for each engine.
 #[derive(Debug)]
 pub struct Lines {
+    out: Out,
     names: Vec<&'static str>,
     every: Duration,
     next: Instant,
@@ -23,14 +25,14 @@ pub struct Lines {
 
 impl Lines {
     /// For these engines.
-    pub fn new(names: Vec<&'static str>, every: Duration) -> Self {
-        Self { names, every, next: Instant::MIN + every, before: None, lines: 0 }
+    pub fn new(out: Out, names: Vec<&'static str>, every: Duration) -> Self {
+        Self { out, names, every, next: Instant::MIN + every, before: None, lines: 0 }
     }
 
     /// Something happened.
     pub fn note(&self, note: &Note) -> io::Result<()> {
         let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or("all");
-        writeln!(io::stdout(), "{:>7.1}  {name:<12}  {}", seconds(note.at - Instant::MIN), note.text)
+        self.out.write(&format!("{:>7.1}  {name:<12}  {}\n", seconds(note.at - Instant::MIN), note.text))
     }
 
     /// A sample of all engines; written if it is time.
@@ -39,18 +41,19 @@ impl Lines {
             return Ok(());
         }
         self.next = at + self.every;
-        let mut out = io::stdout().lock();
+        let mut text = String::new();
         if self.lines.is_multiple_of(HEAD_EVERY) {
-            writeln!(out, "{:>7}  {}", "s", heads(&self.names))?;
+            text += &format!("{:>7}  {}\n", "s", heads(&self.names));
         }
         let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
         let rates = frame_rates(&self.before, at, &frames);
         for ((name, sample), rate) in self.names.iter().zip(samples).zip(rates) {
-            writeln!(out, "{:>7.1}  {}", seconds(at - Instant::MIN), row(name, &self.names, sample, rate))?;
+            text +=
+                &format!("{:>7.1}  {}\n", seconds(at - Instant::MIN), row(name, &self.names, sample, rate));
             self.lines += 1;
         }
         self.before = Some((at, frames));
-        out.flush()
+        self.out.write(&text)
     }
 }
 

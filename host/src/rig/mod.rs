@@ -1,40 +1,63 @@
 //! `jetlink rig`: the node, the very code of the firmware, against simulated engines.
 
 mod audit;
+mod capture;
+mod conditions;
+mod control;
 mod csv;
 mod desk;
 mod ending;
 mod engines;
 mod faults;
+mod frames;
 mod limiter;
 mod lines;
 mod node;
+mod options;
+mod out;
+mod outcome;
+mod output;
+mod passing;
 mod pilot;
 mod plan;
+mod play;
 mod plot;
 mod quantity;
+mod record;
 mod row;
 mod sample;
 mod scenario;
 mod session;
 mod show;
 mod simulated;
+mod story;
 mod summary;
-mod table;
+mod tap;
+mod tour;
+mod view;
 
+pub use self::options::Args;
+
+use self::capture::Capture;
+use self::control::{Control, Live, Scripted, Unattended};
 use self::csv::Csv;
 use self::ending::{EndRequest, EndedBy};
 use self::engines::Engine;
-use self::faults::Faults;
 use self::lines::Lines;
-use self::plan::Plan;
+use self::options::Order;
+use self::out::{Out, reader_left};
+use self::outcome::{End, Outcomes};
+use self::output::{Problem, Wanted};
+use self::play::script;
 use self::plot::{Plot, Subject};
-use self::scenario::Scenario;
-use self::session::{End, Setup};
-use self::show::{Screen, Show, ShowError, cannot_show};
-use self::table::Table;
-use embassy_time::Duration;
+use self::show::{Files, Show, ShowError, Shown};
+use self::tour::Tour;
+use self::view::model::Model;
+use self::view::terminal::Screen;
+use self::view::theme::Theme;
+use embassy_time::{Duration, Instant};
 use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc;
 
@@ -45,131 +68,28 @@ const LINES_EVERY: Duration = Duration::from_secs(5);
 /// The same with `--fast` on a terminal.
 const LINES_EVERY_FAST: Duration = Duration::from_secs(30);
 
-const HELP: &str = "\
-What it does:
-  Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
-  idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
-  table shows it live (q ends it); otherwise, and with --fast, plain lines do. The summary at the end
-  counts what the node and what the ECUs saw. Every frame on the wire is held against what was commanded.
-
-What is shown:
-  asked   what the pilot commands
-  wire    what the node last said to the ECU: it differs from what is asked while a limit, a loss, another source or
-          an emergency stop (STOP) has its way
-  worst cadence error   ZK: the node sends at fixed turns. An emergency stop, and the frame right behind a change of
-          the way of commanding, go out ahead of their turn and do not count
-
-Engines:
-  --engine name=left,ecu=amt,engine=olympus,baud=2400
-      engine: mercury, pegasus, olympus (default), titan, nike, lynx
-      baud: default 2400
-  --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
-      version: 1 to 5 (default 5); baud: default 9600; stop: 1 (default) or 2; rate: 20 (default), 50, 100 Hz
-      mode: throttle (default), split (switch in a command of its own), rpm; the last two from version 4
-  Baud rates are 2400, 4800, 9600, 19200, 38400, 57600, 115200. Up to 8 engines. Without --engine there are
-  two AMT engines at 2400 baud and two ZK engines, one at 9600 baud with version 4, one at 115200 baud with
-  version 5 that is commanded by rpm.
-
-Faults, a list with commas:
-  light, heavy          sets of the following
-  noise=SHARE           of the bytes arrive with inverted bits (0.02 is 2 %)
-  lose=, add=, framing= share of the bytes that are lost, that another one follows, that break their frame
-  jitter=TIME, delay=TIME   bytes arrive later, at random by up to, or always by this (3ms)
-  from=TIME, until=TIME     when the above begin and end (default: from the start until 15 s before the first
-                            shutdown, so that recovery is seen and judged)
-  cut=ENGINE@TIME+LENGTH    cuts a line (left@40s+5s)
-  hot-start=ENGINE, no-light=ENGINE    the starts of an engine fail
-  flame-out=ENGINE@TIME     its flame goes out once
-  On disturbed lines missed windows and decode errors are counted and do not fail the run. An AMT ECU may stop
-  its engine then, because it was not heard: that is told, and the engine started again. A link that does not
-  come back fails the run, and so does a command on the wire that nobody gave.
-
-Scenarios:
-  --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It says what had to
-  happen, and judges by what was on the wires and what the simulated engines did whether it did.
-
-CSV columns, a row for each engine every 0.1 s, empty where the ECU has not told for 2 s:
-  t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
-  demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
-  (replies and turns, by the node's count), decode_errors, rejected (commands), engine_state (in plain words),
-  rules (who), waiting (who is about to take over), loss (how far the source is lost), limited (a limit has lowered
-  the demand), armed, order (of the node), wire_throttle_pct and wire_rpm (what was last on the wire)
-
-Exit status:
-  0  no reply window was missed on a clean line, and every engine reached what was asked; with --scenario: all
-     that had to happen did
-  1  otherwise, or a file could not be written
-  2  a wrong option
-  A run that is ended early completes its files and prints the summary so far. That is no failure: the status is
-  0 after q, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, and 1 only if something had gone wrong before.
-
-Time:
-  All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
-  delays the run and does not change it: the same seed gives the same result, live and with --fast.";
-
-/// Arguments of `jetlink rig`.
-#[derive(clap::Args, Debug)]
-#[command(after_long_help = HELP, after_help = "--help tells more, --engine and --faults in full.")]
-pub struct Args {
-    /// An engine and its ECU; repeatable
-    #[arg(long = "engine", value_name = "DESCRIPTION")]
-    engines: Vec<String>,
-
-    /// As quick as the machine allows, instead of in real time
-    #[arg(long)]
-    fast: bool,
-
-    /// Length of the run in engine time, for example 300s, 10m or 6h; it is the running phase that changes
-    #[arg(long, value_name = "TIME")]
-    duration: Option<String>,
-
-    /// Start no engine: stay in standby for --duration (default 10s) and judge the links
-    #[arg(long)]
-    standby: bool,
-
-    /// All that is random comes from this number
-    #[arg(long, value_name = "NUMBER", default_value = "1")]
-    seed: String,
-
-    /// What goes wrong, for example heavy or noise=0.02,lose=0.01
-    #[arg(long, value_name = "LIST")]
-    faults: Option<String>,
-
-    /// Write all samples to this file
-    #[arg(long, value_name = "FILE")]
-    csv: Option<String>,
-
-    /// Draw rpm, EGT and demand over time into this file
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<String>,
-
-    /// For the test of what a panic leaves behind
-    #[arg(long, value_name = "TIME", hide = true)]
-    panic_at: Option<String>,
-
-    /// Play something that goes wrong, and judge what happens
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
-    scenario: Option<String>,
-
-    /// Explain each scenario in a line
-    #[arg(long)]
-    list_scenarios: bool,
-}
-
 /// Runs the rig. Status 0: all is well; 1: something was not reached, missed or could not be written; 2: a
 /// wrong option.
-pub fn run(args: Args) -> ExitCode {
+pub fn run(args: &Args) -> ExitCode {
     if args.list_scenarios {
         return list_scenarios();
     }
-    let setup = match setup(&args) {
-        Ok(setup) => setup,
+    let mut order = match options::order(args) {
+        Ok(order) => order,
         Err(error) => {
             complain(&error);
             return ExitCode::from(2);
         }
     };
-    match perform(&args, &setup) {
+    if let Err(problem) = output::check(&wanted(args)) {
+        let (error, status) = match problem {
+            Problem::Option(error) => (error, 2),
+            Problem::File(error) => (error, 1),
+        };
+        complain(&error);
+        return ExitCode::from(status);
+    }
+    match perform(args, &mut order) {
         Ok(status) => status,
         Err(error) => {
             complain(&error);
@@ -178,15 +98,23 @@ pub fn run(args: Args) -> ExitCode {
     }
 }
 
+/// The files that are to be written.
+fn wanted(args: &Args) -> Vec<Wanted<'_>> {
+    let csv = args.csv.as_deref().map(|path| Wanted { option: "--csv", path, ending: "" });
+    let plot = args.plot.as_deref().map(|path| Wanted { option: "--plot", path, ending: "svg" });
+    let script = args.save_script.as_deref().map(|path| Wanted { option: "--save-script", path, ending: "" });
+    csv.into_iter().chain(plot).chain(script).collect()
+}
+
 fn list_scenarios() -> ExitCode {
     let text: String =
         scenario::ALL.iter().map(|scenario| format!("{:<22}  {}\n", scenario.name, scenario.line)).collect();
-    match io::stdout().write_all(text.as_bytes()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            complain(&cannot_show(&error));
+    match Out::Stdout.write(&text) {
+        Err(error) if !reader_left(&error) => {
+            complain(&Out::Stdout.cannot_write(&error));
             ExitCode::FAILURE
         }
+        _ => ExitCode::SUCCESS,
     }
 }
 
@@ -195,93 +123,138 @@ fn complain(error: &str) {
     let _ = writeln!(io::stderr(), "jetlink rig: {error}");
 }
 
-fn setup(args: &Args) -> Result<Setup, String> {
-    let scenario = args.scenario.as_deref().map(Scenario::named).transpose()?;
-    let described: Vec<String> = match scenario {
-        Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
-        None => args.engines.clone(),
-    };
-    let engines = engines::engines(&described)?;
-    let seed = args
-        .seed
-        .parse()
-        .map_err(|_| format!("--seed: `{}` is no whole number from 0 to {}", args.seed, u64::MAX))?;
-    let mut faults = match &args.faults {
-        Some(text) => Faults::parse(text, &engines)?,
-        None => Faults::default(),
-    };
-    let duration = args
-        .duration
-        .as_ref()
-        .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
-        .transpose()?;
-    let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
-    let mut plan = Plan::new(&engines, duration, args.standby, &mut faults)?;
-    if let Some(scenario) = scenario {
-        plan.length = scenario.length();
-    }
-    Ok(Setup { engines, plan, faults, scenario, seed, fast: args.fast, panic_at })
-}
-
 /// The whole run, to its exit status.
-fn perform(args: &Args, setup: &Setup) -> Result<ExitCode, String> {
+fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let end = EndRequest::by_signals()?;
-    let names: Vec<&'static str> = setup.engines.iter().map(Engine::name).collect();
-    let csv = args.csv.as_deref().map(Csv::create).transpose()?;
-    let title = match setup.scenario {
+    let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
+    let title = match order.setup.scenario {
         Some(scenario) => format!("{}: {}", scenario.name, scenario.line),
-        None => format!("jetlink rig, seed {}", setup.seed),
+        None if order.tour => {
+            format!(
+                "Four simulated engines; the source of left falls silent for 6 s (seed {})",
+                order.setup.seed
+            )
+        }
+        None => format!("jetlink rig, seed {}", order.setup.seed),
     };
-    let subjects = setup.engines.iter().map(|engine| Subject {
+    let subjects = order.setup.engines.iter().map(|engine| Subject {
         caption: engine.caption(),
         max_rpm: simulated::parameters(engine).max_rpm,
+        egt_limit: engine
+            .config
+            .supervision
+            .limits
+            .over_temperature
+            .at
+            .map(|limit| f64::from(limit.tenths()) / 10.0),
         by_rpm: engine.by_rpm(),
     });
-    let plot = args.plot.as_deref().map(|path| Plot::create(path, subjects.collect(), title)).transpose()?;
+    let plot = |path| Plot::create(path, subjects.collect(), title, args.dark);
+    let files = Files {
+        names: names.clone(),
+        csv: args.csv.as_deref().map(Csv::create).transpose()?,
+        plot: args.plot.as_deref().map(plot).transpose()?,
+        capture: args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?,
+    };
+    let out =
+        if wanted(args).iter().any(|file| output::is_stdout(file.path)) { Out::Stderr } else { Out::Stdout };
+    let on_terminal = out == Out::Stdout && io::stdout().is_terminal() && !is_dumb();
+
     // The last of all: from here on the terminal may not be as it was.
-    let on_terminal = io::stdout().is_terminal();
-    let table =
-        (on_terminal && !setup.fast).then(|| Table::new(names.clone(), setup.plan.length, end.clone()));
-    let screen = match table {
-        Some(Ok(table)) => Screen::Table(Box::new(table)),
+    let (requests, wanted_live) = mpsc::channel();
+    let screen = (on_terminal && !order.setup.fast && !args.plain).then(|| {
+        let setup = &order.setup;
+        let model = Model::new(&setup.engines, setup.plan.length, setup.scenario.is_some());
+        let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
+        Screen::enter(model, theme, requests, end.clone())
+    });
+    let script = order.script.take();
+    let (shown, mut control): (Shown, Box<dyn Control>) = match (screen, script) {
+        (Some(Ok(screen)), script) => {
+            order.setup.details = true;
+            let tour = order.tour.then(Tour::default);
+            let live = Live::new(wanted_live, end.clone(), tour);
+            let control = match script {
+                Some((actions, over)) => live.with_script(Scripted::new(actions, over)),
+                None => live,
+            };
+            (Shown::Screen(Box::new(screen)), Box::new(control))
+        }
         // A terminal that cannot be drawn on can still be written to.
-        Some(Err(_)) | None => {
-            let every = if on_terminal && setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
-            Screen::Lines(Lines::new(names.clone(), every))
+        (Some(Err(_)) | None, script) => {
+            let every = if on_terminal && order.setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
+            let control: Box<dyn Control> = match script {
+                Some((actions, over)) => Box::new(Scripted::new(actions, over)),
+                None => Box::new(Unattended),
+            };
+            (Shown::Lines(Lines::new(out, names.clone(), every)), control)
         }
     };
-    let show = Show { names, screen, csv, plot };
+    let show = Show { shown, files };
 
     // Whatever happens in the scope, it waits for the screen and the files.
     let (outcomes, shown) = std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::sync_channel(MESSAGES);
         let shower = scope.spawn(move || show.run(&receiver));
         let go_on = |message| sender.send(message).is_ok() && end.requested().is_none();
-        let outcomes = session::run(setup, go_on);
+        let outcomes = session::run(&order.setup, &mut *control, go_on);
         drop(sender);
         (outcomes, shower.join().unwrap_or(Err(ShowError::Panicked)))
     });
 
     // A request in the last moment ends nothing any more.
-    let ended_by = end.requested().filter(|_| outcomes.end == End::Interrupted);
+    let ended_by = end
+        .requested()
+        .filter(|by| outcomes.end == End::Interrupted || (outcomes.is_played() && *by != EndedBy::Key));
     let problems = summary::problems(&outcomes);
-    let text = summary::text(&outcomes, &problems, ended_by);
+    let mut text = summary::text(&outcomes, &problems, ended_by);
+    // With the terminal or the reader gone, nobody reads.
+    let nobody_reads = end.requested() == Some(EndedBy::HangUp)
+        || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));
+    let saved = save_script(args, order, &outcomes)?;
+    if let (Some(saved), false) = (saved, args.script.is_some()) {
+        text += &format!("To play it again: cargo rig --script {} --fast\n", saved.display());
+    }
     let printed = match &shown {
         Err(ShowError::Screen(_) | ShowError::File(_)) => Ok(()),
-        Ok(()) | Err(ShowError::Panicked) => io::stdout().write_all(text.as_bytes()),
+        Ok(events) => out.write(&format!("{events}{text}")),
+        Err(ShowError::Panicked) => out.write(&text),
     };
-    // With the terminal gone, nobody reads.
-    let nobody_reads = ended_by == Some(EndedBy::HangUp);
     match shown {
         Err(ShowError::File(error)) => return Err(error),
-        Err(ShowError::Screen(error)) if !nobody_reads => return Err(error),
+        Err(ShowError::Screen(error)) if !nobody_reads => return Err(out.cannot_write(&error)),
         Err(ShowError::Panicked) => return Err("the screen's thread has panicked".to_owned()),
-        Ok(()) | Err(ShowError::Screen(_)) => {}
+        Ok(_) | Err(ShowError::Screen(_)) => {}
     }
-    printed.or_else(|error| if nobody_reads { Ok(()) } else { Err(cannot_show(&error)) })?;
-    Ok(match ended_by {
+    printed.or_else(|error| {
+        if nobody_reads || reader_left(&error) { Ok(()) } else { Err(out.cannot_write(&error)) }
+    })?;
+    let by_signal = end.requested().filter(|by| *by != EndedBy::Key && ended_by.is_some());
+    Ok(match by_signal {
         _ if !problems.is_empty() => ExitCode::FAILURE,
         Some(by) => ExitCode::from(by.status()),
         None => ExitCode::SUCCESS,
     })
+}
+
+/// Writes what was done by hand to the file that is asked for; without one, and if anything was done, to one of its own.
+fn save_script(args: &Args, order: &Order, outcomes: &Outcomes) -> Result<Option<PathBuf>, String> {
+    let path = match &args.save_script {
+        Some(path) => PathBuf::from(path),
+        None if outcomes.is_played() && args.script.is_none() => {
+            std::env::temp_dir().join(format!("jetlink-rig-{}.txt", std::process::id()))
+        }
+        None => return Ok(None),
+    };
+    let over = outcomes.is_played().then(|| Instant::MIN + outcomes.length);
+    let text = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
+    match std::fs::write(&path, text) {
+        Ok(()) => Ok(Some(path)),
+        Err(error) => Err(output::cannot_write(&path.display().to_string(), &error)),
+    }
+}
+
+/// Whether the terminal says of itself that it takes no control sequences.
+fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_some_and(|term| term == "dumb")
 }

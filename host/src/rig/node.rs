@@ -3,7 +3,7 @@
 //! The tasks that own the lines live and die with the [`Channel`]s. Everybody else asks here, and gets what was
 //! known last while the node is away.
 
-use super::engines::{Engine, MOST_ENGINES};
+use super::engines::Engine;
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
@@ -14,9 +14,6 @@ use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::Poll;
-
-/// What a reset leaves alone. There is one node in the program.
-static MEMORY: [RetainedMemory; MOST_ENGINES] = [const { RetainedMemory::new() }; MOST_ENGINES];
 
 /// A reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -42,6 +39,8 @@ pub enum Cause {
 #[derive(Debug)]
 pub struct Node<'a> {
     engines: &'a [Engine],
+    /// What a reset leaves alone.
+    memory: &'static [RetainedMemory],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
     /// What was counted until the last reset.
@@ -56,11 +55,10 @@ pub struct Node<'a> {
 impl<'a> Node<'a> {
     /// A node that was never under power.
     pub fn new(engines: &'a [Engine]) -> Self {
-        for memory in &MEMORY {
-            memory.clear();
-        }
         let node = Self {
             engines,
+            // It lives as long as the program, as in the firmware; there is one node in a run.
+            memory: Box::leak(engines.iter().map(|_| RetainedMemory::new()).collect()),
             channels: RefCell::new(None),
             last: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
@@ -81,7 +79,7 @@ impl<'a> Node<'a> {
         let channels: Rc<[Channel]> = self
             .engines
             .iter()
-            .zip(&MEMORY)
+            .zip(self.memory)
             .map(|(engine, memory)| Channel::new(&engine.config, Some((memory, reset))))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
@@ -98,7 +96,7 @@ impl<'a> Node<'a> {
         self.channels.replace(None);
         self.cause.set(reset.cause);
         if reset.cause == Cause::PowerLost {
-            for memory in &MEMORY {
+            for memory in self.memory {
                 memory.clear();
             }
         }
@@ -125,6 +123,9 @@ impl<'a> Node<'a> {
         self.look();
         let mut telemetry = self.last.borrow()[engine];
         telemetry.counters = sum(&self.before.borrow()[engine], &telemetry.counters);
+        // Those of its first moments are no fault of whoever commands.
+        let at_start = self.rejected_at_start.borrow()[engine];
+        telemetry.counters.commands_rejected = telemetry.counters.commands_rejected.saturating_sub(at_start);
         telemetry
     }
 
@@ -147,12 +148,6 @@ impl<'a> Node<'a> {
             self.rejected_at_start.borrow_mut()[engine] += 1;
         }
         Some(answer)
-    }
-
-    /// How many commands of this engine were rejected for another reason than that the node had just started.
-    pub fn commands_rejected(&self, engine: usize) -> u32 {
-        let rejected = self.telemetry(engine).counters.commands_rejected;
-        rejected.saturating_sub(self.rejected_at_start.borrow()[engine])
     }
 
     fn look(&self) {

@@ -14,6 +14,7 @@ use super::quantity::seconds;
 use super::sample::is_fresh;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::event::LossStage;
 use jetlink::report::{LinkState, Phase};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
@@ -35,6 +36,12 @@ const STEP: Duration = Duration::from_secs(10);
 const STEADY_TICKS: usize = 10;
 /// EGT, in tenths of a degree, below which an engine is cool.
 const COOL: i16 = 1000;
+/// What a source that falls silent in the middle of the run leaves out.
+const SILENCE: Duration = Duration::from_secs(6);
+/// Between the end of a silence and the engine's obedience.
+const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
+/// Demands before a silence, in percent: the fall to idle is to be seen.
+const BEFORE_SILENCE: [u8; 2] = [80, 60];
 /// Slower than this the shaft counts as standing.
 const STANDING_RPM: u32 = 1000;
 
@@ -61,6 +68,8 @@ pub struct Pilot<'a> {
     clean_from: Instant,
     /// How often its flame is put out in this run.
     flame_outs: usize,
+    /// When its source is to fall silent.
+    silent_at: Option<Instant>,
 }
 
 impl<'a> Pilot<'a> {
@@ -83,6 +92,7 @@ impl<'a> Pilot<'a> {
             rng: fastrand::Rng::with_seed(seed),
             // Faults that never end are not waited for.
             clean_from: desk.clean_from.min(plan.shutdown_at),
+            silent_at: plan.silent_at,
             flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
     }
@@ -167,7 +177,7 @@ impl<'a> Pilot<'a> {
 
     async fn start(&mut self) -> Result<(), String> {
         self.stage(Stage::Start);
-        let Some(idle) = self.demand(0) else { return Err("the ECU has not told its speeds".to_owned()) };
+        let Some(idle) = self.demand(0) else { return Err("the ECU has not reported its speeds".to_owned()) };
         self.desk.lever.set(Lever::Run(idle));
         self.allowed().await?;
         let takes = self.plan.start_takes;
@@ -194,6 +204,10 @@ impl<'a> Pilot<'a> {
         let limit = Instant::now() + ALLOWED_WITHIN;
         let mut ticker = Ticker::every(TICK);
         loop {
+            if self.desk.silent.get() && Instant::now() < limit {
+                ticker.next().await;
+                continue;
+            }
             match self.command(self.desk.lever.get()) {
                 Ok(()) => return Ok(()),
                 // It waits, for as long as it is asked for.
@@ -207,7 +221,7 @@ impl<'a> Pilot<'a> {
                 }
                 Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
                 Err(Cut::TimeUp | Cut::Stopped) => {
-                    return Err(format!("the start was not asked for in time: {}", self.describe()));
+                    return Err(format!("the start was not commanded in time: {}", self.describe()));
                 }
             }
         }
@@ -226,9 +240,14 @@ impl<'a> Pilot<'a> {
                 self.recovered().await?;
             }
             let before = percent;
-            percent = self.another(before);
+            percent = match self.silent_at {
+                Some(at) if Instant::now() + STEP * 2 >= at => {
+                    BEFORE_SILENCE.into_iter().find(|next| next.abs_diff(before) >= 20).unwrap_or(40)
+                }
+                _ => self.another(before),
+            };
             let mut end = Instant::now() + STEP + Duration::from_millis(self.rng.u64(..3000));
-            if Instant::now() + STEP * 2 + IDLE > shutdown_at {
+            if Instant::now() + STEP * 2 + IDLE > shutdown_at && self.silent_at.is_none() {
                 // The last one.
                 end = end.max(shutdown_at - IDLE);
             }
@@ -236,6 +255,10 @@ impl<'a> Pilot<'a> {
                 end = end.min(self.clean_from);
             }
             self.step(before, percent, end, !disturbed).await?;
+            if self.silent_at.is_some_and(|at| Instant::now() >= at) {
+                self.silent_at = None;
+                self.fall_silent().await?;
+            }
         }
         self.recovered().await?;
         self.step(percent, 0, Instant::now() + IDLE, false).await
@@ -254,7 +277,7 @@ impl<'a> Pilot<'a> {
     /// One step from idle (0) to full (100), held until `end`.
     async fn step(&mut self, before: u8, percent: u8, end: Instant, strict: bool) -> Result<(), String> {
         let Some(demand) = self.demand(percent) else {
-            return Err("the ECU no longer tells its speeds".to_owned());
+            return Err("the ECU no longer reports its speeds".to_owned());
         };
         self.desk.lever.set(Lever::Run(demand));
         let first = speed(&self.telemetry());
@@ -290,6 +313,31 @@ impl<'a> Pilot<'a> {
             Err(cut) => return Err(self.stopped(cut)),
         }
         self.keep_running(end).await
+    }
+
+    /// The source says nothing for a while: the demand is held, goes to idle, and comes back with it.
+    async fn fall_silent(&self) -> Result<(), String> {
+        self.stage(Stage::Event);
+        self.desk.note("its source falls silent");
+        self.desk.silent.set(true);
+        let silent = self.keep_running(Instant::now() + SILENCE).await;
+        self.desk.silent.set(false);
+        silent?;
+        self.desk.note(format!("its source speaks again after {} s", seconds(SILENCE)));
+        let Lever::Run(demand) = self.desk.lever.get() else { return Ok(()) };
+        let follows = self
+            .keep(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
+                (telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
+            })
+            .await;
+        match follows {
+            Ok(()) => self.stage(Stage::Steps),
+            Err(Cut::TimeUp) => {
+                return Err(format!("it did not follow its source again in time: {}", self.describe()));
+            }
+            Err(cut) => return Err(self.stopped(cut)),
+        }
+        Ok(())
     }
 
     async fn shut_down(&mut self) -> Result<(), String> {
@@ -361,6 +409,10 @@ impl<'a> Pilot<'a> {
     fn command(&self, lever: Lever) -> Result<(), Cut> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
+        if self.desk.silent.get() {
+            self.desk.audit.borrow_mut().may_be_up_to(at, 0);
+            return Ok(());
+        }
         let Some(answer) = self.node.command(self.desk.index, lever.command(), Origin::Bench) else {
             return Ok(());
         };
@@ -400,7 +452,7 @@ impl<'a> Pilot<'a> {
             Cut::Refused(why) => format!("a command was refused: {why}"),
             Cut::Stopped | Cut::TimeUp => {
                 self.desk.stops.set(self.desk.stops.get() + 1);
-                format!("the engine stopped by itself: {}", self.describe())
+                format!("uncommanded shutdown: {}", self.describe())
             }
         }
     }
@@ -410,10 +462,10 @@ impl<'a> Pilot<'a> {
         let telemetry = self.telemetry();
         let report = &telemetry.report;
         if telemetry.last_rx.is_none() {
-            return "the ECU was never heard".to_owned();
+            return "nothing was ever received from the ECU".to_owned();
         }
         if telemetry.link != LinkState::Up {
-            return "the ECU is not heard".to_owned();
+            return "nothing is received from the ECU".to_owned();
         }
         let now = telemetry.at;
         let mut text = match report.state.filter(|state| is_fresh(state, now)) {

@@ -39,6 +39,8 @@ pub struct EnginePlan {
     pub shutdown_at: Instant,
     /// What shutdown and cooling take, roughly.
     pub cooling_takes: Duration,
+    /// From when on its source may fall silent for a while, if it is to.
+    pub silent_at: Option<Instant>,
 }
 
 impl Plan {
@@ -65,6 +67,7 @@ impl Plan {
                     start_takes: Duration::from_millis((start * 1000.0) as u64),
                     shutdown_at: Instant::MIN,
                     cooling_takes: Duration::from_millis((cooling * 1000.0) as u64),
+                    silent_at: None,
                 };
                 // The node starts one engine of a group after the other.
                 start_at += plan.start_takes;
@@ -93,6 +96,15 @@ impl Plan {
         Ok(Self { length, standby_only, engines: plans })
     }
 
+    /// The source of the first engine falls silent for a while when all engines run: what the run without options shows.
+    pub fn with_a_silence(mut self) -> Self {
+        let all_run = self.engines.iter().map(|plan| plan.start_at + plan.start_takes).max();
+        if let (Some(first), Some(at)) = (self.engines.first_mut(), all_run) {
+            first.silent_at = Some(at);
+        }
+        self
+    }
+
     fn standby(engines: usize, length: Option<Duration>, faults: &mut Faults) -> Result<Self, String> {
         let length = length.unwrap_or(Duration::from_secs(10));
         if length < SHORTEST_STANDBY {
@@ -109,6 +121,7 @@ impl Plan {
             start_takes: Duration::MIN,
             shutdown_at: Instant::MIN + length,
             cooling_takes: Duration::MIN,
+            silent_at: None,
         };
         Ok(Self { length, standby_only: true, engines: vec![plan; engines] })
     }

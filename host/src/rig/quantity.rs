@@ -4,7 +4,7 @@ use embassy_time::Duration;
 
 /// A length of time: a number with the unit `ms`, `s`, `m` or `h`; a number alone means seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("`{text}` is no time: write for example 90s, 1.5s, 3ms, 2m or 6h");
+    let wrong = || format!("invalid duration `{text}`, use for example 300s, 1.5s, 3ms, 2m or 6h");
     let (number, micros_per_unit) = if let Some(number) = text.strip_suffix("ms") {
         (number, 1e3)
     } else if let Some(number) = text.strip_suffix('s') {
@@ -29,7 +29,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
 pub fn share(text: &str) -> Result<u32, String> {
     match text.parse::<f64>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok((share * 1e6).round() as u32),
-        _ => Err(format!("`{text}` is no share: write a number from 0 to 1")),
+        _ => Err(format!("invalid share `{text}`, use a number from 0 to 1")),
     }
 }
 

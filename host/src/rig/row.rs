@@ -10,10 +10,10 @@ const COLUMNS: [(&str, usize); 11] = [
     ("state", 18),
     ("rpm", 6),
     ("EGT", 7),
-    ("asked", 10),
-    ("wire", 10),
+    ("commanded", 10),
+    ("sent", 10),
     ("link", 8),
-    ("rules", 15),
+    ("source", 15),
     ("progress", 8),
     ("armed", 5),
     ("errors", 6),
@@ -65,7 +65,7 @@ fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()]) -> String 
     let width = names.iter().map(|name| name.len()).fold("engine".len(), usize::max);
     let mut line = format!("{name:<width$}  ");
     for (cell, (head, width)) in cells.iter().zip(COLUMNS) {
-        let right = matches!(head, "rpm" | "EGT" | "asked" | "wire" | "errors");
+        let right = matches!(head, "rpm" | "EGT" | "commanded" | "sent" | "errors");
         let cell = if cell.chars().count() > width {
             cell.chars().take(width - 1).chain(['…']).collect()
         } else {

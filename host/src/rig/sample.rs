@@ -2,18 +2,26 @@
 
 use super::audit::Said;
 use super::desk::{Desk, Lever, Note, Stage};
+use super::outcome::Outcomes;
+use super::passing::Passing;
+use super::play::action::Fault;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
+use jetlink::ecu::Faults;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::{Counters, LinkState, Timed};
 use jetlink::telemetry::Telemetry;
+use sim::wire::Entry;
 
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 
 /// An older value is not what the engine does now.
 const FRESH: Duration = Duration::from_secs(2);
+
+/// Between two values of one kind, where all goes well: a ZK ECU at 20 Hz gives its EGT every 0.45 s.
+const NEW: Duration = Duration::from_millis(700);
 
 /// Whether a value is young enough to be shown and judged by.
 pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
@@ -53,8 +61,14 @@ pub struct Sample {
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
     pub egt: Option<f64>,
+    /// The shaft speed is there, and not new any more.
+    pub rpm_old: bool,
+    /// So is the EGT.
+    pub egt_old: bool,
     /// Throttle that the ECU obeys, in percent.
     pub throttle: Option<f64>,
+    /// What the ECU reports to be wrong.
+    pub faults: Option<Faults>,
     /// What the node has counted.
     pub counters: Counters,
 }
@@ -80,10 +94,13 @@ impl Sample {
             state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
             rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
             egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
+            rpm_old: report.rpm.is_some_and(|rpm| rpm.age(at) > NEW),
+            egt_old: report.egt.is_some_and(|egt| egt.age(at) > NEW),
             throttle: report
                 .throttle
                 .filter(|throttle| is_fresh(throttle, at))
                 .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
+            faults: report.faults.filter(|faults| is_fresh(faults, at)).map(|faults| faults.value),
             counters: telemetry.counters,
         }
     }
@@ -170,6 +187,17 @@ pub const fn decode_errors(counters: &Counters) -> u32 {
         .wrapping_add(counters.unknown_frames)
 }
 
+/// What a sample has no room for.
+#[derive(Clone, Debug)]
+pub struct Detail {
+    /// All that the node knows of the engine.
+    pub telemetry: Telemetry,
+    /// The bytes on its line since the sample before.
+    pub entries: Vec<Entry>,
+    /// Faults that were set by hand and last.
+    pub faults: Vec<Fault>,
+}
+
 /// From the engines to whatever shows them.
 #[derive(Clone, Debug)]
 pub enum Message {
@@ -179,7 +207,13 @@ pub enum Message {
         at: Instant,
         /// In the order of the list of engines.
         samples: Vec<Sample>,
+        /// In the same order, or none, if nobody looks at them.
+        details: Vec<Detail>,
     },
+    /// How the run passes from now on.
+    Passing(Passing),
+    /// All was done; the run may still be played on.
+    Complete(Box<Outcomes>),
     /// Something happened.
     Note(Note),
     /// A moment to be found again in the plot.

@@ -8,7 +8,7 @@ mod power;
 mod sources;
 mod wires;
 
-pub use self::cockpit::{Check, Cockpit};
+pub use self::cockpit::Cockpit;
 use super::audit::{Said, Spoken};
 use embassy_time::Duration;
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -84,7 +84,7 @@ impl Scenario {
 pub static ALL: &[Scenario] = &[
     Scenario {
         name: "source-loss",
-        line: "nobody commands two running engines: hold 1 s, then idle, no shutdown; and the source comes back",
+        line: "no source commands two running engines: hold 1 s, then idle, no shutdown; and the source comes back",
         engines: PAIR,
         length: 90,
         bad_commands: 1,
@@ -92,7 +92,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "hot-start",
-        line: "a start gets too hot: the ECU stops it, the node tells it and lets no hot engine start again",
+        line: "a start gets too hot: the ECU stops it, the node reports it and lets no hot engine start again",
         engines: ONE,
         length: 105,
         bad_commands: 1,
@@ -100,7 +100,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "flame-out",
-        line: "the flame of a ZK engine goes out, later that of an AMT engine: told, standby, and no relight",
+        line: "the flame of a ZK engine goes out, later that of an AMT engine: reported, standby, and no relight",
         engines: PAIR_ZK_LEFT,
         length: 100,
         bad_commands: 1,
@@ -116,7 +116,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "engine-lost",
-        line: "the line to one of two engines is cut: told, the other left alone, no restart when it is back",
+        line: "the line to one of two engines is cut: reported, the other left alone, no restart when it is back",
         engines: PAIR,
         length: 90,
         bad_commands: 1,
@@ -176,7 +176,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "waiting-start",
-        line: "a start waits for another engine while its source is lost: it does not come later by itself",
+        line: "a start waits for another engine while its source is lost: it does not come later uncommanded",
         engines: PAIR,
         length: 130,
         bad_commands: 1,
@@ -200,7 +200,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "stop-release-arm-start",
-        line: "emergency stop, release, arm, start: who said arm all along has to say disarm first",
+        line: "emergency stop, release, arm, start: a source that kept saying arm has to say disarm first",
         engines: PAIR,
         length: 260,
         bad_commands: 1,

@@ -1,23 +1,25 @@
 //! The run itself: the node's runners, the lines with the ECUs, the pilots and the samples, all in one
 //! thread on the clock of the simulation.
 
-use super::audit::Audit;
-use super::desk::{Desk, Notes};
+use super::control::{Control, Situation};
+use super::desk::{Desk, Notes, look};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
 use super::node::Node;
+use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
 use super::plan::Plan;
-use super::sample::{Message, SAMPLE_EVERY, Sample};
-use super::scenario::{Check, Cockpit, Scenario};
-use super::simulated::{EcuCounts, counts, ecu, line};
+use super::play::player::Player;
+use super::sample::{Detail, Message, SAMPLE_EVERY, Sample};
+use super::scenario::{Cockpit, Scenario};
+use super::simulated::{counts, ecu, line};
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channel::Events;
 use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
 use jetlink::event::End as LifeEnd;
 use jetlink::event::{Event, LossStage};
 use jetlink::limit::{LimitKind, LimitViolation};
-use jetlink::report::{Counters, LinkState};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
 use sim::any::AnyEcu;
@@ -47,67 +49,18 @@ pub struct Setup {
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
     pub fast: bool,
+    /// Somebody looks at every detail, the bytes on the wires included.
+    pub details: bool,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
 }
 
-/// What came of one engine.
-#[derive(Debug)]
-pub struct Outcome {
-    /// The engine's name.
-    pub name: &'static str,
-    /// What the pilot did not reach; `None` when it was cut short.
-    pub flown: Option<Result<(), String>>,
-    /// What the node has counted.
-    pub node: Counters,
-    /// Commands that the node rejected, but for those of its first moments, when it listens only.
-    pub commands_rejected: u32,
-    /// Whether the link is up at the end.
-    pub link: LinkState,
-    /// What the ECU has counted.
-    pub ecu: EcuCounts,
-    /// What was seen on the line.
-    pub audit: Audit,
-    /// How often the engine stopped by itself.
-    pub stops: u32,
-    /// From the end of the last fault until the link was up.
-    pub recovered_after: Option<Duration>,
-    /// Nothing ever was wrong with the line.
-    pub line_was_clean: bool,
-    /// The turbine turns and burns no more, by its own account.
-    pub is_live: bool,
-}
-
-/// How a run ended.
-#[derive(Debug, PartialEq, Eq)]
-pub enum End {
-    /// All was played.
-    Complete,
-    /// Before its time, because nobody wanted more.
-    Interrupted,
-    /// By a panic with this message: a mistake in the rig or in jetlink.
-    Panicked(String),
-}
-
-/// What came of a run.
-#[derive(Debug)]
-pub struct Outcomes {
-    /// Of each engine.
-    pub engines: Vec<Outcome>,
-    /// Engine time at the end.
-    pub length: Duration,
-    /// How it ended.
-    pub end: End,
-    /// What had to happen in a scenario, and whether it did.
-    pub checks: Vec<Check>,
-    /// Frames that each ECU of a scenario may have heard damaged.
-    pub bad_commands: u64,
-}
-
+/// What the pilot of an engine did not reach; `None` as long as it flies.
+type Flown = RefCell<Option<Result<(), String>>>;
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// Runs. `show` is called with all that is to be shown and says whether to go on.
-pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
+/// Runs. `control` steers; `show` is called with all that is to be shown and says whether to go on.
+pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
     clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::RealTime });
 
@@ -117,7 +70,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     let node = Node::new(&setup.engines);
     let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
     let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
-    let flown: Vec<RefCell<Option<Result<(), String>>>> = (0..count).map(|_| RefCell::new(None)).collect();
+    let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
     let plugs: Vec<Plug<AnyEcu>> = setup
         .engines
         .iter()
@@ -128,7 +81,11 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             plug
         })
         .collect();
+    if setup.details {
+        desks.iter().for_each(|desk| desk.tap.borrow_mut().open());
+    }
     let cockpit = Cockpit::new(&node, &desks, &plugs, &notes);
+    let player = Player::new(&node, &desks, &plugs, &notes);
 
     // All that goes on when the node is reset.
     let mut tasks: Vec<Task<'_>> = Vec::new();
@@ -147,20 +104,62 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
             });
         }));
     } else {
-        for ((desk, plan), flown) in desks.iter().zip(&setup.plan.engines).zip(&flown) {
-            let pilot = Pilot::new(desk, &node, *plan, setup.plan.standby_only, &setup.faults, seeds.u64(..));
+        for (i, ((desk, plan), flown)) in desks.iter().zip(&setup.plan.engines).zip(&flown).enumerate() {
+            let (node, player, seed) = (&node, &player, seeds.u64(..));
             tasks.push(Box::pin(async move {
-                let result = pilot.fly().await;
-                flown.replace(Some(result));
+                loop {
+                    let pilot = Pilot::new(desk, node, *plan, setup.plan.standby_only, &setup.faults, seed);
+                    match select(pilot.fly(), player.taken(i)).await {
+                        Either::First(result) => {
+                            flown.replace(Some(result));
+                            player.taken(i).await;
+                        }
+                        Either::Second(()) => {}
+                    }
+                    flown.take();
+                    desk.failure.take();
+                    player.drive(i).await;
+                }
             }));
         }
     }
     tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
 
-    let end = Cell::new(End::Complete);
+    let outcomes = |end: End| {
+        let of_engine = |(i, ((desk, plug), flown)): (usize, ((&Desk<'_>, &Plug<AnyEcu>), &Flown))| {
+            let telemetry = node.telemetry(i);
+            let flown = flown.borrow().clone();
+            Outcome {
+                name: desk.engine.name(),
+                // A pilot that has given up still waits for its engine to cool.
+                flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
+                played: player.verdict(i),
+                node: telemetry.counters,
+                commands_rejected: telemetry.counters.commands_rejected,
+                link: telemetry.link,
+                ecu: plug.ecu(|ecu| counts(ecu)),
+                audit: desk.audit.borrow().clone(),
+                stops: desk.stops.get(),
+                recovered_after: desk.recovered_after.get(),
+                // The script of a scenario judges its lines itself.
+                line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
+                is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
+            }
+        };
+        Outcomes {
+            engines: desks.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
+            length: Instant::now() - Instant::MIN,
+            end,
+            checks: cockpit.checks(),
+            bad_commands: setup.scenario.map_or(0, |scenario| scenario.bad_commands),
+            actions: player.kept(),
+        }
+    };
+
+    let end = RefCell::new(End::Complete);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
-        let mut all_done_at = None;
+        let (mut all_done_at, mut told_complete) = (None, false);
         loop {
             assert!(
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
@@ -172,17 +171,53 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
                 desk.watch_recovery(telemetry);
                 desk.note_hidden(false);
             }
+            player.look();
             let samples = desks.iter().zip(&telemetry).map(|(desk, telemetry)| Sample::take(desk, telemetry));
-            let samples = Message::Samples { at: Instant::now(), samples: samples.collect() };
-            let go_on = notes.take().into_iter().chain([samples]).all(&mut show);
-            if !go_on {
-                end.set(End::Interrupted);
+            let samples: Vec<Sample> = samples.collect();
+            let details = desks.iter().zip(telemetry).enumerate().filter(|_| setup.details);
+            let details = details.map(|(i, (desk, telemetry))| Detail {
+                telemetry,
+                entries: desk.tap.borrow_mut().take(),
+                faults: player.faults(i),
+            });
+            let message =
+                Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
+            // A played run has no time of its own.
+            let ended =
+                |complete| if complete || player.is_played() { End::Complete } else { End::Interrupted };
+            if !notes.take().into_iter().chain([message]).all(&mut show) {
+                end.replace(ended(told_complete));
                 return;
             }
-            if flown.iter().all(|flown| flown.borrow().is_some()) {
+
+            let done = flown.iter().all(|flown| flown.borrow().is_some())
+                && !desks.iter().any(|desk| desk.played.get());
+            if !done {
+                all_done_at = None;
+            }
+            let complete = done && {
                 let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
-                if Instant::now() >= end {
+                Instant::now() >= end
+            };
+            if complete && !told_complete {
+                show(Message::Complete(Box::new(outcomes(End::Complete))));
+            }
+            told_complete = complete;
+            loop {
+                let situation = Situation { at: Instant::now(), samples: &samples, complete };
+                let turn = control.turn(&situation);
+                if let Some(pace) = turn.pace {
+                    clock::set_pace(pace);
+                }
+                turn.wishes.into_iter().for_each(|(engine, wish)| player.wish(engine, wish));
+                let passing = turn.passing.map(Message::Passing);
+                let go_on = notes.take().into_iter().chain(passing).all(&mut show);
+                if turn.end || !go_on {
+                    end.replace(ended(complete));
                     return;
+                }
+                if !turn.again {
+                    break;
                 }
             }
             ticker.next().await;
@@ -194,7 +229,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
         let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
         let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
-        end.set(End::Panicked(message.unwrap_or_default()));
+        end.replace(End::Panicked(message.unwrap_or_default()));
     }
     look(&desks, &plugs);
     desks.iter().for_each(|desk| desk.note_hidden(true));
@@ -202,30 +237,7 @@ pub fn run(setup: &Setup, mut show: impl FnMut(Message) -> bool) -> Outcomes {
         show(message);
     }
 
-    let length = Instant::now() - Instant::MIN;
-    let checks = cockpit.checks();
-    drop(cockpit);
-    let mut engines = Vec::new();
-    for (i, ((desk, plug), flown)) in desks.into_iter().zip(&plugs).zip(&flown).enumerate() {
-        let telemetry = node.telemetry(i);
-        engines.push(Outcome {
-            name: desk.engine.name(),
-            // A pilot that has given up still waits for its engine to cool.
-            flown: flown.take().or_else(|| desk.failure.take().map(Err)),
-            node: telemetry.counters,
-            commands_rejected: node.commands_rejected(i),
-            link: telemetry.link,
-            ecu: plug.ecu(|ecu| counts(ecu)),
-            audit: desk.audit.into_inner(),
-            stops: desk.stops.get(),
-            recovered_after: desk.recovered_after.get(),
-            // The script of a scenario judges its lines itself.
-            line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
-            is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
-        });
-    }
-    let bad_commands = setup.scenario.map_or(0, |scenario| scenario.bad_commands);
-    Outcomes { engines, length, end: end.into_inner(), checks, bad_commands }
+    outcomes(end.into_inner())
 }
 
 /// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
@@ -303,16 +315,6 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
     .await;
 }
 
-/// Holds what was on the lines against what was commanded.
-pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
-    for (desk, plug) in desks.iter().zip(plugs) {
-        let mut audit = desk.audit.borrow_mut();
-        audit.look(&plug.take_log());
-        audit.see_engine(clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
-        audit.looked_until(clock::now_ns());
-    }
-}
-
 /// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
 async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, cockpit: &Cockpit<'_>) {
     loop {
@@ -333,8 +335,8 @@ async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, co
         let given_up = event == Event::RunCancelled(LifeEnd::Unconfirmed);
         if by_itself || given_up {
             let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
+            desk.take_log(plug);
             let mut audit = desk.audit.borrow_mut();
-            audit.look(&plug.take_log());
             if given_up {
                 audit.given_up(now);
             } else {
@@ -390,9 +392,9 @@ fn text(event: Event) -> Option<String> {
         Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
         Event::Armed(true, origin) => format!("armed by {}", origin.name()),
         Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
-        Event::NotObeyed => "THE ECU DOES NOT DO WHAT IT IS TOLD: check the wire to it".to_owned(),
-        Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
-        Event::ActiveSource(origin) => format!("{} rules", origin.name()),
+        Event::NotObeyed => "THE ECU DOES NOT FOLLOW ITS ORDERS: check the wire to it".to_owned(),
+        Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
+        Event::ActiveSource(origin) => format!("{} is in control", origin.name()),
         // The fault itself is told by its name.
         Event::Limit(LimitViolation { what: LimitKind::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
@@ -431,7 +433,7 @@ fn limit(passed: LimitViolation) -> String {
         LimitKind::SupplyLow => format!("supply {value} mV, below {limit} mV"),
         LimitKind::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
         LimitKind::EcuFault => format!("the ECU reports fault {value}"),
-        LimitKind::StartTimeout => format!("not running {} s after the start was asked for", limit / 1000),
+        LimitKind::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
     }
 }
 

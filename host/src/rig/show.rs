@@ -1,42 +1,93 @@
-//! Takes what the session sends and gives it to the screen, the CSV file and the plot, in a thread of its
-//! own: neither a slow terminal nor a slow disk may hold up an engine.
+//! Takes what the session sends and gives it to the screen and the files, in a thread of its own: neither a slow terminal
+//! nor a slow disk may hold up an engine.
 
+use super::capture::Capture;
 use super::csv::Csv;
 use super::lines::Lines;
 use super::plot::Plot;
 use super::sample::Message;
-use super::table::Table;
+use super::view::terminal::Screen;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Receiver;
 
 /// Where the run is shown.
 #[derive(Debug)]
-pub enum Screen {
+pub enum Shown {
     /// As plain lines.
     Lines(Lines),
-    /// As a live table.
-    Table(Box<Table>),
+    /// On the whole terminal.
+    Screen(Box<Screen>),
+}
+
+/// The files that a run writes.
+#[derive(Debug)]
+pub struct Files {
+    /// The engines.
+    pub names: Vec<&'static str>,
+    /// The CSV file, if one is wanted.
+    pub csv: Option<Csv>,
+    /// The plot, if one is wanted.
+    pub plot: Option<Plot>,
+    /// The raw bytes, if they are wanted.
+    pub capture: Option<Capture>,
+}
+
+impl Files {
+    fn message(&mut self, message: &Message) -> Result<(), String> {
+        match message {
+            Message::Note(note) => {
+                if let Some(csv) = &mut self.csv {
+                    csv.note(note);
+                }
+                if let Some(plot) = &mut self.plot {
+                    plot.note(note);
+                }
+            }
+            Message::Mark { at, label } => {
+                if let Some(plot) = &mut self.plot {
+                    plot.mark(*at, label);
+                }
+            }
+            Message::Samples { at, samples, details } => {
+                if let Some(csv) = &mut self.csv {
+                    csv.samples(*at, &self.names, samples)?;
+                }
+                if let Some(plot) = &mut self.plot {
+                    plot.samples(*at, samples);
+                }
+                if let Some(capture) = &mut self.capture {
+                    capture.samples(details)?;
+                }
+            }
+            Message::Passing(_) | Message::Complete(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Completes all of them. A file that could not be written before cannot be completed either: the first error is the one.
+    fn finish(self) -> Result<(), String> {
+        let csv = self.csv.map_or(Ok(()), Csv::finish);
+        let plot = self.plot.map_or(Ok(()), Plot::finish);
+        let capture = self.capture.map_or(Ok(()), Capture::finish);
+        csv.and(plot).and(capture)
+    }
 }
 
 /// Everything that shows a run.
 #[derive(Debug)]
 pub struct Show {
-    /// The engines.
-    pub names: Vec<&'static str>,
     /// The screen.
-    pub screen: Screen,
-    /// The CSV file, if one is wanted.
-    pub csv: Option<Csv>,
-    /// The plot, if one is wanted.
-    pub plot: Option<Plot>,
+    pub shown: Shown,
+    /// The files.
+    pub files: Files,
 }
 
 /// Why a run could not be shown.
 #[derive(Debug)]
 pub enum ShowError {
-    /// The standard output takes nothing.
-    Screen(String),
+    /// What text goes to takes nothing.
+    Screen(io::Error),
     /// A file takes nothing.
     File(String),
     /// A panic, whose message has been printed.
@@ -44,49 +95,41 @@ pub enum ShowError {
 }
 
 impl Show {
-    /// Takes messages until there are no more, or the screen takes none, and completes the files in either case.
-    pub fn run(mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {
+    /// Takes messages until there are no more, or the screen takes none, and completes the files in either case. Gives what
+    /// is to be printed when the terminal is as it was.
+    pub fn run(mut self, messages: &Receiver<Message>) -> Result<String, ShowError> {
         let shown = catch_unwind(AssertUnwindSafe(|| self.messages(messages)));
         let shown = shown.unwrap_or(Err(ShowError::Panicked));
+        let events = match &self.shown {
+            Shown::Screen(screen) => screen.events(),
+            Shown::Lines(_) => String::new(),
+        };
         // The terminal is put back before anything else can be printed.
-        drop(self.screen);
-        // A file that could not be written before cannot be completed either: the first error is the one.
-        let csv = self.csv.map_or(Ok(()), Csv::finish).map_err(ShowError::File);
-        let plot = self.plot.map_or(Ok(()), Plot::finish).map_err(ShowError::File);
-        shown.and(csv).and(plot)
+        drop(self.shown);
+        let files = self.files.finish().map_err(ShowError::File);
+        shown.and(files).map(|()| events)
     }
 
     fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {
-        while let Ok(message) = messages.recv() {
-            let shown = match (&mut self.screen, &message) {
-                (Screen::Lines(lines), Message::Note(note)) => lines.note(note),
-                (Screen::Lines(lines), Message::Samples { at, samples }) => lines.samples(*at, samples),
-                (Screen::Table(table), Message::Note(note)) => {
-                    table.note(note);
-                    Ok(())
+        let Self { shown, files } = self;
+        match shown {
+            Shown::Lines(lines) => {
+                while let Ok(message) = messages.recv() {
+                    files.message(&message).map_err(ShowError::File)?;
+                    match &message {
+                        Message::Note(note) => lines.note(note),
+                        Message::Samples { at, samples, .. } => lines.samples(*at, samples),
+                        // A mark is noted, too.
+                        Message::Mark { .. } | Message::Passing(_) | Message::Complete(_) => Ok(()),
+                    }
+                    .map_err(ShowError::Screen)?;
                 }
-                (Screen::Table(table), Message::Samples { at, samples }) => table.samples(*at, samples),
-                // It is noted too.
-                (_, Message::Mark { .. }) => Ok(()),
-            };
-            if let (Message::Mark { at, label }, Some(plot)) = (&message, &mut self.plot) {
-                plot.mark(*at, label);
+                Ok(())
             }
-            if let Message::Samples { at, samples } = &message {
-                if let Some(csv) = &mut self.csv {
-                    csv.samples(*at, &self.names, samples).map_err(ShowError::File)?;
-                }
-                if let Some(plot) = &mut self.plot {
-                    plot.samples(*at, samples);
-                }
-            }
-            shown.map_err(|error| ShowError::Screen(cannot_show(&error)))?;
+            Shown::Screen(screen) => screen
+                .run(messages, |message| files.message(message))
+                .map_err(ShowError::File)?
+                .map_err(ShowError::Screen),
         }
-        Ok(())
     }
-}
-
-/// That the standard output takes nothing, for people.
-pub fn cannot_show(error: &io::Error) -> String {
-    format!("cannot write to the standard output: {error}")
 }

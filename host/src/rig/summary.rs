@@ -1,12 +1,15 @@
 //! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
 
 use super::ending::EndedBy;
+use super::outcome::{End, Outcome, Outcomes};
 use super::quantity::seconds;
 use super::row::millis;
 use super::sample::decode_errors;
-use super::session::{End, Outcome, Outcomes};
 use embassy_time::Duration;
 use jetlink::report::LinkState;
+
+/// Engines beside one another: with names of 12 letters they fill 80 columns.
+const ENGINES_BESIDE: usize = 4;
 
 /// Everything that makes a run a failure, a sentence each. That it was ended early is none: what it has not come to
 /// is not judged then, what went wrong until then is.
@@ -16,36 +19,48 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
         problems.push(format!("the rig has panicked: {message}"));
     }
     for check in outcomes.checks.iter().filter(|check| !check.held) {
-        problems.push(format!("this did not happen: {}", check.what));
+        problems.push(format!("expected, and did not occur: {}", check.what));
     }
+    let played = outcomes.is_played();
     for outcome in &outcomes.engines {
         let mut problem = |what: String| problems.push(format!("{}: {what}", outcome.name));
         let Outcome { node, ecu, audit, .. } = outcome;
-        if let Some(Err(why)) = &outcome.flown {
+        if let (Some(Err(why)), None) = (&outcome.flown, outcome.played) {
             problem(why.clone());
+        }
+        if let Some(played) = outcome.played {
+            for (count, what) in [
+                (played.ignitions, "uncommanded ignitions"),
+                (played.late_stops, "emergency stops that were late on the wire"),
+                (played.missed, "reply windows missed outside of the faults that were set by hand"),
+            ] {
+                if count > 0 {
+                    problem(format!("{count} {what}"));
+                }
+            }
         }
         for finding in &audit.findings {
             let bytes: String = finding.bytes.iter().map(|byte| format!("{byte:02X} ")).collect();
             problem(format!(
-                "a command that nobody gave at {:.6} s: {bytes}({})",
+                "an unsolicited command at {:.6} s: {bytes}({})",
                 finding.at as f64 / 1e9,
                 finding.what
             ));
         }
         let more = audit.not_given.saturating_sub(audit.findings.len() as u64);
         if more > 0 {
-            problem(format!("and {more} more commands that nobody gave"));
+            problem(format!("and {more} more unsolicited commands"));
         }
-        if outcomes.end == End::Complete && outcome.flown.is_some() && outcome.is_live {
+        if outcomes.end == End::Complete && !played && outcome.flown.is_some() && outcome.is_live {
             problem("the engine is not shut down".to_owned());
         }
-        if outcomes.end == End::Complete && outcome.link != LinkState::Up {
+        if outcomes.end == End::Complete && !played && outcome.link != LinkState::Up {
             problem("the link is not up at the end".to_owned());
         }
         if !outcomes.checks.is_empty() && (ecu.late > 0 || ecu.bad > outcomes.bad_commands) {
-            problem(format!("the ECU heard {} late and {} bad commands", ecu.late, ecu.bad));
+            problem(format!("the ECU received {} late and {} bad commands", ecu.late, ecu.bad));
         }
-        if outcome.line_was_clean {
+        if outcome.line_was_clean && outcome.played.is_none() {
             if missed(outcome) > 0 {
                 problem(format!("{} reply windows were missed on a clean line", missed(outcome)));
             }
@@ -57,7 +72,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
                 problem(format!("{} decode errors on a clean line", decode_errors(node)));
             }
             if ecu.bad > 0 {
-                problem(format!("the ECU heard {} bad commands on a clean line", ecu.bad));
+                problem(format!("the ECU received {} bad commands on a clean line", ecu.bad));
             }
             // One frame each way may be under way at the end.
             if ecu.frames.abs_diff(node.frames.into()) > 1 {
@@ -85,19 +100,20 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     let amt = |outcome: &Outcome, text: String| if is_amt(outcome) { text } else { dash() };
 
     row("", &|o| o.name.to_owned());
-    row("reached what was asked", &|o| {
-        match &o.flown {
-            Some(Ok(())) => "yes",
-            Some(Err(_)) => "NO",
-            None => "cut short",
+    row("targets reached", &|o| {
+        match (&o.flown, o.played) {
+            (_, Some(_)) => "played",
+            (Some(Ok(())), None) => "yes",
+            (Some(Err(_)), None) => "NO",
+            (None, None) => "cut short",
         }
         .to_owned()
     });
     row("frames sent by the ECU", &|o| o.ecu.frames.to_string());
-    row("frames received by the node", &|o| o.node.frames.to_string());
+    row("frames received by node", &|o| o.node.frames.to_string());
     row("commands sent by the node", &|o| o.audit.frames.to_string());
-    row("commands accepted by the ECU", &|o| o.ecu.accepted.to_string());
-    row("commands that nobody gave", &|o| o.audit.not_given.to_string());
+    row("commands accepted by ECU", &|o| o.ecu.accepted.to_string());
+    row("unsolicited commands", &|o| o.audit.not_given.to_string());
     row("replies inside the window", &|o| amt(o, o.ecu.in_window.to_string()));
     row("replies outside the window", &|o| amt(o, o.ecu.late.to_string()));
     row("windows without a reply", &|o| amt(o, o.ecu.unanswered.to_string()));
@@ -105,11 +121,11 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     row("worst cadence error", &|o| {
         o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
     });
-    row("turns missed", &|o| if is_amt(o) { dash() } else { o.node.send_slots_missed.to_string() });
+    row("missed send slots", &|o| if is_amt(o) { dash() } else { o.node.send_slots_missed.to_string() });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
-    row("bad commands heard by the ECU", &|o| o.ecu.bad.to_string());
-    row("rejected commands", &|o| o.commands_rejected.to_string());
-    row("stops by themselves", &|o| o.stops.to_string());
+    row("bad commands at the ECU", &|o| o.ecu.bad.to_string());
+    row("commands rejected", &|o| o.commands_rejected.to_string());
+    row("uncommanded shutdowns", &|o| o.stops.to_string());
     if outcomes.checks.is_empty() && engines.iter().any(|outcome| !outcome.line_was_clean) {
         row("link up after the faults", &|o| {
             o.recovered_after.map_or_else(dash, |after| format!("{:.2} s", seconds(after)))
@@ -117,17 +133,19 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     }
 
     let mut text = format!("\nSummary after {:.1} s of engine time\n", seconds(outcomes.length));
-    for (head, cells) in rows {
-        let mut line = format!("  {head:<30}");
-        for cell in cells {
-            line += &format!("{cell:>14}");
+    for first in (0..engines.len()).step_by(ENGINES_BESIDE) {
+        for (head, cells) in &rows {
+            let mut line = format!("  {head:<26}");
+            for cell in cells.iter().skip(first).take(ENGINES_BESIDE) {
+                line += &format!("{cell:>13}");
+            }
+            text += line.trim_end();
+            text.push('\n');
         }
-        text += line.trim_end();
-        text.push('\n');
     }
 
     if !outcomes.checks.is_empty() {
-        text += "\nWhat had to happen, by what was on the wires and what the simulated engines did\n";
+        text += "\nExpected events, by what was on the wires and what the simulated engines did\n";
         for check in &outcomes.checks {
             text += &format!("  {:<6} {}\n", if check.held { "yes" } else { "NO" }, check.what);
         }
@@ -149,12 +167,22 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
         text += &format!("FAILED  {problem}\n");
     }
     if problems.is_empty() && outcomes.end == End::Complete {
-        text += match outcomes.checks.len() {
-            0 => "All engines reached what was asked and are shut down.\n",
-            _ => "All that had to happen did, and all engines are shut down.\n",
-        };
+        text += pass(outcomes);
+        text.push('\n');
     }
     text
+}
+
+/// What a run without a problem has shown.
+pub fn pass(outcomes: &Outcomes) -> &'static str {
+    if outcomes.is_played() {
+        "PASS: no unsolicited command, no uncommanded ignition, no late stop, no window missed outside of the faults set by \
+         hand."
+    } else if outcomes.checks.is_empty() {
+        "PASS: all engines reached their targets and are shut down."
+    } else {
+        "PASS: all expected events occurred, and all engines are shut down."
+    }
 }
 
 fn missed(outcome: &Outcome) -> u64 {
@@ -163,7 +191,7 @@ fn missed(outcome: &Outcome) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scenario::Check;
+    use super::super::outcome::Check;
     use super::*;
 
     #[test]
@@ -175,13 +203,17 @@ mod tests {
             end: End::Complete,
             checks,
             bad_commands: 0,
+            actions: Vec::new(),
         };
         let good = outcomes(vec![check(true)]);
         assert_eq!(problems(&good), Vec::<String>::new());
         let bad = outcomes(vec![check(true), check(false)]);
         let found = problems(&bad);
-        assert_eq!(found, ["this did not happen: it stops"]);
+        assert_eq!(found, ["expected, and did not occur: it stops"]);
         let text = text(&bad, &found, None);
-        assert!(text.contains("  NO     it stops") && text.contains("FAILED  this did not"), "{text}");
+        assert!(
+            text.contains("  NO     it stops") && text.contains("FAILED  expected, and did not"),
+            "{text}"
+        );
     }
 }

@@ -67,6 +67,11 @@ struct Terminal {
 
 impl Terminal {
     fn start(args: &[&str]) -> Self {
+        Self::start_as("xterm-256color", args)
+    }
+
+    /// On a terminal that says of itself what it is.
+    fn start_as(term: &str, args: &[&str]) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
         grantpt(&master).expect("a terminal");
         unlockpt(&master).expect("a terminal");
@@ -75,7 +80,8 @@ impl Terminal {
         tcsetwinsize(&side, Winsize { ws_row: 30, ws_col: 140, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
         let program = || Stdio::from(side.try_clone().expect("a copy"));
         let child =
-            jetlink(args).stdin(program()).stdout(program()).stderr(program()).spawn().expect("it runs");
+            jetlink(args).env("TERM", term).stdin(program()).stdout(program()).stderr(program()).spawn();
+        let child = child.expect("it runs");
         let keyboard = File::from(master);
         let output = Arc::new(Mutex::new(String::new()));
         let (mut screen, copy) = (keyboard.try_clone().expect("a copy"), output.clone());
@@ -95,10 +101,11 @@ impl Terminal {
     /// Until the table is shown and at work.
     #[track_caller]
     fn is_live(&self) {
-        wait_until("the table is shown", || {
-            self.output().matches(HEAD).count() > 5 && self.output().contains("left")
-        });
-        assert!(self.is_raw(), "the table needs single keys");
+        wait_until("the screen is shown", || self.output().contains(HEAD) && self.output().contains("left"));
+        // The first event comes with the first frames of the ECUs, and more than a second of it is to be seen.
+        wait_until("the run goes on", || self.output().contains("link up"));
+        thread::sleep(Duration::from_secs(1));
+        assert!(self.is_raw(), "the screen needs single keys");
     }
 
     fn is_raw(&self) -> bool {
@@ -150,7 +157,7 @@ fn files_are_complete(csv: &Path, plot: &Path, engines: usize) {
 #[track_caller]
 fn is_no_failure(text: &str, by: &str) {
     assert!(text.contains(&format!("The run was ended by {by} before it was complete.")), "{text}");
-    assert!(text.contains("commands that nobody gave") && text.contains("replies in time"), "{text}");
+    assert!(text.contains("unsolicited commands") && text.contains("replies in time"), "{text}");
     assert!(
         !text.contains("FAILED") && !text.contains("are shut down") && !text.contains("panicked"),
         "{text}"
@@ -196,11 +203,126 @@ fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
 }
 
 #[test]
+fn events_are_printed_with_the_summary() {
+    let mut terminal = Terminal::start(&["--standby"]);
+    terminal.is_live();
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    let events = text.split_once("\nEvents\n").expect("events").1;
+    let events = events.split_once("\nSummary after ").expect("a summary").0;
+    assert!(events.contains("  left          link up") && events.contains("the node has started"), "{text}");
+}
+
+/// The screen is left, the shell gets its terminal, and `fg` brings it back.
+#[test]
+fn ctrl_z_suspends_and_goes_on() {
+    for by_key in [true, false] {
+        let mut terminal = Terminal::start(&["--standby", "--duration", "600s"]);
+        terminal.is_live();
+        if by_key {
+            terminal.types(&[26]);
+        } else {
+            signal(&terminal.child, "TSTP");
+        }
+        let pid = terminal.child.id();
+        let state = || {
+            let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+            stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next())
+        };
+        wait_until("it stops", || state() == Some('T'));
+        wait_until("the screen is left", || terminal.output().ends_with(SHOW_CURSOR));
+        assert!(!terminal.is_raw(), "the shell needs its terminal");
+        let before = terminal.output().len();
+        signal(&terminal.child, "CONT");
+        wait_until("the screen is back", || {
+            terminal.output().get(before..).is_some_and(|new| new.contains(HEAD) && new.contains("left"))
+        });
+        assert!(terminal.is_raw());
+        terminal.types(b"q");
+        let (ended, text) = terminal.end();
+        assert_eq!(ended.code(), Some(0), "{text}");
+    }
+}
+
+#[test]
+fn a_dumb_terminal_and_plain_get_lines() {
+    for (term, args) in [
+        ("dumb", &["--standby", "--duration", "2s"][..]),
+        ("xterm", &["--plain", "--standby", "--duration", "2s"]),
+    ] {
+        let mut terminal = Terminal::start_as(term, args);
+        let status = ended(&mut terminal.child);
+        wait_until("the summary", || terminal.output().contains("\nSummary after "));
+        let text = terminal.output();
+        assert_eq!(status.code(), Some(0), "{text}");
+        assert!(!text.contains('\u{1b}') && text.contains("  left          link up"), "{text}");
+    }
+}
+
+#[test]
+fn a_played_run_is_saved_and_its_command_printed() {
+    let script = file("played-live.txt");
+    let mut terminal = Terminal::start(&["--standby", "--save-script", script.to_str().unwrap()]);
+    terminal.is_live();
+    terminal.types(b"d");
+    wait_until("it is done", || terminal.output().contains("played: disarm"));
+    terminal.types(b" ");
+    wait_until("it is done", || terminal.output().contains("emergency-stop"));
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    assert!(
+        text.contains(&format!("To play it again: cargo rig --script {} --fast", script.display())),
+        "{text}"
+    );
+    let saved = std::fs::read_to_string(&script).expect("the script");
+    assert!(saved.contains(" left disarm\n") && saved.contains(" all emergency-stop\n"), "{saved}");
+    let again = jetlink(&["--fast", "--script", script.to_str().unwrap()]).output().expect("it runs");
+    let again = String::from_utf8(again.stdout).expect("UTF-8");
+    let summary = |text: &str| text.split_once("\nSummary after ").map(|(_, summary)| summary.to_owned());
+    let live = summary(&text).expect("a summary");
+    assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
+}
+
+/// What a smaller screen had is gone when it grows.
+#[test]
+fn a_terminal_can_change_its_size() {
+    let mut terminal = Terminal::start(&["--standby", "--duration", "600s"]);
+    terminal.is_live();
+    for (columns, rows, what) in [(30, 10, "columns"), (150, 40, "Titan")] {
+        let before = terminal.output().len();
+        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&terminal.side, size).expect("a size");
+        signal(&terminal.child, "WINCH");
+        wait_until(what, || terminal.output().get(before..).is_some_and(|new| new.contains(what)));
+        let output = terminal.output();
+        assert!(output.get(before..).is_some_and(|new| new.contains("\u{1b}[2J")), "it is drawn anew");
+    }
+    terminal.types(b"q");
+    assert_eq!(terminal.end().0.code(), Some(0));
+}
+
+#[test]
+fn a_run_that_is_complete_stays_until_it_is_ended() {
+    let mut terminal = Terminal::start(&["--standby", "--duration", "2s"]);
+    wait_until("the verdict", || terminal.output().contains("verdict: PASS"));
+    assert!(terminal.child.try_wait().expect("a status").is_none());
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    assert!(
+        text.contains("PASS: all engines reached their targets") && !text.contains("was ended by"),
+        "{text}"
+    );
+}
+
+#[test]
 fn a_panic_restores_the_terminal_and_fails() {
     let (csv, plot) = (file("panic.csv"), file("panic.svg"));
     let terminal = Terminal::start(&[
         "--panic-at",
-        "2s",
+        "20s", // at ×4
         "--csv",
         csv.to_str().unwrap(),
         "--plot",

@@ -1,9 +1,9 @@
-//! What is commanded: whom it is obeyed from, what keeps an engine from a start, and who may release a stop.
+//! Commands: which sources are obeyed, what keeps an engine from a start, and who may release a stop.
 //!
-//! A start is a permission that is used once. It belongs to one source: its own standby, then its own `Run` at idle, with
-//! every interlock true at that instant. A refusal uses it up, and so does every standby or stop that takes effect, a
-//! disarm, and any source's change to standby. Only a start that waits for another engine is not refused: it waits, for a
-//! bounded time, while its source stays in control, and everything is checked again when it goes.
+//! The permission to start belongs to one source and is used once: its own standby, then its own `Run` at idle, with every
+//! interlock satisfied at that instant. A refusal uses it up; so does every standby or stop that takes effect, a disarm, and
+//! any source's change to standby. Only a start that has to wait for another engine keeps it: it waits for at most 180 s
+//! while its source stays in control, and every interlock is checked again when it begins.
 
 use super::exhaust::Exhaust;
 use super::life::Life;
@@ -19,11 +19,11 @@ use crate::report::LinkState;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// A start waits no longer than this for other engines of the group.
+/// Longest wait of a start for other engines of the group.
 const START_WAIT_MAX: Duration = Duration::from_secs(180);
 
 impl Engine {
-    pub(super) fn obey(
+    pub(super) fn execute(
         &mut self,
         now: Instant,
         command: Command,
@@ -42,22 +42,22 @@ impl Engine {
                 Ok(Accepted::InForce)
             }
             Command::Present => {
-                self.sources.heard(now, origin, Intent::Nothing);
+                self.sources.command(now, origin, Intent::Nothing);
                 self.use_up(origin);
                 Ok(self.sources.above(now, origin).map_or(Accepted::InForce, Accepted::Behind))
             }
             Command::ShutDown => self.shut_down(now, origin),
-            Command::Standby => self.standby_word(now, origin),
-            Command::Run(demand) => self.run_word(now, demand, origin, others_allow_start),
+            Command::Standby => self.on_standby(now, origin),
+            Command::Run(demand) => self.on_run(now, demand, origin, others_allow_start),
             Command::HandOverToPwm => self.hand_over(now, origin, others_allow_start),
             Command::Service(service) => self.service(now, service, origin),
         }
     }
 
-    /// Arming counts as a change only: after an emergency stop a source that has said it all along has to disarm first.
+    /// Arms the engine. After an emergency stop a source that keeps commanding "arm" has to disarm first.
     fn arm(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
-        if let Some(said) = slot(&mut self.arm_commanded, origin) {
-            *said = true;
+        if let Some(commanded) = slot(&mut self.arm_commanded, origin) {
+            *commanded = true;
         }
         if matches!(self.mode, Mode::Stop(_)) {
             if let Some(must) = slot(&mut self.must_disarm, origin) {
@@ -74,7 +74,7 @@ impl Engine {
         Ok(Accepted::InForce)
     }
 
-    /// Ends a start that has not reached running, and never an engine that has.
+    /// Disarms. Ends a start that has not reached running, never a running engine.
     fn disarm(&mut self, now: Instant, origin: Origin) {
         for table in [&mut self.arm_commanded, &mut self.must_disarm] {
             if let Some(flag) = slot(table, origin) {
@@ -98,7 +98,7 @@ impl Engine {
         }
     }
 
-    /// The explicit order of a person: at once, whatever streams say.
+    /// Shuts the engine down at once, whatever the streams of other sources command.
     fn shut_down(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
         if matches!(self.mode, Mode::Stop(_)) {
             return Err(Rejected::StopLatched);
@@ -109,21 +109,21 @@ impl Engine {
         Ok(Accepted::InForce)
     }
 
-    fn standby_word(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
-        // An engine that runs, or may run, is shut down by two words.
-        let two_words = match &self.mode {
+    fn on_standby(&mut self, now: Instant, origin: Origin) -> Result<Accepted, Rejected> {
+        // It takes two commands to shut down an engine that runs or may run.
+        let needs_two = match &self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
             Mode::Listen(_) => true,
             Mode::Stop(_) | Mode::Standby => false,
         };
-        let word = self.sources.standby(now, origin, two_words);
+        let outcome = self.sources.standby(now, origin, needs_two);
         if matches!(self.mode, Mode::Stop(_)) {
             return Err(Rejected::StopLatched);
         }
-        if !word.counts {
+        if !outcome.counts {
             return Ok(Accepted::OneMore);
         }
-        if word.changed {
+        if outcome.changed {
             self.permitted = [false; Origin::ALL.len()];
             self.start_wait = None;
         }
@@ -136,9 +136,9 @@ impl Engine {
                 }
                 self.standby(now, origin);
             }
-            // Whoever handed it over takes it back.
+            // The source that handed the engine over takes it back.
             Mode::Pwm { .. } if origin == self.ordered.origin => self.standby(now, origin),
-            // Where nothing runs yet, one word of whoever it is ends it; then whoever is above it.
+            // Any source ends it before the engine runs; afterwards only a higher one.
             Mode::Pwm { life, .. }
                 if above.is_none()
                     && (!life.reached()
@@ -146,9 +146,9 @@ impl Engine {
             {
                 self.standby(now, origin);
             }
-            // One that was lost may end the start, too: it takes no second word.
+            // A source that was lost may end the start, too, with one command.
             Mode::Run(Run { life, .. }) if above.is_none() && !life.reached() => self.standby(now, origin),
-            // Of whom it is obeyed, and when, is found for all sources alike.
+            // Arbitration decides whether it is obeyed, as for every command.
             Mode::Run(_) => self.update(now),
             _ => {}
         }
@@ -156,7 +156,7 @@ impl Engine {
             self.permit_in_standby(origin);
             return Ok(Accepted::Behind(above));
         }
-        // Whoever wants fuel to flow does not say standby; but what was just commanded goes out once.
+        // Standby closes the pump, but a service command that was just given is sent once.
         if !self.link.service_pending() {
             self.close_pump();
         }
@@ -170,17 +170,17 @@ impl Engine {
         Ok(Accepted::InForce)
     }
 
-    /// Nothing is in force, but it is known whose demand was: a lower source's standby counts when that one has been lost for
-    /// as long as it takes to end its run.
+    /// Whether a higher source was in control before the order ended. The standby of a lower source counts only when that
+    /// source has been lost for as long as it takes to end its run.
     fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
         let Mode::Listen(finding) = &self.mode else { return false };
-        // Of an engine that is known to have run, and not for whom, every source may be the lower one; but not the highest.
-        let unknown = finding.ran && finding.ruler == Origin::Node;
-        let ruler = if unknown { Origin::SOURCES[0] } else { finding.ruler };
-        if ruler.priority() <= origin.priority() {
+        // Without a known source any but the highest may be the lower one.
+        let unknown = finding.ran && finding.active_source == Origin::Node;
+        let active_source = if unknown { Origin::SOURCES[0] } else { finding.active_source };
+        if active_source.priority() <= origin.priority() {
             return false;
         }
-        let lost_at = self.sources.silent_from(ruler).unwrap_or(finding.since);
+        let lost_at = self.sources.silent_from(active_source).unwrap_or(finding.since);
         let after = self.config.loss.hold + self.config.loss.lower_standby_after;
         let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.lost_for.as_ticks()));
         lost_at.checked_add(left).is_none_or(|at| now < at)
@@ -201,7 +201,7 @@ impl Engine {
         }
     }
 
-    fn run_word(
+    fn on_run(
         &mut self,
         now: Instant,
         demand: Demand,
@@ -211,37 +211,36 @@ impl Engine {
         let demand = self.clamp(demand);
         let can = self.can(now, demand);
         match can {
-            Ok(()) => self.sources.heard(now, origin, Intent::Run(demand)),
-            // The ECU has not given its version yet: no reason to lose the source, which wants the engine to run.
-            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.stays(now, origin, demand),
+            Ok(()) => self.sources.command(now, origin, Intent::Run(demand)),
+            // The ECU has not reported its version yet: the source is present, and its run stays.
+            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.defer_run(now, origin, demand),
             Err(_) => {}
         }
         let result = match &self.mode {
             Mode::Stop(_) => Err(Rejected::StopLatched),
             Mode::Listen(_) if self.link.state() == LinkState::Lost => Err(Rejected::NoLink),
             Mode::Listen(_) => Err(Rejected::Listening),
-            // A demand that the ECU cannot do changes nothing, not even what its source commanded before.
+            // A demand that the ECU cannot follow changes nothing, not even the source's previous command.
             _ if can.is_err() => Err(can.err().unwrap_or(Rejected::NotSupported)),
             Mode::Run(_) => {
-                // Whose demand is in force is for `update`.
+                // Arbitration decides whose demand is in force.
                 self.update(now);
                 let in_control = self.sources.in_control(now, origin);
-                let in_force =
-                    matches!(&self.mode, Mode::Run(run) if run.ruler == origin && run.fail_safe_at.is_none());
+                let in_force = matches!(&self.mode, Mode::Run(run) if run.active_source == origin && run.fail_safe_at.is_none());
                 return Ok(match self.sources.above(now, origin) {
                     Some(above) => Accepted::Behind(above),
                     None if in_force && in_control => Accepted::InForce,
                     None => Accepted::Held,
                 });
             }
-            Mode::Standby | Mode::Pwm { .. } => self.start_word(now, origin, others_allow_start, |engine| {
+            Mode::Standby | Mode::Pwm { .. } => self.try_start(now, origin, others_allow_start, |engine| {
                 engine.interlocks(now, demand, others_allow_start)
             }),
         };
         match result {
             Ok(Accepted::InForce) => self.begin(now, demand, origin, Beginning::FromStandby),
             Ok(Accepted::StartWaits) => {}
-            // Whatever kept it from the start: its next run does not start the engine later.
+            // A refused run must not start the engine later.
             _ => {
                 if matches!(result, Err(Rejected::Start(Interlock::PumpOpen))) {
                     self.close_pump();
@@ -252,8 +251,8 @@ impl Engine {
         result
     }
 
-    /// Whether a source's word starts the engine now. `InForce`: it does.
-    fn start_word(
+    /// Whether a command starts the engine now. `InForce`: it does.
+    fn try_start(
         &mut self,
         now: Instant,
         origin: Origin,
@@ -263,7 +262,7 @@ impl Engine {
         if let Some(above) = self.sources.above(now, origin) {
             return Ok(Accepted::Behind(above));
         }
-        // A source that speaks again after it was lost is not there yet: it neither moves nor starts an engine.
+        // A source that has just returned is not in control yet: it neither moves nor starts an engine.
         if !self.sources.in_control(now, origin) {
             return Ok(Accepted::Held);
         }
@@ -302,7 +301,7 @@ impl Engine {
             return Err(Rejected::Behind(above));
         }
         let idle = Demand::Throttle(Throttle::IDLE);
-        // A source that was lost has to say standby again, for a while.
+        // A source that was lost has to stream standby again until it is in control.
         let permitted = self.sources.in_control(now, origin)
             && matches!(self.mode, Mode::Standby)
             && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
@@ -336,7 +335,7 @@ impl Engine {
         }
         if service.moves_fuel() {
             self.require_cold()?;
-            // It may be another ECU that comes back, which may know the command as another one.
+            // After a gap it may be another ECU, which may take the command for a different one.
             self.steady_link(now).map_err(Rejected::Start)?;
         }
         if service.closes_pump() && self.pump.is_some() {
@@ -345,7 +344,7 @@ impl Engine {
         }
         self.link.service(now, service)?;
         if service.moves_fuel() {
-            self.pump = Some(OpenPump { origin, heard: now, until: now + self.config.service_time });
+            self.pump = Some(OpenPump { origin, last_rx: now, until: now + self.config.service_time });
         }
         Ok(Accepted::InForce)
     }
@@ -356,26 +355,26 @@ impl Engine {
             return Err(Rejected::Start(Interlock::NotArmed));
         }
         let state = EngineState::of(self.at, self.link.state(), self.link.report());
-        // At its stop it may be an ECU that does not hear us.
+        // An ECU that reports "stopped" may be one that does not receive our commands.
         if !matches!(self.mode, Mode::Standby) || state != EngineState::Standby {
             return Err(Rejected::Start(Interlock::NotStandby));
         }
         self.cold(self.at).map_err(Rejected::Start)
     }
 
-    /// A demand beyond the engine's maximum becomes the maximum. Reported once, until one within it comes.
+    /// Clamps a demand to the engine's maximum. Reports it once, until a demand is within it again.
     fn clamp(&mut self, demand: Demand) -> Demand {
         let Demand::Rpm(rpm) = demand else { return demand };
         let own =
             self.link.report().max_rpm.map(|max| max.value).filter(|_| self.link.speed_control().is_ok());
-        // A governor's maximum is none of an ECU that has not given its version yet.
+        // The governor's maximum does not apply while the ECU has not reported its version.
         let waits = self.waits_for_version();
         let governed = self.config.governor.filter(|_| !waits).map(|governor| governor.max_rpm);
         let max = own.or(governed).filter(|max| rpm > *max);
-        let told = core::mem::replace(&mut self.clamp_reported, max.is_some());
+        let reported = core::mem::replace(&mut self.clamp_reported, max.is_some());
         match max {
             Some(max) => {
-                if !told {
+                if !reported {
                     self.event(Event::Clamped(max));
                 }
                 Demand::Rpm(max)
@@ -397,8 +396,7 @@ impl Engine {
         if self.link.state() != LinkState::Up {
             return Err(Rejected::NoLink);
         }
-        // Standby is no start, so a phase that the ECU no longer reports does not keep the stop: an AMT error set
-        // carries none.
+        // Releasing to standby starts nothing, so an old phase does not prevent it: an AMT error set carries none.
         let reported = self.link.report().phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
         if reported {
             self.require_stopped()?;
@@ -407,18 +405,18 @@ impl Engine {
         Ok(Accepted::InForce)
     }
 
-    /// Whether the ECU, or the governor for it, can do this.
+    /// Whether the ECU, or the governor for it, can follow this demand.
     pub(super) fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
         let Demand::Rpm(_) = demand else { return Ok(()) };
         match self.link.speed_control() {
             Err(why) => {
-                // An ECU that came back has not given its version yet: the demand that is in force stays one.
+                // An ECU that came back has not reported its version yet: an rpm in force stays allowed.
                 let in_force = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), life, .. }) if life.reached());
                 if in_force && matches!(why, Rejected::NeedsVersion { known: None, .. }) {
                     return Ok(());
                 }
                 let Some(governor) = self.config.governor else { return Err(why) };
-                // At work it deals with old speeds itself: they are no reason to lose the source.
+                // A governor in use handles old speeds itself: they must not cost the source its control.
                 let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
                 let known = self.link.report().rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
                 if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
@@ -427,7 +425,7 @@ impl Engine {
         }
     }
 
-    /// What keeps the engine from a start, the first thing found.
+    /// The first interlock that keeps the engine from a start.
     fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
         let rules = &self.config.start;
         let report = self.link.report();
@@ -454,8 +452,8 @@ impl Engine {
         {
             return Err(Interlock::SupplyLow(supply));
         }
-        if let Some((passed, _)) = self.limits.in_force() {
-            return Err(Interlock::Limit(passed.what));
+        if let Some((violation, _)) = self.limits.in_force() {
+            return Err(Interlock::Limit(violation.what));
         }
         if !others_allow_start {
             return Err(Interlock::OtherStarting);
@@ -463,22 +461,22 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether the ECU has been heard for a while without a gap.
+    /// Whether the ECU has been received without a gap for the configured time.
     fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
         let time = self.config.start.link_stable;
         let stable = self.link.up_since().is_some_and(|since| now >= since + time);
-        // A gap that has begun is not yet a loss.
+        // A gap counts before it is a loss of the link.
         let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
-        let heard = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
-        if stable && steady && heard { Ok(()) } else { Err(Interlock::Link) }
+        let receiving = self.link.state() == LinkState::Up && self.link.gap_at().is_some();
+        if stable && steady && receiving { Ok(()) } else { Err(Interlock::Link) }
     }
 
-    /// Whether the exhaust is known to be cool, in two values in a row: AMT frames carry no checksum.
+    /// Whether the exhaust is cool in two consecutive values: AMT frames carry no checksum.
     fn cold(&self, now: Instant) -> Result<(), Interlock> {
         let rules = &self.config.start;
         let max_age = rules.link_stable.max(Duration::from_secs(1));
         let egt = self.link.report().egt.filter(|egt| egt.age(now) <= max_age);
-        // A thermocouple that is broken says −50 °C, which is not cool.
+        // A broken thermocouple reads −50 °C, which must not pass as cool.
         let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
             return Err(Interlock::EgtUnknown);
         };
@@ -506,7 +504,7 @@ impl Engine {
         }
     }
 
-    /// Keeps the last refusal of a source, and gives the one before.
+    /// Stores the last refusal of a source and returns the previous one.
     pub(super) fn note_rejection(&mut self, origin: Origin, why: Option<Rejected>) -> Option<Rejected> {
         let slot = Origin::ALL.into_iter().zip(&mut self.last_rejection).find(|(place, _)| *place == origin);
         slot.and_then(|(_, last)| core::mem::replace(last, why))

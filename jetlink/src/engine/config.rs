@@ -1,4 +1,4 @@
-//! How an engine is supervised: every number, with its unit, range and default. Checked as a whole.
+//! Settings of the supervision of an engine: each with its unit, range and default, checked together.
 
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
@@ -6,16 +6,16 @@ use crate::setting::{Setting, SettingError, SettingId, kind, settings, symbol};
 use embassy_time::Duration;
 
 settings! {
-    /// How long each source may be silent, in the order of their priority.
-    pub struct SourceAges, "ages.", AtOnce {
-        emergency: ms "SRC_EMERG_AGE" = 500 in 50..=60_000, "Timeout of a local emergency input.";
-        rc: ms "SRC_RC_AGE" = 500 in 50..=60_000, "Timeout of radio control.";
-        mavlink: ms "SRC_MAV_AGE" = 1000 in 50..=60_000, "Timeout of MAVLink, whose streams slow down during transfers.";
-        bench: ms "SRC_BENCH_AGE" = 500 in 50..=60_000, "Timeout of a test rig or bench program.";
+    /// Timeout of each source, in the order of their priority.
+    pub struct SourceTimeouts, "timeouts.", AtOnce {
+        emergency: ms "SRC_EMERG_TOUT" = 500 in 50..=60_000, "Timeout of a local emergency input.";
+        rc: ms "SRC_RC_TOUT" = 500 in 50..=60_000, "Timeout of radio control.";
+        mavlink: ms "SRC_MAV_TOUT" = 1000 in 50..=60_000, "Timeout of MAVLink, whose streams slow down during transfers.";
+        bench: ms "SRC_BENCH_TOUT" = 500 in 50..=60_000, "Timeout of a test rig or bench program.";
     }
 }
 
-impl SourceAges {
+impl SourceTimeouts {
     /// The timeout of a source. The node itself never falls silent.
     pub const fn of(&self, origin: Origin) -> Duration {
         match origin {
@@ -34,10 +34,10 @@ impl SourceAges {
 }
 
 settings! {
-    /// A source that takes over is held off until its demand is close to the one in force, or until it has waited.
+    /// A source that takes over waits until its demand is close to the one in force, or until its wait is over.
     pub struct Takeover, "takeover.", AtOnce {
-        throttle_band: throttle "TKO_THR_BAND" = 50 in 0..=1000, "Close enough for a take-over, for throttles.";
-        rpm_band: rpm "TKO_RPM_BAND" = 5000 in 0..=16_000_000, "Close enough for a take-over, for rpm demands. A throttle and an rpm are never close.";
+        throttle_band: throttle "TKO_THR_BAND" = 50 in 0..=1000, "Largest difference of two throttles for a take-over.";
+        rpm_band: rpm "TKO_RPM_BAND" = 5000 in 0..=16_000_000, "Largest difference of two rpm demands for a take-over. A throttle and an rpm are never close.";
         within: ms "TKO_WAIT" = 2000 in 0..=60_000, "Longest wait of a source that takes over.";
     }
 }
@@ -48,20 +48,20 @@ settings! {
         hold: ms "LOSS_HOLD" = 1000 in 0..=60_000, "Time for which the last demand is held, counted from the source's timeout.";
         throttle: throttle "LOSS_THR" = 0 in 0..=1000, "Fail-safe throttle. It only ever lowers: a lower demand stays. An rpm demand goes to the engine's idle rpm instead.";
         ramp: rate "LOSS_RAMP" = 500 in 10..=65_535, "Rate at which the demand goes to the fail-safe throttle.";
-        standby_after: ms_or_off "LOSS_STANDBY" = -1 in 0..=3_600_000, "Standby, counted from the end of the hold. Off: never, as long as the ECU reports a running engine; where it does not, after 10 s.";
+        standby_after: ms_or_off "LOSS_STANDBY" = -1 in 0..=3_600_000, "Standby, counted from the end of the hold. Off: never while the ECU reports a running engine, otherwise after 10 s.";
         lower_standby_after: ms "LOSS_LOW_STBY" = 5000 in 0..=3_600_000, "A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted this long.";
     }
 }
 
 settings! {
-    /// What has to be true for a start. A refusal names the first that is not.
+    /// Interlocks of a start. A refusal names the first that is not satisfied.
     pub struct StartRules, "start.", AtOnce {
         arming: yes_no "START_ARMING" = 1 in 0..=1, "The engine has to be armed.";
-        link_stable: ms "START_LINK" = 1000 in 0..=60_000, "Time for which the link has to be up.";
-        idle_band: throttle "START_IDLE" = 20 in 0..=1000, "Highest throttle of the demand that asks for the start.";
-        egt_max: celsius "START_EGT" = 1000 in -32_768..=32_767, "Highest exhaust temperature; a hot engine is cooled first. Below −40 °C or above 1100 °C the thermocouple is broken and the temperature not known.";
-        supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply, as the ECU last gave it, if it has. Off: not checked.";
-        timeout: ms "START_TIMEOUT" = 120_000 in 5000..=600_000, "Time from the start to a running engine, unless the ECU gives a start-up time of its own, which then counts twice, within the same range.";
+        link_stable: ms "START_LINK" = 1000 in 0..=60_000, "Time for which the link has to be up without a gap.";
+        idle_band: throttle "START_IDLE" = 20 in 0..=1000, "Highest throttle of a demand that starts the engine.";
+        egt_max: celsius "START_EGT" = 1000 in -32_768..=32_767, "Highest exhaust temperature; a hot engine has to cool first. Below −40 °C or above 1100 °C the thermocouple counts as broken and the temperature as unknown.";
+        supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply voltage, as last reported by the ECU. Off: not checked.";
+        timeout: ms "START_TIMEOUT" = 120_000 in 5000..=600_000, "Time from the start to a running engine, unless the ECU reports its own start-up time: then twice that, within the same range.";
         gap: ms "START_GAP" = 10_000 in 0..=600_000, "Time between the starts of two engines of a group.";
     }
 }
@@ -71,19 +71,19 @@ pub(super) const START_TIMEOUT_MIN: Duration = Duration::from_secs(5);
 pub(super) const START_TIMEOUT_MAX: Duration = Duration::from_secs(600);
 
 settings! {
-    /// How fast the demand may change in normal flight; an rpm demand in the same share of the engine's maximum rpm. A stop
-    /// and a fail-safe are never delayed by it.
+    /// Rates of change of the demand in normal flight; of an rpm demand, the same share of the engine's maximum rpm. They
+    /// never delay a stop or a fail-safe.
     pub struct Slew, "slew.", AtOnce {
         up: rate_or_off "SLEW_UP" = -1 in 10..=65_535, "Highest rate upward. Off: at once.";
         down: rate_or_off "SLEW_DOWN" = -1 in 10..=65_535, "Highest rate downward. Off: at once.";
     }
 }
 
-/// Declares [`Limits`]: two settings for each limit, where it is and what is done.
+/// Declares [`Limits`]: two settings for each limit, its value and its action.
 macro_rules! limits {
     ( $( $field:ident: $inner:ident $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal, $action:literal, $text:literal; )* ) => {
-        /// What is monitored. A limit counts as passed when two values in a row are beyond it: AMT frames carry no checksum,
-        /// and one odd frame is no fault.
+        /// Limits of an engine. A limit is violated when two consecutive values exceed it: AMT frames carry no checksum, and
+        /// one odd frame is no fault.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct Limits {
@@ -93,7 +93,7 @@ macro_rules! limits {
                 #[doc = concat!("Settings `", $name, "` (default ", $default, ", ", $min, " to ", $max, " ", symbol!($kind), ") and `", $action, "`.")]
                 pub $field: Limit<kind::$inner::Type>,
             )*
-            /// What is done about faults that the ECU reports.
+            /// Action on a fault that the ECU reports.
             ///
             /// Setting `LIM_FAULT_ACT`.
             pub ecu_fault: Action,
@@ -131,13 +131,13 @@ macro_rules! limits {
                     default: 0,
                     may_be_off: false,
                     effect: crate::setting::Effect::AtOnce,
-                    text: "What is done beside the report.",
+                    text: "Action, beside the report.",
                     symbol: symbol!(action),
                     message: concat!("a limit's action: ", symbol!(action)),
                 }
             }
 
-            /// All as the table has them.
+            /// Defaults of the table.
             pub const DEFAULT: Self = Self {
                 $( $field: Limit { at: kind::$kind::make($default), action: Action::Report }, )*
                 ecu_fault: Action::Report,
@@ -146,7 +146,7 @@ macro_rules! limits {
             const fn check_own(&self) -> Result<(), u8> {
                 let mut row = 0;
                 $(
-                    // An action is always one of its values.
+                    // An action is valid by its type.
                     if !crate::setting::allows(kind::$kind::number(&self.$field.at), $min, $max, true) {
                         return Err(row);
                     }
@@ -183,9 +183,9 @@ macro_rules! limits {
 }
 
 limits! {
-    over_speed: rpm rpm_or_off "LIM_RPM" = -1 in 0..=16_000_000, "LIM_RPM_ACT", "Highest shaft speed. Off: reported at 105 % of the maximum that the ECU gives; the action holds for either.";
+    over_speed: rpm rpm_or_off "LIM_RPM" = -1 in 0..=16_000_000, "LIM_RPM_ACT", "Highest shaft speed. Off: 105 % of the maximum that the ECU reports; the action applies to either.";
     over_temperature: celsius celsius_or_off "LIM_EGT" = 8000 in 0..=32_767, "LIM_EGT_ACT", "Highest exhaust temperature.";
-    low_rpm: rpm rpm_or_off "LIM_LOW_RPM" = -1 in 0..=16_000_000, "LIM_LOW_RPM_ACT", "Lowest shaft speed while running. Off: reported at 80 % of the idle rpm that the ECU gives; the action holds for either.";
+    low_rpm: rpm rpm_or_off "LIM_LOW_RPM" = -1 in 0..=16_000_000, "LIM_LOW_RPM_ACT", "Lowest shaft speed while running. Off: 80 % of the idle rpm that the ECU reports; the action applies to either.";
     hot_start: celsius_rate celsius_rate_or_off "LIM_HOT" = 200 in 10..=65_535, "LIM_HOT_ACT", "Fastest rise of the exhaust temperature during a start. The simulated turbines rise by 125 °C/s in a good start and by 270 °C/s in a hot one.";
     flame_out: percent percent_or_off "LIM_FLAME" = 25 in 5..=95, "LIM_FLAME_ACT", "Largest share of its speed that the shaft may lose within 2 s without a lower demand.";
     supply_low: millivolts millivolts_or_off "LIM_SUPPLY" = -1 in 0..=1_000_000, "LIM_SUPPLY_ACT", "Lowest supply voltage.";
@@ -200,7 +200,7 @@ settings! {
     /// 14.2 s, then within 0.6 %. Twice the integral gain is a limit cycle: the engines accelerate at a limited rate.
     pub struct Governor, "governor.", AtOnce {
         proportional: gain "GOV_P" = 8 in 1..=100, "Throttle for 1000 rpm of error.";
-        integral: gain "GOV_I" = 6 in 0..=100, "Throttle a second for 1000 rpm of error.";
+        integral: gain "GOV_I" = 6 in 0..=100, "Throttle per second for 1000 rpm of error.";
         authority: throttle "GOV_THR_MAX" = 1000 in 0..=1000, "Highest throttle that the governor may set.";
         slew: rate "GOV_SLEW" = 300 in 10..=1000, "Rate at which its output may rise.";
         max_rpm: rpm "GOV_RPM_MAX" = 110_000 in 10_000..=250_000, "Highest shaft speed that may be commanded; higher demands are clamped.";
@@ -209,34 +209,34 @@ settings! {
 }
 
 settings! {
-    /// Everything about the supervision of one engine.
+    /// Supervision of one engine.
     pub struct Supervision, "", AtOnce {
         recover_after: ms "SRC_RECOVER" = 1000 in 100..=60_000, "Time without a gap for which a source that was lost has to be received before it is in control again.";
-        return_within: ms "SRC_RETURN" = 1000 in 0..=10_000, "A source that was received without a gap for `recover_after` and returns within this after its timeout goes on at `rise`, without a take-over.";
-        rise: rate "RISE" = 500 in 10..=65_535, "Rate at which the demand rises after a start, a take-over, a reduction, a gap or a reset, until it has reached what is commanded.";
-        when_other_fails: share_or_off "OTHER_FAILS" = -1 in 0..=1000, "Share to which the demand is reduced while another engine of the group has failed. Off: that is reported, and this engine left alone.";
-        burning_egt: celsius "BURNING_EGT" = 3000 in 1000..=6000, "An exhaust hotter than this burns, where an ECU reports faults in place of a state (AMT-8).";
-        service_time: ms "SERVICE_TIME" = 30_000 in 1000..=300_000, "A service that opens the fuel is closed after this.";
+        return_within: ms "SRC_RETURN" = 1000 in 0..=10_000, "A source that was received without a gap for `recover_after` and returns within this time after its timeout resumes at `rise`, without a take-over.";
+        rise: rate "RISE" = 500 in 10..=65_535, "Rate at which the demand rises after a start, a take-over, a reduction, a gap or a reset, until it has reached the commanded demand.";
+        when_other_fails: share_or_off "OTHER_FAILS" = -1 in 0..=1000, "Share to which the demand is reduced while another engine of the group has failed. Off: the failure is only reported.";
+        burning_egt: celsius "BURNING_EGT" = 3000 in 1000..=6000, "Exhaust temperature above which the engine counts as burning while its ECU reports faults instead of a state (AMT-8).";
+        service_time: ms "SERVICE_TIME" = 30_000 in 1000..=300_000, "Longest time for which a service keeps the fuel pump open.";
     }
     groups {
-        /// How long each source may be silent.
-        ages: SourceAges = SourceAges::DEFAULT;
-        /// What happens to the demand when another source takes over.
+        /// Timeout of each source.
+        timeouts: SourceTimeouts = SourceTimeouts::DEFAULT;
+        /// Take-over by another source.
         takeover: Takeover = Takeover::DEFAULT;
-        /// What happens when the source in control falls silent while the engine is ordered to run.
+        /// Stages of loss when the source in control falls silent during a run.
         loss: Loss = Loss::DEFAULT;
-        /// What has to be true for a start.
+        /// Interlocks of a start.
         start: StartRules = StartRules::DEFAULT;
-        /// How fast the demand may change. Off by default.
+        /// Rates of change of the demand. Off by default.
         slew: Slew = Slew::DEFAULT;
-        /// What is monitored, and what is done about it.
+        /// Limits and their actions.
         limits: Limits = Limits::DEFAULT;
         /// Speed control over the throttle, for ECUs without one. Off by default (setting `GOV_ENABLE`).
         governor: Option<Governor> = None;
     }
 }
 
-/// The row of [`Supervision::governor`], which is there or not.
+/// Row of [`Supervision::governor`], which is optional.
 const GOVERNOR: Setting = Setting {
     name: "GOV_ENABLE",
     field: "governor",
@@ -252,9 +252,9 @@ const GOVERNOR: Setting = Setting {
 };
 
 impl Supervision {
-    /// The table of settings, group by group. The order is fixed.
+    /// Table of settings, group by group. The order is fixed.
     pub const TABLE: [&'static [Setting]; 9] = [
-        SourceAges::SETTINGS,
+        SourceTimeouts::SETTINGS,
         Takeover::SETTINGS,
         Loss::SETTINGS,
         StartRules::SETTINGS,
@@ -275,7 +275,7 @@ impl Supervision {
             None => Ok(()),
         };
         let checks = [
-            self.ages.check_own(),
+            self.timeouts.check_own(),
             self.takeover.check_own(),
             self.loss.check_own(),
             self.start.check_own(),
@@ -329,13 +329,13 @@ impl Supervision {
         Self::TABLE.into_iter().flatten().find(|setting| setting.name == name)
     }
 
-    /// The number of a setting; [`crate::setting::OFF`] where it is off. Of a governor that is off: what it would begin with.
+    /// The value of a setting; [`crate::setting::OFF`] where it is off. For a governor that is off: its default.
     pub fn number(&self, name: &str) -> Option<i32> {
         let governor = self.governor.unwrap_or(Governor::DEFAULT);
         if name == GOVERNOR.name {
             return Some(i32::from(self.governor.is_some()));
         }
-        self.ages
+        self.timeouts
             .own(name)
             .or_else(|| self.takeover.own(name))
             .or_else(|| self.loss.own(name))
@@ -349,7 +349,7 @@ impl Supervision {
     /// Changes a setting.
     ///
     /// # Errors
-    /// [`SettingError`], with nothing changed, if no setting has this name, the number is out of its range, or it belongs to a
+    /// [`SettingError`], with nothing changed, if no setting has this name, the value is out of range, or it belongs to a
     /// governor that is off.
     pub fn set(&mut self, name: &str, number: i32) -> Result<(), SettingError> {
         let setting = Self::setting(name).ok_or(SettingError::Unknown)?;
@@ -361,7 +361,7 @@ impl Supervision {
             self.governor = (number != 0).then_some(on);
             return Ok(());
         }
-        let done = self.ages.set_own(name, number)
+        let done = self.timeouts.set_own(name, number)
             || self.takeover.set_own(name, number)
             || self.loss.set_own(name, number)
             || self.start.set_own(name, number)

@@ -1,65 +1,64 @@
-//! Whether an engine burns, by its exhaust temperature: all the evidence there is where an ECU sends faults in place of a
-//! state (AMT-8).
+//! Detects combustion by the exhaust temperature, the only evidence while an ECU sends faults instead of a state (AMT-8).
 
 use crate::units::Celsius;
 use embassy_time::{Duration, Instant};
 
-/// Colder or hotter is a broken thermocouple: −50 °C is a raw 0 on either protocol.
+/// Range of a working thermocouple: −50 °C is a raw 0 in both protocols.
 const PLAUSIBLE: (Celsius, Celsius) = (Celsius::from_tenths(-400), Celsius::from_tenths(11_000));
-/// Fall of an exhaust that no longer burns, in 0.1 °C a second.
+/// Rate of fall without combustion, 15 °C/s in 0.1 °C/s.
 const FALL: i32 = 150;
-/// Fall after which it is no longer certain that it burns, in 0.1 °C a second: a value's step, over the interval.
+/// Rate of fall that leaves combustion uncertain, 4 °C/s in 0.1 °C/s: one step of the raw value over the interval.
 const COOLS: i32 = 40;
-/// It has to fall for this long.
+/// Consecutive intervals of such a fall that prove it.
 const FALLING_FOR: u8 = 3;
-/// Interval at which the fall is judged.
+/// Interval over which the fall is measured.
 const INTERVAL: Duration = Duration::from_secs(1);
-/// A change faster than any exhaust makes, in 0.1 °C a second: 150 °C/s down; a start rises by up to 270 °C/s.
+/// Fastest plausible changes, in 0.1 °C/s: 150 °C/s down and 500 °C/s up; a hot start rises by 270 °C/s.
 const STEP_DOWN: i32 = 1500;
 const STEP_UP: i32 = 5000;
-/// A change is judged over at least this time, because values have steps of 4.6 °C.
+/// Shortest time over which a change is measured, because values have steps of 4.6 °C.
 const STEP_OVER: Duration = Duration::from_millis(100);
-/// After a lower demand the exhaust cools for this long as was asked for.
+/// Time after a lower demand in which a fall is expected.
 const LOWERED: Duration = Duration::from_secs(5);
-/// A demand that is lowered over and over excuses a cold exhaust for this long at most.
+/// Longest time for which repeated lower demands excuse a cold exhaust.
 const EXCUSED_MAX: Duration = Duration::from_secs(15);
-/// Values in a row that have to agree.
+/// Consecutive values that have to agree.
 const AGREEING: u8 = 2;
 
-/// Whether an engine burns.
+/// Whether there is combustion.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) enum Burning {
-    /// Two values above the set temperature, and no fall since.
+    /// Two values above the configured temperature, and no fall since.
     Yes,
     /// Two values below it, or a fall of 15 °C/s for 3 s.
     No,
-    /// Neither, or the values cannot be right.
+    /// Neither, or implausible values.
     NotKnown,
 }
 
 /// The exhaust of one engine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exhaust {
-    /// Above this it burns.
+    /// Temperature above which there is combustion.
     limit: Celsius,
     state: Burning,
     last: Option<(Instant, Celsius)>,
     above: u8,
     below: u8,
-    /// Where the interval began in which the fall is judged.
+    /// Time and value at the beginning of the interval.
     mark: Option<(Instant, Celsius)>,
     falling: u8,
-    /// It fell in the last interval, however slowly.
+    /// It fell by at least 4 °C/s in the last interval.
     cools: bool,
-    /// Since when a lower demand excuses a fall, without a pause.
+    /// Time since which lower demands have excused a fall without a pause.
     excused_since: Option<Instant>,
-    /// The sensor was broken or jumped: a cold value is believed again only after two hot ones.
+    /// The sensor failed or jumped: a cold value counts again only after two hot ones.
     distrusted: bool,
 }
 
 impl Exhaust {
-    /// Another temperature from which on an exhaust burns, for the values that come from now on.
+    /// Changes the temperature above which there is combustion, for the values received from now on.
     pub const fn configure(&mut self, limit: Celsius) {
         self.limit = limit;
     }
@@ -83,13 +82,13 @@ impl Exhaust {
         self.state
     }
 
-    /// A value that no thermocouple in order gives.
+    /// Whether a working thermocouple can give this value.
     pub fn is_plausible(egt: Celsius) -> bool {
         egt >= PLAUSIBLE.0 && egt <= PLAUSIBLE.1
     }
 
-    /// One value; `None` where the ECU calls its sensor faulty. `lowered`: when the demand was last lowered.
-    pub fn see(&mut self, now: Instant, egt: Option<Celsius>, lowered: Option<Instant>) {
+    /// Takes one value; `None` where the ECU reports its sensor as faulty. `lowered`: when the demand was last lowered.
+    pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, lowered: Option<Instant>) {
         let Some(egt) = egt.filter(|egt| Self::is_plausible(*egt)) else {
             self.forget();
             return;
@@ -108,18 +107,18 @@ impl Exhaust {
         let lowered = lowered.is_some_and(|at| now < at + LOWERED);
         let since = if lowered { Some(self.excused_since.unwrap_or(now)) } else { None };
         self.excused_since = since;
-        let asked_for = since.is_some_and(|since| now < since + EXCUSED_MAX);
-        self.see_fall(now, egt, asked_for);
+        let commanded = since.is_some_and(|since| now < since + EXCUSED_MAX);
+        self.observe_fall(now, egt, commanded);
         let hot = egt > self.limit;
         self.above = if hot { self.above.saturating_add(1) } else { 0 };
         self.below = if hot { 0 } else { self.below.saturating_add(1) };
         self.distrusted &= self.above < AGREEING;
         if self.distrusted {
             self.state = Burning::NotKnown;
-        } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !asked_for {
+        } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !commanded {
             self.state = Burning::No;
         } else if self.falling > 0 || self.cools || self.below >= AGREEING {
-            // A fall was seen: no longer certain, and not yet the contrary.
+            // A fall leaves combustion uncertain, but does not disprove it yet.
             if self.state == Burning::Yes {
                 self.state = Burning::NotKnown;
             }
@@ -128,19 +127,19 @@ impl Exhaust {
         }
     }
 
-    fn see_fall(&mut self, now: Instant, egt: Celsius, asked_for: bool) {
+    fn observe_fall(&mut self, now: Instant, egt: Celsius, commanded: bool) {
         let Some((since, from)) = self.mark else {
             self.mark = Some((now, egt));
             return;
         };
-        let passed = now.saturating_duration_since(since);
-        if passed < INTERVAL {
+        let elapsed = now.saturating_duration_since(since);
+        if elapsed < INTERVAL {
             return;
         }
         let fall = (i32::from(from.tenths()) - i32::from(egt.tenths())).saturating_mul(1000);
-        let millis = i32::try_from(passed.as_millis()).unwrap_or(i32::MAX).max(1);
-        self.cools = fall / millis >= COOLS && !asked_for;
-        let falls = fall / millis >= FALL && !asked_for;
+        let millis = i32::try_from(elapsed.as_millis()).unwrap_or(i32::MAX).max(1);
+        self.cools = fall / millis >= COOLS && !commanded;
+        let falls = fall / millis >= FALL && !commanded;
         self.falling = if falls { self.falling.saturating_add(1) } else { 0 };
         self.mark = Some((now, egt));
     }
@@ -160,7 +159,7 @@ mod tests {
 
     fn run(exhaust: &mut Exhaust, from: u64, until: u64, egt: impl Fn(u64) -> i16) {
         for millis in (from..until).step_by(125) {
-            exhaust.see(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), None);
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), None);
         }
     }
 
@@ -208,7 +207,7 @@ mod tests {
         run(&mut exhaust, 0, 5000, |_| 700);
         for millis in (5000..9800).step_by(125) {
             let egt = Celsius::from_tenths(7000 - (millis as i16 - 5000) / 5);
-            exhaust.see(at(millis), Some(egt), Some(at(5000)));
+            exhaust.observe(at(millis), Some(egt), Some(at(5000)));
         }
         assert_eq!(exhaust.burning(), Burning::Yes);
     }
@@ -218,7 +217,7 @@ mod tests {
         for broken in [Some(Celsius::from_tenths(-500)), Some(Celsius::from_tenths(200)), None] {
             let mut exhaust = limit();
             run(&mut exhaust, 0, 1000, |_| 700);
-            exhaust.see(at(1000), broken, None);
+            exhaust.observe(at(1000), broken, None);
             run(&mut exhaust, 1125, 3000, |_| 20);
             assert_eq!(exhaust.burning(), Burning::NotKnown, "{broken:?}");
             run(&mut exhaust, 3000, 3500, |_| 700);

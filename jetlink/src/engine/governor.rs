@@ -1,42 +1,42 @@
 //! Speed control over the throttle, for ECUs without one: a PI controller in integers.
 //!
-//! It acts on each new shaft speed. Its output is limited in authority and in how fast it may rise, and its integral
-//! stands still while the output is at a limit. Old telemetry is not believed: the throttle then goes to idle.
+//! It acts on each new shaft speed. Its output is limited in authority and in its rate of rise, and its integral is held
+//! while the output is at a limit. With telemetry older than its timeout the throttle goes to idle.
 
 use super::config::Governor as Config;
 use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// Parts of a tenth of a percent in which the integral is kept.
+/// Resolution of the integral: parts of 0.1 %.
 const PARTS: i64 = 1_000_000;
 
-/// A shaft that falls faster than this, in rpm a second, while more speed is asked for, is not being accelerated.
+/// Rate of fall of a shaft, in rpm/s, above which fuel no longer accelerates it.
 const FALLING: u32 = 5000;
 
 /// Sets a throttle for a shaft speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Governor {
     config: Config,
-    /// In parts of a tenth of a percent.
+    /// In parts of 0.1 %.
     integral: i64,
-    /// In parts of a tenth of a percent.
+    /// In parts of 0.1 %.
     output: i64,
     seen: Option<Timed<Rpm>>,
 }
 
 impl Governor {
-    /// Takes over at the throttle in force.
+    /// Begins at the throttle in force.
     pub const fn new(config: Config, throttle: Throttle) -> Self {
         let parts = throttle.tenths() as i64 * PARTS;
         Self { config, integral: parts, output: parts, seen: None }
     }
 
-    /// The throttle for a target, and when to look again for stale telemetry.
+    /// The throttle for a target, and the time at which the telemetry is too old.
     pub fn throttle(&mut self, now: Instant, target: Rpm, rpm: Option<Timed<Rpm>>) -> (Throttle, Instant) {
         match rpm.filter(|rpm| now < rpm.at + self.config.max_age) {
             None => {
-                // Never throttle held up blindly.
+                // Never hold a throttle without a speed.
                 self.output = 0;
                 self.integral = 0;
                 self.seen = None;
@@ -45,14 +45,14 @@ impl Governor {
             Some(rpm) => {
                 if self.seen.map(|seen| seen.at) != Some(rpm.at) {
                     // Not more than 0.5 s: a gap must not become one big step.
-                    let passed = self
+                    let elapsed = self
                         .seen
                         .map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
-                    let passed = passed.min(Duration::from_millis(500));
+                    let elapsed = elapsed.min(Duration::from_millis(500));
                     let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
-                    let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * passed.as_micros();
+                    let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed.as_micros();
                     self.seen = Some(rpm);
-                    self.step(target, rpm.value, passed, falls && passed.as_ticks() > 0);
+                    self.step(target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
                 }
                 let tenths = u16::try_from(self.output / PARTS).unwrap_or(0);
                 let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
@@ -61,14 +61,14 @@ impl Governor {
         }
     }
 
-    fn step(&mut self, target: Rpm, rpm: Rpm, passed: Duration, falls: bool) {
-        let micros = passed.as_micros() as i64;
+    fn step(&mut self, target: Rpm, rpm: Rpm, elapsed: Duration, falls: bool) {
+        let micros = elapsed.as_micros() as i64;
         let error = i64::from(target.get()) - i64::from(rpm.get());
         // Gains are for 1000 rpm, the integral's for a second: µs and parts cancel out.
         let proportional = error * i64::from(self.config.proportional) * PARTS / 1000;
         let step = error * i64::from(self.config.integral) * micros / 1000;
         let highest = i64::from(self.config.authority.tenths()) * PARTS;
-        // A shaft that falls under a throttle that was not lowered has no flame: more fuel would only flood it.
+        // A shaft that falls although the throttle was not lowered has no flame: more fuel would only flood it.
         let rise = if falls { 0 } else { i64::from(self.config.slew) * micros };
         let risen = self.output + rise;
         let wanted = self.integral + step + proportional;

@@ -1,7 +1,7 @@
-//! The life of an engine: a run belongs to one life, and this says whether that life goes on, is in doubt, or is over.
+//! The life of an engine: a run belongs to one life, which continues, is in doubt, or is over.
 //!
-//! Doubt acts at once, in the reply to the very frame that raised it; the verdict needs two reports that agree. This is
-//! the one place where reports of an engine's state are debounced, for every protocol alike. The table is in
+//! Doubt takes effect at once, in the reply to the frame that raised it. Ending or confirming a life takes two consecutive
+//! reports that agree. Only this file debounces reports of an engine's state, for all protocols. The table is in
 //! `docs/failsafe.md` ("One life, one start").
 
 use super::exhaust::Burning;
@@ -11,54 +11,54 @@ use crate::link::{Sign, Stage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
-/// Reports in a row that have to agree before they confirm or end a life.
+/// Consecutive reports that have to agree before they confirm or end a life.
 const AGREEING: u8 = 2;
 
-/// Two throttles agree within this, in tenths of a percent: a running engine's may move.
+/// Largest difference between two throttles that agree, in 0.1 %: a running engine's may move.
 const AGREED_BAND: u16 = 20;
 
-/// How far an engine has come in this life.
+/// Progress of an engine in this life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Progress {
-    /// A start was ordered, and the ECU has not reported starting: a report at rest still fits.
+    /// A start was ordered, and the ECU has not reported starting: a report at rest is still expected.
     Ordered,
-    /// The ECU reported starting, this far.
+    /// The ECU reported this stage of a start.
     Starting(Stage),
     /// The ECU reported a running engine.
     Reached,
 }
 
-/// Why it is in doubt, and what was reported since.
+/// Cause of a doubt, and the reports since.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Doubt {
     since: Instant,
-    /// The ECU was not heard for a while, or the node was reset: it may have restarted meanwhile.
+    /// After a gap in reception or a reset of the node: the ECU may have restarted meanwhile.
     gap: bool,
-    /// The ECU sent faults in place of a state.
+    /// The ECU sent faults instead of a state.
     faults: bool,
     confirming: u8,
     ending: u8,
 }
 
 impl Doubt {
-    /// Raised now, with nothing reported since.
+    /// A doubt that begins now.
     const fn new(now: Instant) -> Self {
         Self { since: now, gap: false, faults: false, confirming: 0, ending: 0 }
     }
 }
 
-/// How one frame fits a life.
+/// Relation of one frame to a life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Fit {
     /// As expected.
     Fits,
-    /// Says nothing either way.
+    /// Neither confirms nor contradicts it.
     Neither,
-    /// A running engine with its shaft turning.
+    /// Reports a running engine with its shaft turning.
     Confirms,
-    /// Does not fit a living engine, and is no verdict.
+    /// Contradicts it, but does not end it.
     Doubtful,
-    /// Ends the life, if the next report agrees.
+    /// Ends it, if the next report agrees.
     Ends(End),
 }
 
@@ -66,19 +66,19 @@ enum Fit {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Life {
     progress: Progress,
-    /// The last report of a stage, for two that agree.
+    /// Last reported stage, waiting for a second report that agrees.
     candidate: Option<Stage>,
     doubt: Option<Doubt>,
-    /// Since when the ECU reports a restart of its own (ZK 13): bounded as a start is.
+    /// Time since which the ECU has reported its own restart (state 13 of ZK). It has the timeout of a start.
     restarting: Option<Instant>,
-    /// Error sets in a row, with nothing but frames without a state between.
+    /// Error sets since the last frame with a state.
     faulted: u8,
-    /// What the last frame was may be answered with the order in force (AMT).
+    /// The last frame may be answered with the order in force (AMT).
     answers: bool,
 }
 
 impl Life {
-    /// Begins with a start.
+    /// A life that begins with a start.
     pub const fn ordered() -> Self {
         Self {
             progress: Progress::Ordered,
@@ -90,58 +90,58 @@ impl Life {
         }
     }
 
-    /// Goes on with a start that is under way.
+    /// A life found in a start that is under way.
     pub const fn found_starting(stage: Stage) -> Self {
         Self { progress: Progress::Starting(stage), ..Self::ordered() }
     }
 
-    /// Goes on with an engine that two reports said to be running.
+    /// A life found running, by two reports.
     pub const fn found_running() -> Self {
         Self { progress: Progress::Reached, ..Self::ordered() }
     }
 
-    /// After a reset of the node with an order in force: in doubt until two reports say.
+    /// A life after a reset of the node with an order in force: in doubt until two reports confirm it.
     pub const fn after_reset(now: Instant) -> Self {
         let doubt = Doubt { gap: true, ..Doubt::new(now) };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
-    /// The engine has reached running in this life.
+    /// Whether the engine has reached running in this life.
     pub fn reached(&self) -> bool {
         self.progress == Progress::Reached
     }
 
-    /// Since when the life is in doubt.
+    /// Time since which the life has been in doubt.
     pub fn in_doubt(&self) -> Option<Instant> {
         self.doubt.map(|doubt| doubt.since)
     }
 
-    /// The ECU was not heard for a while, or the node was reset, and nothing has confirmed the life since.
+    /// Whether there was a gap in reception or a reset, and nothing has confirmed the life since.
     pub fn after_gap(&self) -> bool {
         self.doubt.is_some_and(|doubt| doubt.gap)
     }
 
-    /// An ECU that waits for a reply to its frame may have the order in force (AMT).
+    /// Whether the last frame may be answered with the order in force (AMT).
     pub const fn answers(&self) -> bool {
         self.answers
     }
 
-    /// What was found is what is answered.
+    /// Allows the answer to the frame with which a running engine was found.
     pub const fn answer(&mut self) {
         self.answers = true;
     }
 
-    /// The ECU sends faults in place of a state.
+    /// Whether the ECU sends faults instead of a state.
     pub const fn only_faults(&self) -> bool {
         self.faulted >= AGREEING
     }
 
-    /// Since when the ECU restarts the engine by itself.
+    /// Time since which the ECU has reported its own restart of the engine.
     pub const fn restarting(&self) -> Option<Instant> {
         self.restarting
     }
 
-    /// Three expected frames did not come.
+    /// Three expected frames are missing.
     pub fn gap(&mut self, now: Instant) -> Option<End> {
         self.candidate = None;
         self.answers = false;
@@ -153,8 +153,8 @@ impl Life {
         None
     }
 
-    /// One frame. Gives what ended the life, if it did.
-    pub fn see(&mut self, now: Instant, sign: Sign, exhaust: Burning) -> Option<End> {
+    /// Takes one frame. Returns why the life ended, if it did.
+    pub fn observe(&mut self, now: Instant, sign: Sign, exhaust: Burning) -> Option<End> {
         if sign == Sign::PowerUp {
             self.answers = false;
             return Some(End::PowerUp);
@@ -177,7 +177,7 @@ impl Life {
             Fit::Doubtful => {
                 let doubt = self.raise(now);
                 doubt.confirming = 0;
-                // A shaft that slows down helps to end a life; it ends none alone.
+                // A slowing shaft supports an end that another report has begun; it ends no life alone.
                 doubt.ending = if doubt.ending > 0 { doubt.ending + 1 } else { 0 };
                 (doubt.ending >= AGREEING).then_some(End::AtRest)
             }
@@ -198,8 +198,8 @@ impl Life {
         end
     }
 
-    /// With faults in place of a state the exhaust is the evidence of an engine that runs. A start ends: its ECU could start
-    /// the engine anew when the fault clears.
+    /// With faults instead of a state only the exhaust temperature shows a running engine. A start ends: the ECU could start
+    /// the engine again when the fault clears.
     fn fault_end(&self, exhaust: Burning) -> Option<End> {
         match (self.only_faults(), self.reached()) {
             (false, _) => None,
@@ -208,7 +208,7 @@ impl Life {
         }
     }
 
-    /// How one frame fits, given how far the engine has come.
+    /// Relation of one frame to the life, given its progress.
     fn fit(&self, sign: Sign, exhaust: Burning) -> Fit {
         let gap = self.after_gap();
         let (stage, turning) = match sign {
@@ -225,9 +225,9 @@ impl Life {
             (_, Stage::Rest) => Fit::Ends(End::AtRest),
             (Progress::Ordered, Stage::Clearance) => Fit::Fits,
             (_, Stage::Clearance) if slow || exhaust == Burning::No => Fit::Ends(End::AtRest),
-            // A shaft that coasts beside a cleared start: no engine that runs is reported so, and run would start it.
+            // No running engine is reported as cleared for a start. The shaft coasts, and "run" would start it.
             (_, Stage::Clearance) => Fit::Doubtful,
-            // After a gap any starting state is a start again: of ZK at any shaft speed.
+            // After a gap any starting state means another start; with ZK at any shaft speed.
             (_, Stage::Ignition | Stage::FuelRamp | Stage::Restart) if gap => Fit::Ends(End::StartsAgain),
             (_, Stage::Starting) if gap && slow => Fit::Ends(End::StartsAgain),
             (Progress::Starting(_), Stage::StartedUp | Stage::Calibrating) if gap && slow => {
@@ -237,7 +237,7 @@ impl Life {
             (Progress::Reached, Stage::Ignition | Stage::FuelRamp | Stage::Starting) if slow => {
                 Fit::Ends(End::StartsAgain)
             }
-            // Idle calibration and "started up" in flight are neither, with a shaft that turns.
+            // Idle calibration and "started up" in flight mean nothing while the shaft turns.
             (Progress::Reached, Stage::StartedUp | Stage::Calibrating | Stage::Unknown)
                 if turning == Some(false) =>
             {
@@ -249,8 +249,8 @@ impl Life {
         }
     }
 
-    /// A report that fits: two that agree move the life on. They also end the doubt that one odd report raised in a start;
-    /// after a gap only a running engine does.
+    /// Takes a report that fits: two that agree advance the life. They also end the doubt that one odd report raised in a
+    /// start; after a gap only a running engine does.
     fn advance(&mut self, sign: Sign) {
         let Sign::State { stage, .. } = sign else { return };
         self.contradict(sign);
@@ -261,7 +261,7 @@ impl Life {
         }
     }
 
-    /// Reports that agree follow one another: one that says something else begins anew.
+    /// Resets the counts of agreeing reports, which have to be consecutive.
     fn contradict(&mut self, sign: Sign) {
         if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
             (doubt.confirming, doubt.ending) = (0, 0);
@@ -289,7 +289,7 @@ impl Life {
         self.doubt.get_or_insert(Doubt::new(now))
     }
 
-    /// With faults in place of a state nothing but the exhaust says that the engine runs: the next state has to.
+    /// Counts error sets. They put a running engine in doubt until the next state confirms it.
     fn count_faults(&mut self, now: Instant, sign: Sign, exhaust: Burning) {
         match sign {
             Sign::Faulted { .. } => {
@@ -299,7 +299,7 @@ impl Life {
                 }
             }
             Sign::State { .. } => {
-                // Until now the exhaust has said so: what is in doubt is in doubt from here on.
+                // Until now the exhaust confirmed the engine, so the doubt begins here.
                 if self.only_faults()
                     && exhaust == Burning::Yes
                     && let Some(doubt) = self.doubt.as_mut().filter(|doubt| !doubt.gap)
@@ -312,18 +312,18 @@ impl Life {
         }
     }
 
-    /// Whether the frame may be answered with the order in force. In doubt nothing may that could start an engine.
+    /// Whether the frame may be answered with the order in force: not if that could start an engine whose life is in doubt.
     fn may_answer(&self, sign: Sign, fit: Fit, exhaust: Burning) -> bool {
         let Some(doubt) = self.doubt else { return true };
         match sign {
             Sign::PowerUp | Sign::Shaft { .. } => false,
-            // After faults only a report that says running; else it may be the engine's last turns.
+            // After faults only a report of running; other states may be the last turns of the shaft.
             Sign::State { stage, turning, .. } => {
                 turning == Some(true)
                     && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
                     && (!doubt.faults || stage == Stage::Running)
             }
-            // Values that cannot be read are no gap: a second of noise must not cost the replies, and so the engine.
+            // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
             Sign::Damaged => !doubt.gap,
             Sign::Stateless => !doubt.gap && doubt.ending == 0,
             Sign::Faulted { .. } if doubt.gap => exhaust == Burning::Yes,
@@ -332,50 +332,50 @@ impl Life {
     }
 }
 
-/// What is known of an engine of which no order is in force: after a reset without a record, or where a life was not
+/// Search for a running engine while no order is in force: after a reset without a record, or after a life that was not
 /// confirmed in time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Finding {
-    /// Since when nothing is in force.
+    /// Time since which no order has been in force.
     pub since: Instant,
-    /// Since when no source has wanted anything, as far as that began before.
+    /// Time since which no source has commanded, where that began earlier.
     pub silent_since: Instant,
-    /// Silence of all sources from before the last reset, and of the one whose demand was in force.
+    /// Silence before the last reset: of all sources, and of the one whose demand was in force.
     pub carried: Duration,
     pub lost_for: Duration,
-    /// Whose demand was in force before, if that is known: a lower source's standby waits for its loss.
-    pub ruler: Origin,
-    /// The record says that the engine ran, and nothing has ended that.
+    /// Source whose demand was in force, if known: the standby of a lower source waits for its loss.
+    pub active_source: Origin,
+    /// The engine ran before, according to the record.
     pub ran: bool,
-    /// The record says that it was started so long ago, and had not reached running.
+    /// Time since an unfinished start, according to the record.
     pub started: Option<Duration>,
     alive: u8,
     ending: u8,
     throttle: Option<Throttle>,
 }
 
-/// What was found.
+/// Result of the search.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Found {
-    /// Not yet anything.
+    /// No result yet.
     Nothing,
-    /// An engine that runs.
+    /// A running engine.
     Running,
-    /// An engine at rest, or one that starts.
+    /// An engine at rest, or in a start.
     NotRunning,
-    /// An engine whose ECU reports faults only, with a burning exhaust, and the record says that it ran.
+    /// An engine that ran before, with a hot exhaust and an ECU that reports faults only.
     Burning,
 }
 
 impl Finding {
-    /// Nothing is known.
+    /// A search without a record.
     pub const fn new(since: Instant, ran: bool) -> Self {
         Self {
             since,
             silent_since: since,
             carried: Duration::from_ticks(0),
             lost_for: Duration::from_ticks(0),
-            ruler: Origin::Node,
+            active_source: Origin::Node,
             ran,
             started: None,
             alive: 0,
@@ -384,34 +384,34 @@ impl Finding {
         }
     }
 
-    /// The same, with sources that fell silent earlier.
+    /// Adds sources that fell silent earlier.
     pub const fn silent_since(self, silent_since: Instant) -> Self {
         Self { silent_since, ..self }
     }
 
-    /// The same, in a start that began so long ago, and that a reset has cut short.
+    /// Adds a start that was ordered this long ago and interrupted by a reset.
     pub const fn in_a_start(self, since: Duration) -> Self {
         Self { started: Some(since), ..self }
     }
 
-    /// The same, where this source's demand was in force before.
-    pub const fn controlled_by(self, ruler: Origin) -> Self {
-        Self { ruler, ..self }
+    /// Adds the source whose demand was in force.
+    pub const fn controlled_by(self, active_source: Origin) -> Self {
+        Self { active_source, ..self }
     }
 
-    /// The same, with this silence from before a reset.
+    /// Adds silence from before a reset.
     pub const fn carrying(self, carried: Duration, lost_for: Duration) -> Self {
         Self { carried, lost_for, ..self }
     }
 
-    /// The ECU was not heard for a while: what it reported before counts no more.
+    /// Discards earlier reports, after a gap in reception.
     pub const fn gap(&mut self) {
         (self.alive, self.ending) = (0, 0);
     }
 
-    /// One frame. `answers`: the ECU waits for replies (AMT), and a set without a named running state counts if its shaft
-    /// turns.
-    pub fn see(&mut self, sign: Sign, exhaust: Burning, answers: bool) -> Found {
+    /// Takes one frame. `answers`: the ECU waits for replies (AMT), and a set with an unnamed state counts as running if its
+    /// shaft turns.
+    pub fn observe(&mut self, sign: Sign, exhaust: Burning, answers: bool) -> Found {
         match sign {
             Sign::PowerUp => Found::NotRunning,
             Sign::State { stage, turning, throttle } => {

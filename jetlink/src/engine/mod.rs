@@ -1,15 +1,15 @@
-//! One engine in plain words: what was commanded and by whom, and what is ordered of its ECU.
+//! One engine: commands from its sources in, one order to its ECU out.
 //!
 //! The rules here hold for every ECU; `docs/failsafe.md` has them as tables:
 //!
 //! - An emergency stop is latched until it is released with the engine stopped. It disarms.
-//! - A start is a permission that is used once: one source's own standby, then its own `Run` at idle, armed, with every
-//!   interlock true at that instant. A refusal uses it up (`commands.rs`).
-//! - A run belongs to one life of an engine ([`life`]). In doubt nothing goes out that could start one; when the life is
-//!   over, the order ends.
-//! - The highest source that is fresh is in control. When none is, the stages of loss begin: hold, fail-safe throttle, and
-//!   standby where configured or where no engine is known to live. Silence is found by a timer, and resets do not end it.
-//! - The ECU's own state wins over what was commanded.
+//! - A source starts an engine with its own standby, then its own `Run` at idle, armed, with every interlock satisfied at
+//!   that instant. The permission is used once, also by a refusal (`commands.rs`).
+//! - A run belongs to one life of an engine ([`life`]). While that life is in doubt, nothing is sent that could start an
+//!   engine. When it is over, the order ends.
+//! - The highest fresh source is in control. Without one the stages of loss follow: hold, fail-safe throttle, and standby
+//!   where configured or where no engine is known to run. A timer detects silence, and a reset does not end it.
+//! - The state that the ECU reports takes precedence over what was commanded.
 
 pub mod config;
 pub mod limits;
@@ -52,23 +52,24 @@ use heapless::Deque;
 
 pub use self::config::Loss;
 
-/// Resets in a row without a source after which an engine is resumed at the fail-safe stage.
+/// Consecutive resets without a source after which an engine resumes at the fail-safe stage.
 const RESETS_MAX: u8 = 3;
 
-/// For so long the ECU may report something else than what is ordered.
-const OBEYS_WITHIN: Duration = Duration::from_secs(3);
-/// So far the throttle that it reports may be from the one ordered, in tenths of a percent.
-const OBEYED_BAND: u16 = 100;
-/// Where nothing is known of whose an engine is, a stream of standby counts only after all sources had this time to speak.
+/// Grace period in which the ECU may report something other than the order.
+const OBEY_GRACE: Duration = Duration::from_secs(3);
+/// Largest difference between the reported and the ordered throttle, in 0.1 %.
+const OBEY_BAND: u16 = 100;
+/// Time that all sources get to be received before a stream of standby counts, while it is not known which source was in
+/// control.
 const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
-/// A transmitter that fails for this long is reported, and to be opened anew.
+/// Time without a transmission after which the transmitter is reported as failed and has to be opened again.
 pub(crate) const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);
 
-/// What is ordered, with what belongs to it and ends with it.
+/// The order, with the state that ends with it.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "nothing allocates, and one engine has one mode")]
 enum Mode {
-    /// Nothing is in force: until the ECU has reported what its engine does.
+    /// No order is in force until the ECU has reported what its engine does.
     Listen(Finding),
     /// Emergency stop, latched by this source.
     Stop(Origin),
@@ -77,46 +78,46 @@ enum Mode {
     /// Handed over to the ECU's PWM input.
     Pwm {
         life: Life,
-        /// When the engine has to run by.
+        /// Latest time to reach running.
         start_by: Option<Instant>,
     },
 }
 
-/// How an order to run begins.
+/// How a run begins.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Beginning {
     /// A start.
     FromStandby,
-    /// Nothing was in force, and the ECU reports a running engine.
+    /// No order was in force, and the ECU reports a running engine.
     Found {
-        /// Two reports say so; otherwise the exhaust does.
+        /// Two reports confirm it; otherwise only the exhaust temperature does.
         confirmed: bool,
-        /// It is in a start, this far, that was ordered so long ago.
+        /// Stage of a start that is under way, and time since it was ordered.
         starting: Option<(Stage, Duration)>,
-        /// Since when no source has wanted anything.
+        /// Time since which no source has commanded standby or a run.
         silent_since: Instant,
     },
-    /// After a reset of the node, with an order in force: in doubt until two reports confirm it.
+    /// The node was reset with an order in force: in doubt until two reports confirm it.
     Reset(RetainedState),
 }
 
-/// A start that waits while another engine of the group starts.
+/// A start that waits until another engine of the group has started.
 #[derive(Clone, Copy, Debug)]
 struct StartWait {
     origin: Origin,
     until: Instant,
 }
 
-/// A service that may have opened the fuel.
+/// A service command that may have opened the fuel pump.
 #[derive(Clone, Copy, Debug)]
 struct OpenPump {
     origin: Origin,
-    /// When its source last spoke.
-    heard: Instant,
+    /// Last command of its source.
+    last_rx: Instant,
     until: Instant,
 }
 
-/// One engine: its link, and what is commanded.
+/// One engine: its link, its sources and its order.
 #[derive(Clone, Debug)]
 pub struct Engine {
     link: AnyLink,
@@ -125,64 +126,64 @@ pub struct Engine {
     mode: Mode,
     ordered: Ordered,
     armed: bool,
-    /// The sources whose own standby permits their own next run to start the engine, in the order of [`Origin::ALL`].
+    /// Sources whose standby permits their next run to start the engine, in the order of [`Origin::ALL`].
     permitted: [bool; Origin::ALL.len()],
-    /// The sources whose last word about arming was "arm", and those that have to say "disarm" before it counts again.
+    /// Sources that last commanded "arm", and those that have to disarm before their "arm" counts again.
     arm_commanded: [bool; Origin::ALL.len()],
     must_disarm: [bool; Origin::ALL.len()],
     start_wait: Option<StartWait>,
-    /// When the last start was asked for.
+    /// Time of the last start.
     last_start: Option<Instant>,
-    /// When the ECU was last not heard for three expected frames, or said that it was powered up: it has, or may have, restarted.
+    /// Last time at which three expected frames were missing or the ECU reported its power-up: it may have restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
-    /// The last stage of loss brought it to standby.
+    /// The last stage of loss ended the run.
     ended_by_loss: bool,
-    /// It ran, and stopped or fell silent without a command.
+    /// The engine ran, and stopped or fell silent without a command.
     failed: bool,
-    /// So many other engines of the group have failed.
+    /// Number of failed engines in the rest of the group.
     others_failed: u8,
     limits: LimitMonitor,
     exhaust: Exhaust,
-    /// Resets in a row in which no source has spoken, this one counted.
+    /// Consecutive resets without a source, this one included.
     resets: u8,
-    /// Since when nothing that was to be sent went out; and that was reported.
+    /// Time of the first failed transmission since the last good one, and whether that was reported.
     transmitter: Option<Instant>,
     transmitter_failed: bool,
-    /// [`Engine::start`] was called: until then what survived a reset stays as it is.
+    /// [`Engine::start`] was called. Until then the retained state is left unchanged.
     begun: bool,
-    /// When that was.
+    /// Time of that call.
     started: Instant,
-    /// What survived the reset, until the engine begins.
-    kept: Option<RetainedState>,
+    /// State that survived the reset, until the engine begins.
+    retained: Option<RetainedState>,
     last_retained: Option<RetainedState>,
-    /// The last ruler that was told.
+    /// Active source that was last reported.
     reported_source: Option<Origin>,
-    /// A demand beyond the maximum was reported.
+    /// A clamped demand was reported.
     clamp_reported: bool,
-    /// Since when the ECU has reported something else than what is ordered.
-    disobeys_since: Option<Instant>,
-    /// That was told.
-    disobeys: bool,
+    /// Time since which the ECU has reported something other than the order.
+    not_obeyed_since: Option<Instant>,
+    /// That was reported.
+    not_obeyed: bool,
     commands_rejected: u32,
     /// The last refusal of each source, in the order of [`Origin::ALL`].
     last_rejection: [Option<Rejected>; Origin::ALL.len()],
-    /// The time of the last update: deadlines before it have been dealt with.
+    /// Time of the last update. Deadlines before it have been handled.
     at: Instant,
-    /// When it asked to be woken last.
+    /// Wake-up time that was last handed out.
     wake: Option<Instant>,
-    /// Something has happened since that was found, and since the record was last looked at: most bytes are the middle of a
-    /// frame, and change neither.
+    /// Whether the wake-up time and the record have to be computed again. Most bytes are in the middle of a frame and change
+    /// neither.
     wake_stale: bool,
     record_stale: bool,
-    /// A frame came then that nobody has looked at yet.
-    unseen: Option<Instant>,
+    /// Time of a frame that [`Engine::supervise`] has not handled yet.
+    pending_frame: Option<Instant>,
     events: Deque<Event, 12>,
     events_lost: u32,
 }
 
 impl Engine {
-    /// An engine of which nothing is ordered yet.
+    /// An engine without an order.
     pub fn new(config: &EngineConfig) -> Self {
         Self {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
@@ -208,31 +209,31 @@ impl Engine {
             transmitter_failed: false,
             begun: false,
             started: Instant::MIN,
-            kept: None,
+            retained: None,
             last_retained: None,
             reported_source: None,
             clamp_reported: false,
-            disobeys_since: None,
-            disobeys: false,
+            not_obeyed_since: None,
+            not_obeyed: false,
             commands_rejected: 0,
             last_rejection: [None; Origin::ALL.len()],
             at: Instant::MIN,
             wake: None,
             wake_stale: true,
             record_stale: true,
-            unseen: None,
+            pending_frame: None,
             events: Deque::new(),
             events_lost: 0,
         }
     }
 
-    /// A good frame was received that [`Engine::supervise`] has not looked at.
+    /// Whether a good frame waits for [`Engine::supervise`].
     pub const fn has_frame_to_supervise(&self) -> bool {
-        self.unseen.is_some()
+        self.pending_frame.is_some()
     }
 
-    /// Bytes came from the ECU; see [`Link::receive`]. What the frame says about the life of the engine is judged before
-    /// its reply is handed out; everything else is left to [`Engine::supervise`], and is in the next one.
+    /// Takes bytes from the ECU; see [`Link::receive`]. Whether the engine still runs is judged before the reply to the frame
+    /// is handed out. Everything else is left to [`Engine::supervise`] and takes effect with the next reply.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.wake.is_some_and(|at| at <= now) {
             self.update(now);
@@ -240,13 +241,13 @@ impl Engine {
         let taken = self.link.receive(now, bytes);
         if let Some(sign) = self.link.take_sign() {
             self.touch();
-            self.unseen = Some(now);
+            self.pending_frame = Some(now);
             self.judge(now, sign);
         }
         taken
     }
 
-    /// The UART saw a fault.
+    /// Counts a fault that the UART detected.
     pub fn line_error(&mut self, error: LineError) {
         self.link.line_error(error);
     }
@@ -283,24 +284,24 @@ impl Engine {
         }
     }
 
-    /// See [`Link::timeout`]. What is ordered is brought up to date first, so that a turn of the link carries it.
+    /// See [`Link::timeout`]. The order is updated first, so that a send slot of the link carries it.
     pub fn timeout(&mut self, now: Instant) {
         self.update(now);
         self.link.timeout(now);
         self.update(now);
     }
 
-    /// Looks at the frame that [`Engine::receive`] has taken: limits, sources, stages of loss. Call it when the outputs of that
-    /// input are drained, so that the reply to a frame does not wait for it; then drain again.
+    /// Handles the frame that [`Engine::receive`] has taken: limits, sources, stages of loss. Call it after draining the
+    /// outputs of that input, so that the reply to a frame does not wait for it; then drain again.
     pub fn supervise(&mut self) {
-        if let Some(now) = self.unseen.take() {
+        if let Some(now) = self.pending_frame.take() {
             self.touch();
             self.look(now);
             self.update(now);
         }
     }
 
-    /// See [`Link::poll`]. It only drains: everything is decided in the inputs.
+    /// See [`Link::poll`]. It only drains: the inputs decide.
     pub fn poll(&mut self) -> Output {
         let output = self.link.poll();
         if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
@@ -325,10 +326,10 @@ impl Engine {
         self.link.pressure(now, pressure);
     }
 
-    /// New settings of the supervision. They hold from the next frame, command or deadline on.
+    /// Changes the settings of the supervision, from the next frame, command or deadline on.
     ///
     /// # Errors
-    /// The first setting that is out of its range; nothing is changed then.
+    /// The first setting that is out of its range, with nothing changed.
     pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SettingId> {
         config.validate()?;
         self.touch();
@@ -340,11 +341,11 @@ impl Engine {
         Ok(())
     }
 
-    /// A command. The latest of a source wins, the highest fresh source rules, and a stop pre-empts everything.
-    /// `others_allow_start`: no other engine of the group is starting.
+    /// Takes a command. The latest command of a source replaces its earlier one, the highest fresh source is in control, and a
+    /// stop pre-empts everything. `others_allow_start`: no other engine of the group is starting.
     ///
     /// # Errors
-    /// [`Rejected`] with the reason; what was in force stays in force.
+    /// [`Rejected`] with the reason. The order does not change.
     pub fn command(
         &mut self,
         now: Instant,
@@ -353,7 +354,7 @@ impl Engine {
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
         self.touch();
-        let answer = self.obey(now, command, origin, others_allow_start);
+        let answer = self.execute(now, command, origin, others_allow_start);
         match answer {
             Ok(_) => {
                 self.note_rejection(origin, None);
@@ -379,12 +380,12 @@ impl Engine {
         starting || self.last_start.is_some_and(|at| now < at + self.config.start.gap)
     }
 
-    /// Whether it ran, and stopped or fell silent without a command.
+    /// Whether the engine ran, and stopped or fell silent without a command.
     pub const fn failed(&self) -> bool {
         self.failed
     }
 
-    /// Another engine of the group failed, or no longer has.
+    /// Counts another engine of the group that failed or has recovered.
     pub fn other_failed(&mut self, now: Instant, failed: bool) {
         self.others_failed =
             if failed { self.others_failed.saturating_add(1) } else { self.others_failed.saturating_sub(1) };
@@ -392,7 +393,7 @@ impl Engine {
         self.update(now);
     }
 
-    /// A snapshot.
+    /// Takes a snapshot.
     pub fn telemetry(&self, now: Instant) -> Telemetry {
         let mut counters = self.link.counters();
         counters.commands_rejected = self.commands_rejected;
@@ -410,7 +411,7 @@ impl Engine {
             state: EngineState::of(now, self.link.state(), self.link.report()),
             report: *self.link.report(),
             ordered: self.ordered,
-            obeyed: !self.disobeys,
+            obeyed: !self.not_obeyed,
             active_source,
             source_last_rx: self.sources.last_rx(active_source),
             commanded: run.map(|run| run.demand),
@@ -433,12 +434,12 @@ impl Engine {
     }
 
     // -----------------------------------------------------------------------------------------
-    // What is ordered
+    // The order
     // -----------------------------------------------------------------------------------------
 
-    /// Emergency stop, latched. It disarms, and arming again needs a change from disarmed to armed.
+    /// Latches an emergency stop. It disarms, and arming again needs a change from disarmed to armed.
     fn stop(&mut self, now: Instant, origin: Origin) {
-        // Whoever latched it first, or a higher one, holds it.
+        // The stop belongs to the highest source that commanded it.
         let by = match self.mode {
             Mode::Stop(by) if by.priority() > origin.priority() => by,
             _ => origin,
@@ -446,8 +447,8 @@ impl Engine {
         self.end();
         self.mode = Mode::Stop(by);
         self.failed = false;
-        for (must, said) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
-            *must |= said;
+        for (must, armed) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
+            *must |= armed;
         }
         if core::mem::take(&mut self.armed) {
             self.event(Event::Armed(false, by));
@@ -461,7 +462,7 @@ impl Engine {
         self.order(now, Order::Standby, origin);
     }
 
-    /// What a stop and a standby both end: permissions, a start that waits, fuel that a service opened.
+    /// Ends permissions, a waiting start and an open fuel pump: common to stop and standby.
     fn end(&mut self) {
         self.permitted = [false; Origin::ALL.len()];
         self.start_wait = None;
@@ -476,15 +477,16 @@ impl Engine {
         }
     }
 
-    /// When a pump that a service opened is closed: after its time, or the silence of its source.
+    /// Time at which a pump that a service opened is closed: after its maximum time, or the timeout of its source.
     fn pump_ends(&self) -> Option<Instant> {
         let pump = self.pump?;
-        let heard = self.sources.last_wanted(pump.origin).map_or(pump.heard, |at| at.max(pump.heard));
-        let silent = heard.checked_add(self.config.ages.of(pump.origin)).unwrap_or(Instant::MAX);
+        let last_rx =
+            self.sources.last_commanded(pump.origin).map_or(pump.last_rx, |at| at.max(pump.last_rx));
+        let silent = last_rx.checked_add(self.config.timeouts.of(pump.origin)).unwrap_or(Instant::MAX);
         Some(silent.min(pump.until))
     }
 
-    /// Orders a run: a start, or going on with an engine that runs.
+    /// Orders a run: a start, or the resumption of a running engine.
     fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
@@ -502,11 +504,11 @@ impl Engine {
         };
         let fail_safe_at = match stage {
             LossStage::None | LossStage::Hold => None,
-            // It had begun before the reset, and does not begin anew.
+            // It began before the reset and does not begin again.
             LossStage::FailSafe | LossStage::Standby => Some(now),
         };
         let fail_safe_at = match beginning {
-            // The stages of loss go on where they were when the order was given up.
+            // The stages of loss continue from where the order was cancelled.
             Beginning::Found { silent_since, .. } if silent_since < now => {
                 Some(silent_since + self.config.loss.hold)
             }
@@ -525,7 +527,7 @@ impl Engine {
                 let left = self.start_time().as_ticks().saturating_sub(started_before.as_ticks());
                 now + Duration::from_ticks(left)
             }),
-            ruler: origin,
+            active_source: origin,
             demand,
             shaped: demand,
             handed_out: None,
@@ -536,7 +538,7 @@ impl Engine {
             carried,
             all_carried,
             resumed: matches!(beginning, Beginning::Reset(_)),
-            // Where the switch went by ID 6, an rpm was the ECU's own to hold.
+            // With the switch sent by ID 6, the ECU held the rpm itself.
             own_speed_control: matches!(
                 beginning,
                 Beginning::Reset(RetainedState { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
@@ -556,7 +558,7 @@ impl Engine {
         self.update(now);
     }
 
-    /// The time that a start may take: the ECU's own figure, doubled, where it has one.
+    /// Longest time for a start: twice the ECU's own figure, where it has one.
     fn start_time(&self) -> Duration {
         match self.link.report().startup {
             Some(startup) if startup.value.as_ticks() > 0 => {
@@ -566,26 +568,26 @@ impl Engine {
         }
     }
 
-    /// One frame, before its reply is handed out: what it says about the life of the engine.
+    /// Judges what one frame says about the life of the engine, before its reply is handed out.
     fn judge(&mut self, now: Instant, sign: Sign) {
         if sign == Sign::PowerUp {
             self.last_gap = Some(now);
         }
-        self.see_exhaust(now, sign);
+        self.observe_exhaust(now, sign);
         let exhaust = self.exhaust.burning();
         let answers = self.link.answers_frames();
         match &mut self.mode {
             Mode::Stop(_) | Mode::Standby => {}
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();
-                let end = life.see(now, sign, exhaust);
+                let end = life.observe(now, sign, exhaust);
                 let doubts = life.in_doubt().is_some();
                 match end {
                     Some(end) => self.life_over(now, end),
                     None => {
                         self.report_doubt(doubted, doubts);
                         if doubts {
-                            // What is answered to a set of a doubtful engine depends on that set.
+                            // While in doubt, each set decides whether it is answered.
                             self.shape(now);
                         } else {
                             self.express(now);
@@ -594,13 +596,13 @@ impl Engine {
                 }
             }
             Mode::Listen(finding) => {
-                let found = finding.see(sign, exhaust, answers);
+                let found = finding.observe(sign, exhaust, answers);
                 self.found(now, found, sign);
             }
         }
     }
 
-    fn see_exhaust(&mut self, now: Instant, sign: Sign) {
+    fn observe_exhaust(&mut self, now: Instant, sign: Sign) {
         let egt = match sign {
             Sign::State { .. } => self.link.report().egt.filter(|egt| egt.at == now).map(|egt| egt.value),
             Sign::Faulted { egt, .. } => egt,
@@ -610,10 +612,10 @@ impl Engine {
             Mode::Run(run) => run.lowered.last(),
             _ => None,
         };
-        self.exhaust.see(now, egt, lowered);
+        self.exhaust.observe(now, egt, lowered);
     }
 
-    /// The life that the run belongs to is over: the order ends.
+    /// Ends the order, because the life that it belongs to is over.
     fn life_over(&mut self, now: Instant, end: End) {
         let reached = match &self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
@@ -648,7 +650,7 @@ impl Engine {
         self.record_stale = true;
     }
 
-    /// Brings what is ordered up to date: with the sources, the ECU and the time.
+    /// Updates the order from the sources, the ECU and the time.
     fn update(&mut self, now: Instant) {
         self.touch();
         if !self.begun {
@@ -658,17 +660,17 @@ impl Engine {
         self.find_gap(now);
         self.expire(now);
         self.note_failure(now);
-        self.keep_limits(now);
-        self.rule(now);
+        self.apply_limits(now);
+        self.arbitrate(now);
         self.shape(now);
-        if let Some(ruler) = self.active(now)
-            && self.reported_source.replace(ruler) != Some(ruler)
+        if let Some(active_source) = self.active(now)
+            && self.reported_source.replace(active_source) != Some(active_source)
         {
-            self.event(Event::ActiveSource(ruler));
+            self.event(Event::ActiveSource(active_source));
         }
     }
 
-    /// Three expected frames did not come: whatever lived is in doubt, at once.
+    /// Puts a run in doubt at once when three expected frames are missing.
     fn find_gap(&mut self, now: Instant) {
         if self.link.gap_at().is_none_or(|at| now < at) {
             return;
@@ -695,7 +697,7 @@ impl Engine {
         }
     }
 
-    /// Ends what has had its time.
+    /// Ends what has timed out.
     fn expire(&mut self, now: Instant) {
         if self.pump_ends().is_some_and(|at| now >= at) {
             self.close_pump();
@@ -715,7 +717,7 @@ impl Engine {
                 (by.filter(|by| now >= *by), doubt.is_some_and(|ends| now >= ends))
             }
             Mode::Listen(finding) => {
-                if self.listened_out(now, *finding).is_some_and(|at| now >= at) {
+                if self.listen_ends(now, *finding).is_some_and(|at| now >= at) {
                     self.standby(now, Origin::Node);
                     self.ended_by_loss = true;
                 }
@@ -731,22 +733,22 @@ impl Engine {
             let ms = |until: Instant| {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
             };
-            let passed =
+            let violation =
                 LimitViolation { what: LimitKind::StartTimeout, value: ms(now), limit: ms(by), at: now };
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
-            self.event(Event::Limit(passed));
+            self.event(Event::Limit(violation));
         } else if unconfirmed {
             self.give_up_order(now);
         }
     }
 
-    /// Nothing has confirmed the life in time: permission and order are gone, the engine is not. Should the ECU report a
-    /// running engine, however late, it goes on as one that was found running. A start ends.
+    /// Cancels a run that nothing confirmed in time, but leaves the engine alone: if the ECU reports a running engine later,
+    /// it resumes as one that was found running. A start ends.
     fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm, silent_since, ruler) = match &self.mode {
-            Mode::Run(run) => (run.life.reached(), false, run.silent_since(&self.config), run.ruler),
-            // ID 0 leaves the PWM input in charge for as long as it takes.
+        let (reached, pwm, silent_since, active_source) = match &self.mode {
+            Mode::Run(run) => (run.life.reached(), false, run.silent_since(&self.config), run.active_source),
+            // ID 0 leaves the PWM input in control for as long as it takes.
             Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
             _ => return,
         };
@@ -758,18 +760,19 @@ impl Engine {
             return;
         }
         self.failed = true;
-        // The stages of loss go on where they were.
+        // The stages of loss continue from where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.mode = Mode::Listen(Finding::new(now, true).silent_since(silent_since).controlled_by(ruler));
+        self.mode =
+            Mode::Listen(Finding::new(now, true).silent_since(silent_since).controlled_by(active_source));
         self.order(now, Order::Listen, Origin::Node);
         self.event(Event::RunCancelled(End::Unconfirmed));
     }
 
-    /// When nothing is in force and no source has wanted anything: standby goes out then. A ZK ECU from version 5 would keep
-    /// running otherwise (ZK-10).
-    fn listened_out(&self, now: Instant, finding: Finding) -> Option<Instant> {
+    /// Time at which standby is sent when no order is in force and no source commands. Otherwise a ZK ECU from version 5 would
+    /// keep running (ZK-10).
+    fn listen_ends(&self, now: Instant, finding: Finding) -> Option<Instant> {
         let silent_from = match self.sources.all_silent_from(now)? {
-            // It spoke since nothing is in force.
+            // A source was received since the order ended.
             Some(from) if from > finding.since => from,
             _ => finding.silent_since,
         };
@@ -778,25 +781,27 @@ impl Engine {
             .checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks())))
     }
 
-    /// Who rules: of a running engine the source whose demand is in force, of a stopped one whoever stopped it.
+    /// The active source: of a running engine the one whose demand is in force, of a stopped engine the one that stopped it.
     fn active(&self, now: Instant) -> Option<Origin> {
         match &self.mode {
             Mode::Listen(_) => None,
             Mode::Stop(by) => Some(*by),
-            Mode::Run(run) => Some(run.ruler),
-            Mode::Standby | Mode::Pwm { .. } => self.sources.active(now).map(|(ruler, _)| ruler),
+            Mode::Run(run) => Some(run.active_source),
+            Mode::Standby | Mode::Pwm { .. } => {
+                self.sources.active(now).map(|(active_source, _)| active_source)
+            }
         }
     }
 
-    /// Finds whose demand is in force, and how far a loss has gone.
-    fn rule(&mut self, now: Instant) {
+    /// Determines the active source and the stage of loss.
+    fn arbitrate(&mut self, now: Instant) {
         let living = self.lives();
         let Mode::Run(run) = &mut self.mode else { return };
-        let mut told: Deque<Event, 4> = Deque::new();
+        let mut events: Deque<Event, 4> = Deque::new();
         let doubted = run.life.in_doubt();
         let by = Arbitration { sources: &self.sources, config: &self.config, living, doubted };
-        let standby_by = run.rule(now, by, &mut told);
-        for event in &told {
+        let standby_by = run.arbitrate(now, by, &mut events);
+        for event in &events {
             self.event(*event);
         }
         if let Some(origin) = standby_by {
@@ -806,27 +811,27 @@ impl Engine {
         }
     }
 
-    /// The ECU reports a running engine, and nothing puts that in doubt; or it reports faults only, and the exhaust burns.
+    /// Whether the ECU reports a running engine and nothing puts that in doubt, or reports faults only while the exhaust is hot.
     fn lives(&self) -> bool {
         let Mode::Run(Run { life, .. }) = &self.mode else { return false };
         let burns = life.only_faults() && !life.after_gap() && self.exhaust.burning() == Burning::Yes;
         life.reached() && (life.in_doubt().is_none() || burns)
     }
 
-    /// All sources had time to speak since the node started.
+    /// Whether all sources had time to be received since the node started.
     fn settled(&self, now: Instant) -> bool {
         now >= self.started + LISTEN_TO_SOURCES
     }
 
-    /// The source's own standby is in force: its own next run may start the engine.
+    /// Permits the next run of this source to start the engine: its standby is in force.
     fn permit(&mut self, origin: Origin) {
         if let Some(permitted) = slot(&mut self.permitted, origin) {
             *permitted = origin != Origin::Node;
         }
     }
 
-    /// Does what a limit asks for that is passed. Also for one that was passed before the engine ran.
-    fn keep_limits(&mut self, now: Instant) {
+    /// Takes the action of a violated limit, also of one that was violated before the engine ran.
+    fn apply_limits(&mut self, now: Instant) {
         let Mode::Run(run) = &mut self.mode else { return };
         match self.limits.in_force() {
             Some((_, Action::FailSafe)) => run.limited = true,
@@ -840,7 +845,7 @@ impl Engine {
         }
     }
 
-    /// Whether an engine that ran counts as failed: its ECU is not heard, or reports faults in place of a state.
+    /// Updates whether an engine that ran counts as failed: its ECU is silent, or reports faults instead of a state.
     fn note_failure(&mut self, now: Instant) {
         let Mode::Run(run) = &self.mode else { return };
         if !run.life.reached() {
@@ -856,13 +861,13 @@ impl Engine {
         }
     }
 
-    /// Orders the demand, as far as ramps, slew and limits let it go.
+    /// Orders the demand after ramps, slew and limits.
     fn shape(&mut self, now: Instant) {
         let idle_rpm = self.link.report().idle_rpm.map(|idle| idle.value);
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
-            received: matches!(&self.mode, Mode::Run(run) if self.sources.has_wanted(run.ruler)),
+            received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
             idle_rpm,
             max_rpm: self.link.report().max_rpm.map(|max| max.value),
             rpm: self.link.report().rpm,
@@ -883,17 +888,16 @@ impl Engine {
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;
-        run.lowered.see(now, demand);
+        run.lowered.observe(now, demand);
         run.shaped = demand;
         self.express(now);
     }
 
-    /// Gives the link what may go out now: the demand, or, while the life of the engine is in doubt, nothing that could
-    /// start one.
+    /// Gives the link its order: the demand or, while the life of the engine is in doubt, nothing that could start one.
     fn express(&mut self, now: Instant) {
         match &self.mode {
             Mode::Run(run) => {
-                let origin = if run.stage == LossStage::None { run.ruler } else { Origin::Node };
+                let origin = if run.stage == LossStage::None { run.active_source } else { Origin::Node };
                 let (doubts, demand) = (run.life.in_doubt().is_some(), run.shaped);
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
                 self.link.release(run.life.reached());
@@ -901,7 +905,7 @@ impl Engine {
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }
             Mode::Pwm { life, start_by } => {
-                // After a reset it is ID 0 for good: what flies the engine by its PWM input goes on, and is not handed over anew.
+                // After a reset only ID 0 is sent: it leaves the PWM input in control without a second hand-over.
                 let resumed = start_by.is_none();
                 let order = if resumed || life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
                 let origin = self.ordered.origin;
@@ -915,54 +919,54 @@ impl Engine {
         if self.link.order(now, Order::Run(demand)).is_ok() {
             return Order::Run(demand);
         }
-        // An ECU that came back has not given its version yet: it keeps its rpm until it has.
+        // An ECU that came back has not reported its version yet: it keeps its rpm until it has.
         if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
             return self.order_doubt(now, demand);
         }
-        // An ECU that changed its maximum may refuse an rpm; no link refuses a throttle.
+        // The link rejects an rpm above the ECU's maximum, which may have changed. No link rejects a throttle.
         let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
         let _ = self.link.order(now, idle);
         idle
     }
 
-    /// The ECU has not given its version yet: whether it holds an rpm by itself is not known.
+    /// Whether the ECU has not reported its version yet, so that it is not known whether it controls an rpm itself.
     fn waits_for_version(&self) -> bool {
         matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }))
     }
 
     fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
         let order = Order::Doubt(demand);
-        // No link refuses it.
+        // No link rejects it.
         let _ = self.link.order(now, order);
         order
     }
 
-    /// Looks for limits that were passed, and whether the ECU obeys.
+    /// Checks the limits, and whether the ECU obeys.
     fn look(&mut self, now: Instant) {
         let lowered = match &self.mode {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
-        self.limits.see(now, self.link.report(), lowered);
-        while let Some(passed) = self.limits.found() {
-            self.event(Event::Limit(passed));
+        self.limits.observe(now, self.link.report(), lowered);
+        while let Some(violation) = self.limits.found() {
+            self.event(Event::Limit(violation));
         }
-        let disobeys = !self.obeys(now);
-        self.disobeys_since = if disobeys { self.disobeys_since.or(Some(now)) } else { None };
-        let disobeys = self.disobeys_since.is_some_and(|since| now >= since + OBEYS_WITHIN);
-        if core::mem::replace(&mut self.disobeys, disobeys) != disobeys {
-            self.event(if disobeys { Event::NotObeyed } else { Event::ObeyedAgain });
+        let not_obeyed = !self.obeys(now);
+        self.not_obeyed_since = if not_obeyed { self.not_obeyed_since.or(Some(now)) } else { None };
+        let not_obeyed = self.not_obeyed_since.is_some_and(|since| now >= since + OBEY_GRACE);
+        if core::mem::replace(&mut self.not_obeyed, not_obeyed) != not_obeyed {
+            self.event(if not_obeyed { Event::NotObeyed } else { Event::ObeyedAgain });
         }
     }
 
-    /// Whether what the ECU reports is what is ordered. What it has not said lately is.
+    /// Whether the ECU's recent reports match the order. Old reports count as a match.
     fn obeys(&self, now: Instant) -> bool {
         let report = self.link.report();
         let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
         let at_rest = self.phase().is_some_and(Phase::is_stopped);
         let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
             (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
-            // It may end there by itself.
+            // The ECU may end there by itself.
             (Order::EmergencyStop | Order::Standby, _) if at_rest => true,
             (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
             (Order::Standby, switch) => switch != ReportedSwitch::Run,
@@ -973,7 +977,7 @@ impl Engine {
             (Order::Run(Demand::Throttle(ordered)), Some(reported))
                 if self.phase() == Some(Phase::Running) && !self.link.shutting_down() =>
             {
-                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEYED_BAND
+                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEY_BAND
             }
             _ => true,
         };
@@ -987,7 +991,7 @@ impl Engine {
         let pump = self.pump_ends();
         let sources = self.sources.deadline(now);
         let of_mode = match &self.mode {
-            Mode::Listen(finding) => self.listened_out(now, *finding),
+            Mode::Listen(finding) => self.listen_ends(now, *finding),
             Mode::Run(run) => {
                 let (living, doubted) = (self.lives(), run.life.in_doubt());
                 let by = Arbitration { sources: &self.sources, config: &self.config, living, doubted };
@@ -1000,11 +1004,11 @@ impl Engine {
             Mode::Pwm { life, start_by } => self.life_deadline(life, *start_by),
             Mode::Stop(_) | Mode::Standby => None,
         };
-        // One that is over has been dealt with, and comes again with what it waits for.
+        // A past deadline has been handled. It is set again by the input that it waits for.
         [gap, wait, pump, sources, of_mode].into_iter().flatten().filter(|at| *at > now).min()
     }
 
-    /// When the start, a restart of the ECU's own, or the wait for a confirmation has had its time.
+    /// Timeout of the start, of the ECU's own restart, or of the wait for a confirmation.
     fn life_deadline(&self, life: &Life, start_by: Option<Instant>) -> Option<Instant> {
         let start = start_by.filter(|_| !life.reached());
         let restart = life.restarting().map(|since| since + self.start_time());
@@ -1012,14 +1016,14 @@ impl Engine {
         [start, restart, doubt].into_iter().flatten().min()
     }
 
-    /// An order that no link refuses.
+    /// Gives an order that no link rejects.
     fn order(&mut self, now: Instant, order: Order, origin: Origin) {
         if self.link.order(now, order).is_ok() {
             self.note_order(order, origin);
         }
     }
 
-    /// Keeps what is ordered; told only when it changes in kind, not at each new throttle.
+    /// Stores the order. Reports a change of its kind or origin, not each new throttle.
     fn note_order(&mut self, order: Order, origin: Origin) {
         let before = self.ordered;
         self.ordered = Ordered { order, origin };
@@ -1040,7 +1044,7 @@ impl Engine {
     }
 }
 
-/// The place of a source in a table in the order of [`Origin::ALL`].
+/// The entry of a source in a table in the order of [`Origin::ALL`].
 fn slot<T>(table: &mut [T; Origin::ALL.len()], origin: Origin) -> Option<&mut T> {
     Origin::ALL.into_iter().zip(table).find(|(place, _)| *place == origin).map(|(_, slot)| slot)
 }

@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Instant};
 
-/// Parts of a unit that are kept between updates.
+/// Resolution between updates: parts of a unit.
 const PARTS: u64 = 1000;
 
 /// A moving value, in the units of its caller.
@@ -14,7 +14,7 @@ pub(super) struct Ramp {
     rates: Rates,
 }
 
-/// How fast, in units a second. `None`: at once.
+/// Rates, in units a second. `None`: at once.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Rates {
     pub up: Option<u32>,
@@ -37,13 +37,13 @@ impl Ramp {
         (self.parts / PARTS) as u32
     }
 
-    /// Moves on to `now`, and from there to a target. Gives when to come back, if it is still on its way: after
-    /// `step` or at its end. The time up to now belongs to the target before.
+    /// Moves towards the previous target until `now`, then towards `target`. Returns the time of the next update while the
+    /// target is not reached: after `step`, or at its end.
     pub fn follow(&mut self, now: Instant, target: u32, rates: Rates, step: Duration) -> Option<Instant> {
         self.advance(now);
         self.target = u64::from(target) * PARTS;
         self.rates = rates;
-        // A target that is to be reached at once.
+        // Without a rate the target is reached at once.
         self.advance(now);
         let left = self.target.abs_diff(self.parts);
         let rate = self.rate().filter(|_| left > 0)?;
@@ -53,10 +53,10 @@ impl Ramp {
     }
 
     fn advance(&mut self, now: Instant) {
-        let passed = now.saturating_duration_since(self.at).as_micros();
+        let elapsed = now.saturating_duration_since(self.at).as_micros();
         self.at = self.at.max(now);
         let way = self.target.abs_diff(self.parts);
-        let moved = self.rate().map_or(way, |rate| (u64::from(rate) * passed / 1000).min(way));
+        let moved = self.rate().map_or(way, |rate| (u64::from(rate) * elapsed / 1000).min(way));
         self.parts = if self.target >= self.parts { self.parts + moved } else { self.parts - moved };
     }
 

@@ -1,7 +1,7 @@
-//! What survives a reset, and how an engine goes on after one.
+//! The retained state of an engine, and its resumption after a reset.
 //!
-//! With an order in force in the record, the run goes on with its life in doubt: nothing goes out that could start an
-//! engine, until two reports say that it runs. Without one, nothing is in force, and what the ECU reports decides.
+//! If the record has a run in force, the run resumes with its life in doubt: nothing is sent that could start an engine
+//! until two reports confirm that it runs. Otherwise no order is in force, and the reports of the ECU decide.
 
 use super::life::{Finding, Found};
 use super::retained::RetainedState;
@@ -14,121 +14,122 @@ use crate::link::{Link, Sign, Stage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
-/// What a reset takes at least: a loop of resets that is too short to be measured still counts.
+/// Shortest duration of a reset. It makes a loop of resets count that is too fast to be measured.
 const RESET_TAKES: Duration = Duration::from_millis(20);
-/// A throttle that the ECU reported longer ago is not what it obeys now.
+/// Largest age of a reported throttle that the ECU still obeys.
 const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
-/// A flag for each source from a bit each.
+/// Unpacks a bit mask into a flag for each source.
 fn flags(mask: u8) -> [bool; Origin::ALL.len()] {
     core::array::from_fn(|place| mask >> place & 1 == 1)
 }
 
-/// A bit for each source from a flag each.
+/// Packs a flag for each source into a bit mask.
 fn mask(flags: [bool; Origin::ALL.len()]) -> u8 {
     flags.iter().rev().fold(0, |mask, flag| mask << 1 | u8::from(*flag))
 }
 
-/// Seconds that have begun, as a record keeps them.
+/// Seconds, rounded up, as a record stores them.
 fn seconds(time: Duration) -> u16 {
     u16::try_from(time.as_secs() + 1).unwrap_or(u16::MAX)
 }
 
 impl Engine {
-    /// This survived the reset. Before anything is commanded, so that a command which comes before [`Engine::start`]
-    /// does not take its place.
-    pub fn keep(&mut self, kept: Option<RetainedState>) {
-        let Some(kept) = kept else { return };
-        (self.armed, self.failed) = (kept.armed, kept.failed);
-        self.arm_commanded = flags(kept.arm_commanded);
-        self.must_disarm = flags(kept.must_disarm);
-        // This reset counts, until a source speaks.
-        self.resets = kept.resets.saturating_add(1);
-        self.last_retained = Some(kept);
-        self.kept = Some(kept);
-        if kept.by_id6 {
+    /// Restores the state that survived a reset. Call it before any command, so that a command before [`Engine::start`] does
+    /// not replace it.
+    pub fn restore(&mut self, retained: Option<RetainedState>) {
+        let Some(retained) = retained else { return };
+        (self.armed, self.failed) = (retained.armed, retained.failed);
+        self.arm_commanded = flags(retained.arm_commanded);
+        self.must_disarm = flags(retained.must_disarm);
+        // This reset counts until a source is received.
+        self.resets = retained.resets.saturating_add(1);
+        self.last_retained = Some(retained);
+        self.retained = Some(retained);
+        if retained.by_id6 {
             self.link.resume_switch_by_id6();
         }
         let now = self.at;
-        match kept.order {
+        match retained.order {
             Order::EmergencyStop => {
                 self.armed = false;
-                self.mode = Mode::Stop(kept.origin);
+                self.mode = Mode::Stop(retained.origin);
             }
             Order::Standby => self.mode = Mode::Standby,
-            _ => self.mode = Mode::Listen(Finding::new(now, kept.ran).controlled_by(kept.origin)),
+            _ => self.mode = Mode::Listen(Finding::new(now, retained.ran).controlled_by(retained.origin)),
         }
-        if kept.pump_open {
+        if retained.pump_open {
             let origin = Origin::Node;
-            self.pump = Some(OpenPump { origin, heard: now, until: now });
+            self.pump = Some(OpenPump { origin, last_rx: now, until: now });
         }
     }
 
-    /// Begins, after a reset of whatever kind, with what survived it.
-    pub fn start(&mut self, now: Instant, kept: Option<RetainedState>) {
+    /// Begins after any kind of reset, with the state that survived it.
+    pub fn start(&mut self, now: Instant, retained: Option<RetainedState>) {
         self.link.start(now);
         self.touch();
         (self.begun, self.started) = (true, now);
         self.at = self.at.max(now);
-        if self.kept.is_none() {
-            self.keep(kept);
+        if self.retained.is_none() {
+            self.restore(retained);
         }
-        let kept = self.kept.take();
+        let retained = self.retained.take();
         self.close_pump();
         match self.mode {
-            // Commanded before the runner began, or retained.
+            // Commanded before the runner began, or restored.
             Mode::Stop(by) => self.order(now, Order::EmergencyStop, by),
             Mode::Standby => self.order(now, Order::Standby, Origin::Node),
-            _ => self.go_on(now, kept),
+            _ => self.resume(now, retained),
         }
     }
 
-    fn go_on(&mut self, now: Instant, kept: Option<RetainedState>) {
-        let ran = kept.is_some_and(|kept| kept.ran);
-        let silent = kept.map_or(Duration::from_ticks(0), |kept| kept.silent + RESET_TAKES);
-        let all_silent = kept.map_or(Duration::from_ticks(0), |kept| kept.all_silent + RESET_TAKES);
-        let ruler = kept.map_or(Origin::Node, |kept| kept.origin);
+    fn resume(&mut self, now: Instant, retained: Option<RetainedState>) {
+        let ran = retained.is_some_and(|retained| retained.ran);
+        let silent = retained.map_or(Duration::from_ticks(0), |retained| retained.silent + RESET_TAKES);
+        let all_silent =
+            retained.map_or(Duration::from_ticks(0), |retained| retained.all_silent + RESET_TAKES);
+        let active_source = retained.map_or(Origin::Node, |retained| retained.origin);
         let finding = Finding::new(now, ran).carrying(all_silent, silent);
-        self.mode = Mode::Listen(finding.controlled_by(ruler));
+        self.mode = Mode::Listen(finding.controlled_by(active_source));
         self.order(now, Order::Listen, Origin::Node);
-        let Some(kept) = kept else { return };
-        match kept.order {
+        let Some(retained) = retained else { return };
+        match retained.order {
             Order::Run(demand) if ran => {
                 let low = self.resets >= RESETS_MAX;
-                let lost = low || kept.loss >= LossStage::FailSafe;
-                // After resets in a row without a word it is not waited for once more.
+                let lost = low || retained.loss >= LossStage::FailSafe;
+                // After consecutive resets without a command, the source gets no further timeout.
                 let counts_as_silent = if low { Duration::MAX } else { silent };
-                // A ramp that goes on only while the node runs would come to no stated end. An rpm is at idle with the fail-safe.
+                // A ramp that only moves between resets might never end. An rpm is at idle in the fail-safe stage.
                 let demand = match demand {
                     Demand::Throttle(throttle) if low => {
                         Demand::Throttle(throttle.min(self.config.loss.throttle))
                     }
                     demand => demand,
                 };
-                self.sources.resume(now, kept.origin, demand, lost, counts_as_silent);
-                let record = RetainedState { silent, all_silent, resets: self.resets, ..kept };
-                self.begin(now, demand, kept.origin, Beginning::Reset(record));
-                if kept.loss != LossStage::None {
-                    self.event(Event::SourceLoss(kept.loss));
+                self.sources.resume(now, retained.origin, demand, lost, counts_as_silent);
+                let record = RetainedState { silent, all_silent, resets: self.resets, ..retained };
+                self.begin(now, demand, retained.origin, Beginning::Reset(record));
+                if retained.loss != LossStage::None {
+                    self.event(Event::SourceLoss(retained.loss));
                 }
             }
-            // A start that the reset has cut short.
-            Order::Run(_) | Order::Listen if kept.starting > 0 => {
-                let since = Duration::from_secs(kept.starting.into());
+            // A start that the reset interrupted.
+            Order::Run(_) | Order::Listen if retained.starting > 0 => {
+                let since = Duration::from_secs(retained.starting.into());
                 self.mode = Mode::Listen(finding.in_a_start(since));
             }
             Order::Run(_) => self.mode = Mode::Listen(finding),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };
-                self.note_order(Order::Pwm, kept.origin);
+                self.note_order(Order::Pwm, retained.origin);
                 self.express(now);
             }
             _ => {}
         }
     }
 
-    /// What shall survive a reset, if it is not what the last call gave.
+    /// The state to retain, if it has changed since the last call.
     pub fn take_retained(&mut self) -> Option<RetainedState> {
         if !core::mem::take(&mut self.record_stale) {
             return None;
@@ -137,18 +138,18 @@ impl Engine {
         (self.last_retained.replace(record) != Some(record)).then_some(record)
     }
 
-    /// What shall survive a reset.
+    /// The state to retain.
     pub fn record(&self) -> RetainedState {
         let by = self.ordered.origin;
-        let kept = match &self.mode {
-            Mode::Listen(_) if self.kept.is_some() => {
-                self.kept.unwrap_or(RetainedState::new(Order::Listen, by))
+        let retained = match &self.mode {
+            Mode::Listen(_) if self.retained.is_some() => {
+                self.retained.unwrap_or(RetainedState::new(Order::Listen, by))
             }
             Mode::Listen(finding) => {
                 let since = self.at.saturating_duration_since(finding.silent_since);
                 let received = self.sources.any_received();
                 let of = |before| if received { Duration::from_ticks(0) } else { before + since };
-                // Another reset in a start that one has cut short already leaves it one.
+                // A start that a reset interrupted stays one after another reset.
                 let (order, starting) = match finding.started {
                     Some(since) => {
                         let since = since + self.at.saturating_duration_since(finding.since);
@@ -161,7 +162,7 @@ impl Engine {
                     silent: RetainedState::steps(of(finding.lost_for)),
                     all_silent: RetainedState::steps(of(finding.carried)),
                     starting,
-                    ..RetainedState::new(order, finding.ruler)
+                    ..RetainedState::new(order, finding.active_source)
                 }
             }
             Mode::Stop(by) => RetainedState::new(Order::EmergencyStop, *by),
@@ -169,11 +170,11 @@ impl Engine {
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
                 let silent = self.silent(run);
-                let received = self.sources.has_wanted(run.ruler);
+                let received = self.sources.has_commanded(run.active_source);
                 let silent =
                     if received { RetainedState::coarse_steps(silent) } else { RetainedState::steps(silent) };
-                let all_silent = match self.sources.last_word() {
-                    Some(word) => RetainedState::coarse_steps(self.at.saturating_duration_since(word)),
+                let all_silent = match self.sources.last_command() {
+                    Some(last) => RetainedState::coarse_steps(self.at.saturating_duration_since(last)),
                     None => {
                         RetainedState::steps(run.all_carried + self.at.saturating_duration_since(run.began))
                     }
@@ -187,16 +188,16 @@ impl Engine {
                     silent,
                     all_silent,
                     starting,
-                    ..RetainedState::new(self.run_state(run), run.ruler)
+                    ..RetainedState::new(self.run_state(run), run.active_source)
                 }
             }
             Mode::Pwm { life, .. } => {
                 RetainedState { ran: life.reached(), ..RetainedState::new(Order::Pwm, by) }
             }
         };
-        // A lower source that speaks is none that a dead one's demand may be held for.
+        // Commands of a lower source must not prolong the hold of a lost source's demand.
         let received = match &self.mode {
-            Mode::Run(run) => self.sources.has_wanted(run.ruler),
+            Mode::Run(run) => self.sources.has_commanded(run.active_source),
             _ => self.sources.any_received(),
         };
         let resets = if received { 0 } else { self.resets };
@@ -208,15 +209,17 @@ impl Engine {
             resets,
             arm_commanded: mask(self.arm_commanded),
             must_disarm: mask(self.must_disarm),
-            ..kept
+            ..retained
         }
     }
 
-    /// How long the source in control has been silent, resets included.
+    /// Silence of the source in control, resets included.
     fn silent(&self, run: &Run) -> Duration {
-        match (self.sources.last_wanted(run.ruler), run.silent_since(&self.config)) {
-            (Some(word), _) => self.at.saturating_duration_since(word),
-            (None, Some(since)) if run.ruler == Origin::Node => self.at.saturating_duration_since(since),
+        match (self.sources.last_commanded(run.active_source), run.silent_since(&self.config)) {
+            (Some(last), _) => self.at.saturating_duration_since(last),
+            (None, Some(since)) if run.active_source == Origin::Node => {
+                self.at.saturating_duration_since(since)
+            }
             (None, _) => run.carried + self.at.saturating_duration_since(run.began),
         }
     }
@@ -226,23 +229,22 @@ impl Engine {
             // A reset ends the service command, not the shutdown.
             return Order::Standby;
         }
-        // Where the source is lost or a limit was passed, what is left of its demand: a reset must not bring the rest
-        // back. A demand that has not come to pass, because the engine does not run yet, by a slew, or because another
-        // source takes over, is none to jump to.
+        // After a loss or a violated limit the reduced demand is retained: a reset must not restore the full one. The same
+        // holds for a demand that was not reached yet because of the start, a slew or a take-over: a reset must not jump to it.
         let behind = match (run.shaped, run.demand) {
             (Demand::Throttle(_), Demand::Throttle(_)) | (Demand::Rpm(_), Demand::Rpm(_)) => {
                 run.shaped.is_below(run.demand)
             }
-            // A governor makes a throttle of an rpm. Otherwise what is commanded now is of the other kind, and not in force.
+            // The governor turns an rpm into a throttle. Otherwise the commanded demand is of the other kind and not in force.
             _ => run.own_speed_control || matches!(run.shaped, Demand::Rpm(_)),
         };
         let shaped = run.stage != LossStage::None || run.limited || behind;
         let demand = if shaped { run.shaped } else { run.demand };
-        // What has not gone out yet is for its source to say again: after a reset a demand rises, and does not jump.
+        // What was not sent yet has to be commanded again: after a reset a demand rises and does not jump.
         Order::Run(run.sent.filter(|sent| sent.is_below(demand)).unwrap_or(demand))
     }
 
-    /// Nothing was in force, and the ECU has reported what its engine does.
+    /// Acts on the result of a search for a running engine.
     pub(super) fn found(&mut self, now: Instant, found: Found, sign: Sign) {
         let throttle = match sign {
             Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
@@ -252,10 +254,10 @@ impl Engine {
         let throttle = throttle.or(reported.map(|throttle| throttle.value));
         match (found, throttle) {
             (Found::Nothing, _) => {}
-            // It comes round within a second; an ECU that never says it is brought to idle.
+            // The throttle is reported within a second. An engine whose ECU never reports it goes to idle.
             (Found::Running, None) if now < self.started + THROTTLE_MAX_AGE => {}
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
-            // It is nobody's, so the stages of loss begin.
+            // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
                 let confirmed = found == Found::Running;
                 let silent_since = match &self.mode {
@@ -264,8 +266,7 @@ impl Engine {
                 };
                 let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
-                // The start that a reset has cut short goes on as one, until its ECU says running. So does one that nobody
-                // knows of.
+                // An interrupted start continues until its ECU reports running. So does a start that no record has.
                 let starting = match (&self.mode, sign) {
                     (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
                         (stage != Stage::Running).then_some((stage, *since))
@@ -286,23 +287,23 @@ impl Engine {
         }
     }
 
-    /// Since when nobody has wanted the engine that was found to run; now, if somebody does.
+    /// Time since which no source has commanded the running engine that was found; now, if one does.
     fn lost_since(&self, now: Instant, finding: &Finding) -> Instant {
         if matches!(self.sources.active(now), Some((_, Intent::Run(_)))) {
             return now;
         }
-        // Whose demand was in force may have fallen silent since; or whoever spoke.
+        // The source whose demand was in force may have fallen silent since, or all that were received.
         let spoke = || self.sources.all_silent_from(now).flatten();
-        let known = self.sources.silent_from(finding.ruler).or_else(spoke);
-        // Silence of before a reset counts until somebody speaks, beyond the age limit of whoever it was.
-        let beyond = finding.lost_for.as_ticks().saturating_sub(self.config.ages.longest().as_ticks());
-        let kept = now.checked_sub(Duration::from_ticks(beyond)).unwrap_or(Instant::MIN);
-        let lost = known.unwrap_or(kept).min(now);
-        // Where an order was given up, the stages of loss go on; after a start of the node nobody has been waited for yet.
+        let known = self.sources.silent_from(finding.active_source).or_else(spoke);
+        // Silence before a reset counts until a source is received, beyond the longest source timeout.
+        let beyond = finding.lost_for.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks());
+        let retained = now.checked_sub(Duration::from_ticks(beyond)).unwrap_or(Instant::MIN);
+        let lost = known.unwrap_or(retained).min(now);
+        // After a cancelled order the stages of loss continue; after a start of the node they begin.
         if finding.silent_since < finding.since { finding.silent_since.min(lost) } else { lost }
     }
 
-    /// Where the stages of loss would have taken this throttle by now, had the ECU been heard.
+    /// The throttle to which the stages of loss would have lowered the reported one by now.
     fn lost_throttle(&self, now: Instant, silent_since: Instant, reported: Throttle) -> Throttle {
         let loss = &self.config.loss;
         let falling = now.saturating_duration_since(silent_since + loss.hold);

@@ -1,9 +1,8 @@
-//! What has to survive a reset: the order in force, its demand and its source, in memory that start-up does not
-//! clear. Two copies with a checksum and a sequence number, so that a reset in the middle of a write leaves the
-//! one before.
+//! State that survives a reset: the order in force, its demand and its source, in memory that start-up does not clear.
+//! Two copies with a checksum and a sequence number: a reset during a write leaves the previous copy intact.
 //!
-//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. What is then left
-//! of a whole record can only stop an engine or preserve one: [`RetainedState::without_start`].
+//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only those
+//! parts of a record are used that can stop an engine or preserve one: [`RetainedState::without_start`].
 
 use crate::command::{Demand, Order, Origin};
 use crate::event::LossStage;
@@ -13,48 +12,48 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use embassy_time::Duration;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-/// Changes with the layout, so that an older firmware's memory is not believed.
+/// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
 const LAYOUT: u32 = 0x4A4C_0005;
 const WORDS: usize = 8;
-/// Silence is retained in steps of this, so that a record does not change with every frame.
+/// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
-/// Steps of 0.2 s, while a source has spoken since the last reset.
+/// Steps of a coarse silence: 0.2 s, once a source was received after the last reset.
 const COARSE: u32 = 10;
-/// Bits of a demand in its word; the rest is for the silence of all sources, whose higher bits stand elsewhere.
+/// Bits of a demand in its word. The rest holds the lower bits of the silence of all sources.
 const DEMAND_BITS: u32 = 18;
 const SILENCE_LOW: u32 = u32::BITS - DEMAND_BITS;
-/// Where those are, behind the silence of one source and four bits of resets.
+/// Position of its higher bits, above the silence of one source and four bits of resets.
 const SILENCE_HIGH_AT: u32 = 20;
 const ALL_SILENCE_STEPS_MAX: u32 = (1 << (SILENCE_LOW + u32::BITS - SILENCE_HIGH_AT)) - 1;
 const RESETS_MAX: u32 = 15;
 
-/// What the reset was that the node comes out of.
+/// Kind of the last reset of the node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reset {
-    /// The power never went away: watchdog, software, pin.
+    /// Power was not interrupted: watchdog, software, pin.
     Warm,
-    /// The power went away or dipped: nothing that could start or raise an engine is believed.
+    /// Power was lost or dipped: nothing is restored that could start an engine or raise its demand.
     #[default]
     PowerLost,
 }
 
-/// What is kept of one engine.
+/// Retained state of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RetainedState {
-    /// The order in force. A latched emergency stop is one.
+    /// Order in force, also a latched emergency stop.
     pub order: Order,
-    /// Whose it was.
+    /// Origin of the order.
     pub origin: Origin,
     /// Whether the engine was armed.
     pub armed: bool,
-    /// A limit was passed whose action is the fail-safe throttle: it stays there until standby is commanded.
+    /// A limit was violated whose action is the fail-safe throttle: the demand stays there until standby is commanded.
     pub limited: bool,
-    /// How far the loss of the source had gone: one that was lost has to speak for a while before it rules again.
+    /// Stage of loss. A source that was lost has to be received without a gap before it is in control again.
     pub loss: LossStage,
-    /// The engine ran, and stopped or fell silent without a command: the other engines are told.
+    /// The engine ran, and stopped or fell silent without a command. It is reported to the other engines.
     pub failed: bool,
     /// The engine has reached running, and no standby, stop or end of its life has come since.
     pub ran: bool,
@@ -62,22 +61,22 @@ pub struct RetainedState {
     pub by_id6: bool,
     /// A service command may have opened the fuel pump, and it was not closed.
     pub pump_open: bool,
-    /// How long the source in control has been silent, resets included. In steps of 20 ms, 21 min at most.
+    /// Silence of the source in control, resets included, in steps of 20 ms, 21 min at most.
     pub silent: Duration,
-    /// The same for every source. In steps of 20 ms, for longer than anything here lasts.
+    /// Silence of all sources, in steps of 20 ms.
     pub all_silent: Duration,
-    /// Resets in a row in which the source in control has not spoken; 15 at most.
+    /// Consecutive resets without a command of the source in control, 15 at most.
     pub resets: u8,
-    /// How long ago the start that is under way was ordered, in s; 0 without one.
+    /// Time since the start that is under way was ordered, in s; 0 without one.
     pub starting: u16,
-    /// The sources whose last word about arming was "arm", a bit each in the order of [`Origin::ALL`].
+    /// Sources that last commanded "arm", a bit each in the order of [`Origin::ALL`].
     pub arm_commanded: u8,
-    /// The sources that have to disarm before their "arm" counts again, in the same way.
+    /// Sources that have to disarm before their "arm" counts again, in the same order.
     pub must_disarm: u8,
 }
 
 impl RetainedState {
-    /// An order of somebody, and nothing else.
+    /// A state with this order, and nothing else.
     pub const fn new(order: Order, origin: Origin) -> Self {
         Self {
             order,
@@ -98,8 +97,8 @@ impl RetainedState {
         }
     }
 
-    /// What is left after a loss of power, or of another engine's record: nothing that could start or raise an engine, all
-    /// that can only stop or preserve one.
+    /// The parts that remain after a loss of power, or of another engine's record: those that can only stop an engine or
+    /// preserve one, never start it or raise its demand.
     pub const fn without_start(self) -> Self {
         let order = match self.order {
             Order::EmergencyStop => Order::EmergencyStop,
@@ -138,22 +137,22 @@ impl RetainedState {
         }
     }
 
-    /// Silence in the steps in which it is retained.
+    /// Silence, rounded down to retained steps.
     pub(super) fn steps(silent: Duration) -> Duration {
         SILENCE_STEP * steps(silent)
     }
 
-    /// The same, coarse: the record of a source that speaks does not change with every word.
+    /// Silence, rounded down to coarse steps, so that the record does not change with every command.
     pub(super) fn coarse_steps(silent: Duration) -> Duration {
         let steps = steps(silent);
         SILENCE_STEP * (steps - steps % COARSE)
     }
 }
 
-/// RetainedMemory for one engine's record. Place it where start-up does not clear it; what it holds after a power-up is
-/// then arbitrary, and not believed.
+/// Memory for one engine's record. Place it where start-up does not clear it. After a power-up its contents are arbitrary,
+/// and the checksum rejects them.
 ///
-/// Each copy is a multiple of 32 bytes: the word that is written is never in the ECC unit of the other copy.
+/// Each copy is a multiple of 32 bytes, so that a write never touches an ECC unit of the other copy.
 #[derive(Debug)]
 #[repr(C, align(32))]
 pub struct RetainedMemory {
@@ -172,9 +171,9 @@ impl RetainedMemory {
         Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
     }
 
-    /// The newer of the two copies that are whole. `fingerprint` says whose it has to be
-    /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's, and after a loss of power, only
-    /// [`RetainedState::without_start`] is left.
+    /// Loads the newer intact copy. `fingerprint` identifies the engine
+    /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's record, and after a loss of power, only
+    /// [`RetainedState::without_start`] is returned.
     pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<RetainedState> {
         let (_, words) = self.newest()?;
         let record = unpack(words)?;
@@ -182,12 +181,12 @@ impl RetainedMemory {
         Some(if whole { record } else { record.without_start() })
     }
 
-    /// Retains a record of the engine with this fingerprint, over the older copy.
+    /// Stores a record of the engine with this fingerprint over the older copy.
     pub fn store(&self, record: &RetainedState, fingerprint: u32) {
         self.store_next(record, fingerprint, self.next_sequence());
     }
 
-    /// The number of the next write. Its lowest bit is the place of the copy that is written.
+    /// Sequence number of the next write. Its lowest bit selects the copy.
     pub(crate) fn next_sequence(&self) -> u32 {
         match self.newest() {
             Some((place, words)) => {
@@ -199,25 +198,24 @@ impl RetainedMemory {
         }
     }
 
-    /// The same, by a writer that counts its writes: the copies are not looked at.
+    /// Stores a record with a sequence number that the writer counts, without reading the copies.
     pub(crate) fn store_next(&self, record: &RetainedState, fingerprint: u32, sequence: u32) {
         let place = (sequence & 1) as usize;
         let words = pack(record, sequence, fingerprint);
         if let Some(copy) = self.copies.get(place) {
             for (slot, word) in copy.iter().zip(words) {
-                // Release keeps the order of writes for whoever looks after a reset in between.
+                // Release keeps the order of the writes, for a reset between two of them.
                 slot.store(word, Ordering::Release);
             }
         }
-        // An H7 keeps the last half of a 64-bit word, the unit of its RAM's checksum, in a buffer until the next
-        // write elsewhere; a reset before that loses it. So the other copy, which shares no such word with this one, is
-        // written with what it holds.
+        // An H7 buffers the last half of a 64-bit word, the unit of its RAM's ECC, until the next write elsewhere, and a
+        // reset before that loses it. So rewrite a word of the other copy, which shares no such unit.
         if let Some(word) = self.copies.get(1 - place).and_then(|copy| copy.first()) {
             word.store(word.load(Ordering::Acquire), Ordering::Release);
         }
     }
 
-    /// Forgets: the next start begins from nothing.
+    /// Clears the record: the next start restores nothing.
     pub fn clear(&self) {
         for word in self.copies.iter().flatten() {
             word.store(0, Ordering::Release);

@@ -1,4 +1,4 @@
-//! An engine that is ordered to run: whose demand is in force, and what becomes of it when nobody asks for one.
+//! An engine that is ordered to run: its active source, and the stages of loss without one.
 
 use super::config::Supervision;
 use super::life::Life;
@@ -10,129 +10,135 @@ use crate::link::earlier;
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
-/// The last stage of loss of an order to run without a living engine, after the fail-safe stage began.
+/// Time from the fail-safe stage to standby, 10 s, for an order without an engine that is known to run.
 pub(super) const RUN_OUT: Duration = Duration::from_secs(10);
-/// In so long two reports confirm a life that one has put in doubt: the state of a ZK ECU comes round twice in 0.9 s at 20 Hz.
+/// Time for two reports to confirm a life that one has put in doubt: a ZK ECU sends its state twice in 0.9 s at 20 Hz.
 const CONFIRMS_WITHIN: Duration = Duration::from_secs(2);
 
 /// An engine that is ordered to run.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
-    /// When it was ordered.
+    /// Time of the order.
     pub began: Instant,
-    /// How long its start had taken before a reset.
+    /// Duration of its start before a reset.
     pub started_before: Duration,
-    /// The life of the engine that this run belongs to.
+    /// Life of the engine that this run belongs to.
     pub life: Life,
-    /// When it has to run by.
+    /// Latest time to reach running.
     pub start_by: Option<Instant>,
-    /// The source in control: whose demand is in force.
-    pub ruler: Origin,
+    /// Source whose demand is in force.
+    pub active_source: Origin,
     /// That demand, before it is shaped.
     pub demand: Demand,
-    /// The demand as it was last shaped, as it was last handed out, and as it last went out whole.
+    /// The shaped demand: the latest, the last handed to the transmitter, and the last sent completely.
     pub shaped: Demand,
     pub handed_out: Option<Demand>,
     pub sent: Option<Demand>,
-    /// Another source waits to take over, until then at the latest.
+    /// Another source that waits to take over, and the end of its wait.
     pub taking_over: Option<(Origin, Instant)>,
-    /// No source is fresh: when the fail-safe stage begins, or has begun.
+    /// Begin of the fail-safe stage, while no source is fresh.
     pub fail_safe_at: Option<Instant>,
     pub stage: LossStage,
     /// Silence of the source in control from before the last reset.
     pub carried: Duration,
-    /// The same of every source.
+    /// Silence of all sources from before the last reset.
     pub all_carried: Duration,
-    /// It goes on after a reset, which is reported when its life is confirmed.
+    /// It continues after a reset, which is reported when its life is confirmed.
     pub resumed: bool,
-    /// The ECU has shown a speed control of its own in this run: while its version is not known again after a loss of the
-    /// link, no governor takes its place.
+    /// The ECU has its own speed control. The governor does not replace it while the version is unknown after a loss of the
+    /// link.
     pub own_speed_control: bool,
-    /// It was resumed at the fail-safe stage, because resets follow one another without a source.
+    /// It resumed at the fail-safe stage, after consecutive resets without a source.
     pub resumed_low: bool,
-    /// A limit was passed whose action is the fail-safe throttle.
+    /// A limit was violated whose action is the fail-safe throttle.
     pub limited: bool,
     pub shaper: Shaper,
-    /// When the demand on the wire was last lowered.
+    /// Last lowering of the demand on the wire.
     pub lowered: Lowered,
-    /// When the shaped demand moves on.
+    /// Next step of the shaped demand.
     pub next: Option<Instant>,
 }
 
-/// What is known when the source in control of a running engine is found.
+/// Inputs of an arbitration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arbitration<'a> {
     pub sources: &'a Sources,
     pub config: &'a Supervision,
     /// The ECU reports a running engine, and nothing puts that in doubt.
     pub living: bool,
-    /// Since when something does.
+    /// Time since which something does.
     pub doubted: Option<Instant>,
 }
 
 impl Run {
-    /// Finds who is in control now. Gives whose standby it is, if it is to be standby.
-    pub fn rule(&mut self, now: Instant, by: Arbitration<'_>, told: &mut Deque<Event, 4>) -> Option<Origin> {
+    /// Determines the active source and the stage of loss. Returns the origin of a standby that ends the run.
+    pub fn arbitrate(
+        &mut self,
+        now: Instant,
+        by: Arbitration<'_>,
+        events: &mut Deque<Event, 4>,
+    ) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
         // Silence from before the reset is over.
-        if sources.has_wanted(self.ruler) {
+        if sources.has_commanded(self.active_source) {
             self.carried = Duration::from_ticks(0);
         }
-        if sources.last_word().is_some() {
+        if sources.last_command().is_some() {
             self.all_carried = Duration::from_ticks(0);
         }
         match sources.active(now) {
-            // Of the source in control, or of one above it, standby comes at once.
-            // Of an engine that was found running nobody knows whose it is: any source but the highest may be the lower one.
+            // Standby of the source in control, or of a higher one, is obeyed at once. The source of an engine that was found
+            // running is unknown: any source but the highest may be the lower one.
             Some((origin, Intent::Standby))
                 if origin == Origin::SOURCES[0]
-                    || origin.priority() >= self.ruler.priority() && self.ruler != Origin::Node =>
+                    || origin.priority() >= self.active_source.priority()
+                        && self.active_source != Origin::Node =>
             {
                 Some(origin)
             }
             Some((origin, Intent::Run(demand))) => {
-                // It was never away, or for a moment only. It was also away where another one was about to take over.
+                // It stayed in control or returned after a short gap, or before another source had taken over.
                 let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
-                if origin == self.ruler && !(away && sources.was_lost(origin)) {
+                if origin == self.active_source && !(away && sources.was_lost(origin)) {
                     if away {
                         self.shaper.rise();
                     }
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
                     self.demand = demand;
-                    self.stage(LossStage::None, told);
+                    self.stage(LossStage::None, events);
                     return None;
                 }
                 let latest = match self.taking_over {
-                    // Not anew for each source: those that come and go in turn would hold a lost demand up for ever.
+                    // One deadline for all: alternating sources must not hold a lost demand for ever.
                     Some((_, latest)) => latest,
                     None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
-                // Resets that follow one another would begin the wait anew each time.
+                // Consecutive resets would restart the wait each time.
                 if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
                     self.carried = Duration::from_ticks(0);
                     self.demand = demand;
-                    self.ruler = origin;
+                    self.active_source = origin;
                     self.shaper.rise();
-                    self.stage(LossStage::None, told);
+                    self.stage(LossStage::None, events);
                 }
                 None
             }
-            // Nobody, or a lower source that streams standby: the stages of loss go on.
+            // No source, or a lower one that streams standby: the stages of loss continue.
             lower => {
                 self.taking_over = None;
                 let fail_safe_at = self.lose(now, sources, config);
-                // Where it is not configured, it takes the silence of all sources.
+                // Without a configured standby it takes the silence of all sources.
                 let silent = config.loss.standby_after.is_some() || sources.all_silent_from(now).is_some();
                 if silent && self.standby_at(fail_safe_at, &by).is_some_and(|at| now >= at) {
-                    self.stage(LossStage::Standby, told);
+                    self.stage(LossStage::Standby, events);
                     return Some(Origin::Node);
                 }
                 let stage = if now >= fail_safe_at { LossStage::FailSafe } else { LossStage::Hold };
-                self.stage(stage, told);
+                self.stage(stage, events);
                 lower
                     .map(|(origin, _)| origin)
                     .filter(|_| now >= fail_safe_at + config.loss.lower_standby_after)
@@ -140,40 +146,45 @@ impl Run {
         }
     }
 
-    /// When the fail-safe stage begins. Silence from before a reset counts.
+    /// Begin of the fail-safe stage. Silence from before a reset counts.
     fn lose(&mut self, now: Instant, sources: &Sources, config: &Supervision) -> Instant {
-        let silent_from = sources.silent_from(self.ruler).unwrap_or(now).min(now);
-        let before = self.carried.as_ticks().saturating_sub(config.ages.of(self.ruler).as_ticks());
+        let silent_from = sources.silent_from(self.active_source).unwrap_or(now).min(now);
+        let before =
+            self.carried.as_ticks().saturating_sub(config.timeouts.of(self.active_source).as_ticks());
         let hold = Duration::from_ticks(config.loss.hold.as_ticks().saturating_sub(before));
         *self.fail_safe_at.get_or_insert(silent_from + hold)
     }
 
-    /// Since when the source in control has been lost, where it has: the hold came before the fail-safe stage.
+    /// Time since which the source in control has been lost, if it is: the hold precedes the fail-safe stage.
     pub fn silent_since(&self, config: &Supervision) -> Option<Instant> {
         self.fail_safe_at.map(|at| at.checked_sub(config.loss.hold).unwrap_or(Instant::MIN))
     }
 
-    /// When the last stage of loss begins: as configured, and where no engine is known to live, 10 s into the fail-safe
-    /// stage. Silence from before a reset counts.
+    /// Begin of the last stage of loss: as configured, otherwise 10 s after the fail-safe stage if no engine is known to run.
+    /// Silence from before a reset counts.
     fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {
         let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
-        let until_fail_safe =
-            by.config.ages.of(self.ruler).as_ticks().saturating_add(by.config.loss.hold.as_ticks());
+        let until_fail_safe = by
+            .config
+            .timeouts
+            .of(self.active_source)
+            .as_ticks()
+            .saturating_add(by.config.loss.hold.as_ticks());
         let before =
             self.all_carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
-        // One odd report, a gap or a reset raises doubt long after the stages have run out, and is no verdict. A loop of
-        // resets is.
+        // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
+        // loop of resets must.
         match by.doubted.filter(|_| by.config.loss.standby_after.is_none() && !self.resumed_low) {
             Some(since) => Some(at.max(since.checked_add(CONFIRMS_WITHIN)?)),
             None => Some(at),
         }
     }
 
-    /// When the next stage of loss begins.
+    /// Begin of the next stage of loss.
     pub fn loss_deadline(&self, by: &Arbitration<'_>) -> Option<Instant> {
         if self.taking_over.is_some() {
-            // The stages stay as they are: the source that waits takes over, or falls silent.
+            // The stage does not change: the waiting source takes over or falls silent.
             return None;
         }
         let fail_safe_at = self.fail_safe_at?;
@@ -190,20 +201,20 @@ impl Run {
 
     pub fn plan(&self) -> Plan {
         if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
-            let ruled = self.stage == LossStage::None && self.taking_over.is_none();
-            Plan::FailSafe { asked: self.demand, ruled }
+            let in_control = self.stage == LossStage::None && self.taking_over.is_none();
+            Plan::FailSafe { commanded: self.demand, in_control }
         } else if self.taking_over.is_some() || self.stage == LossStage::Hold {
-            // Also where the demand has not come to pass yet: nobody asks for more now.
+            // Even if the demand was not reached yet: no source asks for more now.
             Plan::Hold(self.demand)
         } else {
             Plan::To(self.demand)
         }
     }
 
-    fn stage(&mut self, stage: LossStage, told: &mut Deque<Event, 4>) {
+    fn stage(&mut self, stage: LossStage, events: &mut Deque<Event, 4>) {
         if self.stage != stage {
             self.stage = stage;
-            let _ = told.push_back(Event::SourceLoss(stage));
+            let _ = events.push_back(Event::SourceLoss(stage));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! How the demand of a running engine moves: by its rates, under its reductions, through the governor.
+//! Shapes the demand of a running engine: rates, reductions, governor.
 
 use super::config::{Supervision, Takeover};
 use super::governor::Governor;
@@ -9,38 +9,38 @@ use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// Between two updates of a demand that moves.
+/// Interval between two updates of a moving demand.
 const STEP: Duration = Duration::from_millis(20);
-/// Stands for the maximum rpm of an engine that does not tell its own, when a rate in % is made one in rpm.
+/// Maximum rpm, for rates in %, of an engine whose ECU does not report its own.
 const NOMINAL_MAX_RPM: u32 = 100_000;
 
-/// Where the demand shall go.
+/// Target of the demand.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Plan {
-    /// No further to what is asked: another source is about to take over, or the one that asked is silent.
+    /// Hold before the commanded demand: another source is about to take over, or the active one is silent.
     Hold(Demand),
-    /// To what the ruling source asks.
+    /// The demand of the source in control.
     To(Demand),
-    /// To the fail-safe throttle, or to idle if an rpm was asked, by its ramp; and never above what is asked, if its source
-    /// still rules.
-    FailSafe { asked: Demand, ruled: bool },
+    /// By its ramp to the fail-safe throttle, or to idle for an rpm demand; never above the commanded demand while its source
+    /// is in control.
+    FailSafe { commanded: Demand, in_control: bool },
 }
 
-/// What is known of the engine when its demand is shaped.
+/// State of the engine when its demand is shaped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     /// The ECU reports a running engine; until then the demand stays at idle.
     pub running: bool,
     /// Nothing puts that in doubt.
     pub living: bool,
-    /// The source in control has spoken since the node started: its demand is its own, and not what was left of it in a record.
+    /// The active source was received since the node started: its demand is a command, not a retained value.
     pub received: bool,
     pub idle_rpm: Option<Rpm>,
     pub max_rpm: Option<Rpm>,
     pub rpm: Option<Timed<Rpm>>,
-    /// That the ECU reports.
+    /// As the ECU reports it.
     pub throttle: Option<Throttle>,
-    /// Thousandths.
+    /// In per mille.
     pub reduced_to: Option<u16>,
     /// The ECU has no speed control, so an rpm needs the governor.
     pub governed: bool,
@@ -49,22 +49,22 @@ pub(super) struct Shape {
 /// A demand of either kind on its way.
 #[derive(Clone, Copy, Debug)]
 enum Moving {
-    /// In tenths of a percent.
+    /// In 0.1 %.
     Throttle(Ramp),
     /// In revolutions a minute.
     Rpm(Ramp),
 }
 
-/// Moves the demand and, where the ECU has no speed control, makes it a throttle.
+/// Moves the demand and, for an ECU without speed control, turns an rpm into a throttle.
 #[derive(Clone, Debug)]
 pub(super) struct Shaper {
     moving: Moving,
     governor: Option<Governor>,
-    /// The throttle that the governor has set; `None` before it has.
+    /// Last throttle of the governor.
     governed: Option<Throttle>,
-    /// It rises at its set rate until it is where it is commanded to: after a start, a take-over, a gap.
+    /// Limits the rise to the configured rate until the commanded demand is reached: after a start, a take-over, a gap.
     rising: bool,
-    /// It was reduced, because another engine failed.
+    /// The demand was reduced because another engine failed.
     was_reduced: bool,
     at: Instant,
 }
@@ -82,14 +82,14 @@ impl Shaper {
         }
     }
 
-    /// It goes on from a lower demand: what has not gone out before a gap does not jump after it.
+    /// Falls back to the lower demand that was sent before a gap, so that the rest does not jump after it.
     pub fn fall_back(&mut self, now: Instant, sent: Demand) {
         if sent.is_below(self.moving.demand()) {
             self.moving = Moving::new(now, sent);
         }
     }
 
-    /// From here the demand rises at its set rate, until it is where it is commanded to.
+    /// Limits the rise to the configured rate until the commanded demand is reached.
     pub const fn rise(&mut self) {
         self.rising = true;
     }
@@ -110,7 +110,7 @@ impl Shaper {
         }
     }
 
-    /// The demand for the ECU now, and when it moves on.
+    /// The demand for the ECU now, and the time of its next step.
     pub fn demand(
         &mut self,
         now: Instant,
@@ -122,9 +122,9 @@ impl Shaper {
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
         }
-        // What is held while its life is in doubt does not jump when it is let go.
+        // A demand held in doubt must not jump when the life is confirmed.
         self.rising |= shape.running && !shape.living;
-        // The reduction for an engine that failed is a fail-safe, and no slower than one.
+        // The reduction for a failed engine is at least as fast as a fail-safe.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
             None => config.slew.down,
@@ -136,16 +136,15 @@ impl Shaper {
         };
         let slew = Rates { up: up.map(u32::from), down: down.map(u32::from) };
         let (target, rates) = match plan {
-            // It waits for nobody else.
-            Plan::Hold(asked)
+            // The reduction for a failed engine does not wait for a take-over.
+            Plan::Hold(commanded)
                 if shape.reduced_to.is_some()
-                    && reduced(asked, shape.reduced_to).is_below(self.moving.demand()) =>
+                    && reduced(commanded, shape.reduced_to).is_below(self.moving.demand()) =>
             {
-                (reduced(asked, shape.reduced_to), slew)
+                (reduced(commanded, shape.reduced_to), slew)
             }
             Plan::Hold(_) => (self.moving.demand(), Rates::AT_ONCE),
-            // Whether it lives is in doubt: it may go down, and not up. A throttle in place of an rpm cannot be said then; the
-            // idle speed can.
+            // In doubt a demand may fall but not rise. A throttle cannot replace an rpm then; the idle rpm can.
             Plan::To(Demand::Throttle(_))
                 if shape.running
                     && !shape.living
@@ -167,13 +166,13 @@ impl Shaper {
                 self.rising &= !shape.running || !shape.received || self.moving.demand() != target;
                 (target, slew)
             }
-            Plan::FailSafe { asked, ruled } => {
-                let most = reduced(asked, shape.reduced_to);
-                if ruled && most.is_below(self.moving.demand()) {
+            Plan::FailSafe { commanded, in_control } => {
+                let most = reduced(commanded, shape.reduced_to);
+                if in_control && most.is_below(self.moving.demand()) {
                     self.moving.follow(now, most, slew, shape);
                 }
                 let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
-                (self.fail_safe(now, asked, shape, config), down)
+                (self.fail_safe(now, commanded, shape, config), down)
             }
         };
         let (target, rates) =
@@ -189,7 +188,7 @@ impl Shaper {
             return (Demand::Throttle(Throttle::IDLE), next);
         }
         if !shape.living {
-            // Whether the engine lives is in doubt: it neither controls nor winds up, and holds nothing on old telemetry.
+            // In doubt the governor neither controls nor winds up, and holds no throttle on old telemetry.
             self.governor = None;
             let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
             if old_at.is_none() {
@@ -207,18 +206,18 @@ impl Shaper {
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
     }
 
-    /// Where the fail-safe takes the demand. It only ever lowers.
-    fn fail_safe(&mut self, now: Instant, asked: Demand, shape: &Shape, config: &Supervision) -> Demand {
-        let safe = match asked {
+    /// Target of the fail-safe. It only ever lowers the demand.
+    fn fail_safe(&mut self, now: Instant, commanded: Demand, shape: &Shape, config: &Supervision) -> Demand {
+        let safe = match commanded {
             Demand::Throttle(_) => config.loss.throttle,
-            // As any rpm: how another throttle compares with it nothing says.
+            // An rpm does not compare with a throttle other than idle.
             Demand::Rpm(_) => Throttle::IDLE,
         };
         match (self.moving.demand(), shape.idle_rpm) {
             (Demand::Throttle(throttle), _) => Demand::Throttle(throttle.min(safe)),
             (Demand::Rpm(rpm), Some(idle)) if !shape.governed => Demand::Rpm(rpm.min(idle)),
             (Demand::Rpm(_), _) => {
-                // From the governor's throttle on; an ECU's own is not known, and its idle rpm neither.
+                // Begin at the governor's throttle. Without a governor neither throttle nor idle rpm is known.
                 let from = self.governed.filter(|_| shape.governed).unwrap_or(Throttle::IDLE);
                 self.moving = Moving::new(now, Demand::Throttle(from));
                 Demand::Throttle(from.min(safe))
@@ -252,21 +251,21 @@ impl Moving {
             }
             (Self::Rpm(ramp), Demand::Rpm(rpm)) => {
                 let max = shape.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
-                // Tenths of a percent of the maximum.
+                // In 0.1 % of the maximum.
                 let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(max / 1000));
                 ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
             }
-            // The other kind of demand: nothing says how the two compare. With a slew it rises from what the ECU
-            // reports, where it does; what is asked is the most all the same.
+            // The two kinds of demand do not compare. With a slew the new one rises from the ECU's reported value, and never
+            // begins above the commanded one.
             (moving, target) => {
                 let from = match (target, shape.throttle, shape.rpm) {
                     _ if rates.up.is_none() => target,
-                    (Demand::Throttle(asked), now, _) => {
-                        Demand::Throttle(asked.min(now.unwrap_or(Throttle::IDLE)))
+                    (Demand::Throttle(commanded), now, _) => {
+                        Demand::Throttle(commanded.min(now.unwrap_or(Throttle::IDLE)))
                     }
-                    (Demand::Rpm(asked), _, now) => {
+                    (Demand::Rpm(commanded), _, now) => {
                         let idle = shape.idle_rpm.unwrap_or(Rpm::new(0));
-                        Demand::Rpm(asked.min(now.map_or(idle, |now| now.value)))
+                        Demand::Rpm(commanded.min(now.map_or(idle, |now| now.value)))
                     }
                 };
                 *moving = Self::new(now, from);
@@ -276,10 +275,10 @@ impl Moving {
     }
 }
 
-/// A demand that fell by less, in thousandths of the whole, is noise of a stick.
+/// Noise of a stick, 2 %, in per mille of the full range: smaller falls do not count.
 const LOWERED_BY: u32 = 20;
 
-/// Tells when a demand was lowered by more than a stick's noise.
+/// Detects a demand lowered by more than the noise of a stick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lowered {
     from: Demand,
@@ -301,7 +300,7 @@ impl Lowered {
         self.last
     }
 
-    pub fn see(&mut self, now: Instant, demand: Demand) {
+    pub fn observe(&mut self, now: Instant, demand: Demand) {
         let (value, from, band) = match (demand, self.from) {
             (Demand::Throttle(demand), Demand::Throttle(from)) => {
                 (demand.tenths().into(), from.tenths().into(), LOWERED_BY)
@@ -309,7 +308,7 @@ impl Lowered {
             (Demand::Rpm(demand), Demand::Rpm(from)) => {
                 (demand.get(), from.get(), NOMINAL_MAX_RPM / 1000 * LOWERED_BY)
             }
-            // Between kinds that cannot be told, so it counts as less.
+            // Two kinds do not compare, so a change counts as a lowering.
             _ => (0, u32::MAX, 0),
         };
         if value >= from {

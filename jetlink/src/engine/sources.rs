@@ -1,59 +1,59 @@
-//! Who is in control: any number of sources with a fixed priority, each with its own age limit.
+//! Arbitration between the sources of commands, each with a fixed priority and a timeout.
 //!
-//! The highest source that is fresh and wants something is in control. A source that was lost has to speak for a while
-//! without a gap before it is again, so that one that flaps neither resets the stages of loss nor makes the engine hunt. A
-//! short gap in a steady stream is no loss.
+//! The highest fresh source that commands standby or a run is in control. A source that was lost has to be received without
+//! a gap for a while before it is in control again, so that a flapping source neither resets the stages of loss nor makes
+//! the engine hunt. A short gap in a steady stream is no loss.
 
-use super::config::{SourceAges, Supervision};
+use super::config::{SourceTimeouts, Supervision};
 use crate::command::{Demand, Origin};
 use embassy_time::{Duration, Instant};
 
-/// Two words of standby count as one order within this at most, however slow a source is.
-const TWO_WORDS_MAX: Duration = Duration::from_secs(10);
+/// Longest time between two commands of standby that count together, however slow a source is.
+const TWO_STANDBYS_MAX: Duration = Duration::from_secs(10);
 
-/// What a source wants.
+/// Intent of a source.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Intent {
-    /// It is present and wants nothing: not in control.
+    /// Present without a command: not in control.
     Nothing,
     Standby,
     Run(Demand),
 }
 
-/// What one word of standby is.
+/// Effect of one command of standby.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct StandbyWord {
-    /// The source wanted something else before, or was silent.
+pub(super) struct StandbyOutcome {
+    /// The source commanded something else before, or was silent.
     pub changed: bool,
-    /// It counts.
+    /// It takes effect.
     pub counts: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Source {
     intent: Intent,
-    heard: Instant,
-    /// It counts as silent from then on, unless it speaks.
+    last_rx: Instant,
+    /// Time from which it counts as silent, unless it is received again.
     silent_from: Instant,
-    /// Without a gap since then.
+    /// Time since which it has been received without a gap.
     since: Instant,
     /// It was lost before.
     was_lost: bool,
-    /// Between its last two words, and between the two before.
+    /// Intervals between its last two commands, and between the two before.
     period: Duration,
     period_before: Duration,
-    /// Its last word was standby, given then.
+    /// Time of its last command, if that was standby.
     standby_at: Option<Instant>,
-    /// It has spoken since the node started; otherwise it was resumed.
+    /// It was received since the node started; otherwise it was restored.
     received: bool,
-    /// When it last wanted something, since the node started.
-    wanted: Option<Instant>,
+    /// Time of its last standby or run since the node started.
+    last_commanded: Option<Instant>,
 }
 
 /// All sources of one engine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sources {
-    ages: SourceAges,
+    timeouts: SourceTimeouts,
     recover_after: Duration,
     return_within: Duration,
     /// In the order of [`Origin::SOURCES`]: highest priority first.
@@ -63,98 +63,97 @@ pub(super) struct Sources {
 impl Sources {
     pub const fn new(config: &Supervision) -> Self {
         Self {
-            ages: config.ages,
+            timeouts: config.timeouts,
             recover_after: config.recover_after,
             return_within: config.return_within,
             sources: [None; Origin::SOURCES.len()],
         }
     }
 
-    /// New settings. A timeout counts from the next command of its source on.
+    /// Changes the settings. A timeout applies from the next command of its source on.
     pub const fn configure(&mut self, config: &Supervision) {
-        (self.ages, self.recover_after, self.return_within) =
-            (config.ages, config.recover_after, config.return_within);
+        (self.timeouts, self.recover_after, self.return_within) =
+            (config.timeouts, config.recover_after, config.return_within);
     }
 
-    /// A source says what it wants.
-    pub fn heard(&mut self, now: Instant, origin: Origin, intent: Intent) {
-        self.speak(now, origin, intent);
+    /// Takes a command of a source.
+    pub fn command(&mut self, now: Instant, origin: Origin, intent: Intent) {
+        self.record(now, origin, intent);
         if let Some(source) = self.slot(origin) {
             source.standby_at = None;
         }
     }
 
-    /// A source asks for a run that cannot be done just now: it is there, and its run of before goes on.
-    pub fn stays(&mut self, now: Instant, origin: Origin, demand: Demand) {
+    /// Takes a run that the ECU cannot follow yet: the source is received, and its previous run stays.
+    pub fn defer_run(&mut self, now: Instant, origin: Origin, demand: Demand) {
         let before = self.source(origin).filter(|source| now < source.silent_from);
         let before = before.map(|source| source.intent).filter(|intent| matches!(intent, Intent::Run(_)));
-        self.heard(now, origin, before.unwrap_or(Intent::Run(demand)));
+        self.command(now, origin, before.unwrap_or(Intent::Run(demand)));
     }
 
-    /// A source says standby. To an engine that has reached running the first of two words changes nothing.
-    pub fn standby(&mut self, now: Instant, origin: Origin, two_words: bool) -> StandbyWord {
-        let age = self.ages.of(origin);
+    /// Takes a standby. With `needs_two` the first of two commands changes nothing.
+    pub fn standby(&mut self, now: Instant, origin: Origin, needs_two: bool) -> StandbyOutcome {
+        let timeout = self.timeouts.of(origin);
         let before = self.slot(origin).copied();
         let fresh = before.is_some_and(|source| now < source.silent_from);
         let changed = !fresh || before.is_some_and(|source| source.intent != Intent::Standby);
-        // Two of its own periods, if that is longer.
-        // An outage is no period: two that follow one another are.
+        // Two of its own periods, if that is longer. The shorter of two periods, because an outage is none.
         let period = |source: Source| source.period.min(source.period_before);
-        let within = before.map_or(age, |source| age.max((period(source) * 2).min(TWO_WORDS_MAX)));
+        let within = before.map_or(timeout, |source| timeout.max((period(source) * 2).min(TWO_STANDBYS_MAX)));
         let second = before.and_then(|source| source.standby_at).is_some_and(|at| now <= at + within);
-        let counts = second || !two_words;
+        let counts = second || !needs_two;
         let intent = match before {
             _ if counts => Intent::Standby,
             Some(source) if fresh => source.intent,
             _ => Intent::Nothing,
         };
-        self.speak(now, origin, intent);
+        self.record(now, origin, intent);
         if let Some(source) = self.slot(origin) {
             source.standby_at = Some(now);
         }
-        StandbyWord { changed, counts }
+        StandbyOutcome { changed, counts }
     }
 
-    fn speak(&mut self, now: Instant, origin: Origin, intent: Intent) {
-        let (age, recover_after, return_within) =
-            (self.ages.of(origin), self.recover_after, self.return_within);
+    fn record(&mut self, now: Instant, origin: Origin, intent: Intent) {
+        let (timeout, recover_after, return_within) =
+            (self.timeouts.of(origin), self.recover_after, self.return_within);
         for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
             if place != origin {
                 continue;
             }
             let before = *slot;
-            // One that is present and wants nothing speaks without a gap; one that was resumed has not spoken yet.
+            // A source that is present without a command has no gap; a restored one was not received yet.
             let (since, was_lost) = match before {
-                Some(source) if now < source.lost_at(age) => (source.since, source.was_lost),
-                // The first word after a reset, within a short gap: what was lost before it stays lost, and nothing else is.
-                Some(source) if !source.received && now < source.lost_at(age) + return_within => {
+                Some(source) if now < source.lost_at(timeout) => (source.since, source.was_lost),
+                // The first command after a reset, within a short gap, changes nothing about an earlier loss.
+                Some(source) if !source.received && now < source.lost_at(timeout) + return_within => {
                     (now, source.was_lost)
                 }
-                // A steady stream with one short gap goes on.
+                // A steady stream survives one short gap.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
-                    (now, !steady || now >= source.lost_at(age) + return_within)
+                    (now, !steady || now >= source.lost_at(timeout) + return_within)
                 }
                 None => (now, false),
             };
             let silent_from = match (intent, before) {
-                // Wanting nothing counts as silence from the first such word on.
+                // "Present" counts as silence from the first such command on.
                 (Intent::Nothing, Some(Source { intent: Intent::Nothing, silent_from, .. })) => silent_from,
                 (Intent::Nothing, Some(source)) => source.silent_from.min(now),
                 (Intent::Nothing, None) => now,
-                _ => now.checked_add(age).unwrap_or(Instant::MAX),
+                _ => now.checked_add(timeout).unwrap_or(Instant::MAX),
             };
-            let period =
-                before.map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.heard));
+            let period = before
+                .map_or(Duration::from_ticks(0), |source| now.saturating_duration_since(source.last_rx));
             let period_before = before.map_or(Duration::from_ticks(0), |source| source.period);
             let standby_at = before.and_then(|source| source.standby_at);
-            let wanted = match intent {
-                Intent::Nothing => before.and_then(|source| source.wanted),
+            let last_commanded = match intent {
+                Intent::Nothing => before.and_then(|source| source.last_commanded),
                 _ => Some(now),
             };
             *slot = Some(Source {
                 intent,
-                heard: now,
+                last_rx: now,
                 silent_from,
                 since,
                 was_lost,
@@ -162,22 +161,22 @@ impl Sources {
                 period_before,
                 standby_at,
                 received: true,
-                wanted,
+                last_commanded,
             });
         }
     }
 
-    /// After a reset: who was in control before, silent for `silent` by then. What it has said since, while the node
-    /// listened, is newer than what was retained.
+    /// Restores the source that was in control before a reset, silent for `silent` by then. A command since the reset is newer
+    /// than the retained one.
     pub fn resume(&mut self, now: Instant, origin: Origin, demand: Demand, was_lost: bool, silent: Duration) {
-        let left = self.ages.of(origin);
+        let left = self.timeouts.of(origin);
         let left = Duration::from_ticks(left.as_ticks().saturating_sub(silent.as_ticks()));
         match self.slot_mut(origin) {
             Some(Some(source)) => source.was_lost |= was_lost,
             Some(slot) => {
                 *slot = Some(Source {
                     intent: Intent::Run(demand),
-                    heard: now,
+                    last_rx: now,
                     silent_from: now.checked_add(left).unwrap_or(Instant::MAX),
                     since: now,
                     was_lost,
@@ -185,14 +184,14 @@ impl Sources {
                     period_before: Duration::from_ticks(0),
                     standby_at: None,
                     received: false,
-                    wanted: None,
+                    last_commanded: None,
                 });
             }
             None => {}
         }
     }
 
-    /// Forgets what a source wanted, because it did not come to pass.
+    /// Turns every intent to run into standby, because the run has ended.
     pub fn forget_runs(&mut self) {
         for source in self.sources.iter_mut().flatten() {
             source.intent = match source.intent {
@@ -202,38 +201,38 @@ impl Sources {
         }
     }
 
-    /// The source in control, and what it wants.
+    /// The source in control, and its intent.
     pub fn active(&self, now: Instant) -> Option<(Origin, Intent)> {
-        self.each().find(|(_, source)| self.may_rule(now, source)).map(|(o, s)| (o, s.intent))
+        self.each().find(|(_, source)| self.may_control(now, source)).map(|(o, s)| (o, s.intent))
     }
 
     /// Whether this source is in control.
     pub fn in_control(&self, now: Instant, origin: Origin) -> bool {
-        self.active(now).is_some_and(|(ruler, _)| ruler == origin)
+        self.active(now).is_some_and(|(active_source, _)| active_source == origin)
     }
 
     /// A source of higher priority than this one that is in control.
     pub fn above(&self, now: Instant, origin: Origin) -> Option<Origin> {
-        let (ruler, _) = self.active(now)?;
-        (ruler.priority() > origin.priority()).then_some(ruler)
+        let (active_source, _) = self.active(now)?;
+        (active_source.priority() > origin.priority()).then_some(active_source)
     }
 
-    /// What a source wanted last, fresh or not.
+    /// Last intent of a source, fresh or not.
     pub fn intent(&self, origin: Origin) -> Option<Intent> {
         self.source(origin).map(|source| source.intent)
     }
 
-    /// When a source last spoke.
+    /// Time of the last command of a source, of any kind.
     pub fn last_rx(&self, origin: Origin) -> Option<Instant> {
-        self.source(origin).map(|source| source.heard)
+        self.source(origin).map(|source| source.last_rx)
     }
 
-    /// From when on a source counts as silent.
+    /// Time from which a source counts as silent.
     pub fn silent_from(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).map(|source| source.silent_from)
     }
 
-    /// Since when every source has been silent, if they are.
+    /// Time since which all sources have been silent, if they are: `Some(None)` if none was ever received.
     pub fn all_silent_from(&self, now: Instant) -> Option<Option<Instant>> {
         let latest = self.each().map(|(_, source)| source.silent_from).max();
         match latest {
@@ -242,32 +241,32 @@ impl Sources {
         }
     }
 
-    /// When any source last wanted something, since the node started.
-    pub fn last_word(&self) -> Option<Instant> {
-        self.each().filter_map(|(_, source)| source.wanted).max()
+    /// Time of the last standby or run of any source since the node started.
+    pub fn last_command(&self) -> Option<Instant> {
+        self.each().filter_map(|(_, source)| source.last_commanded).max()
     }
 
-    /// When a source last wanted something, since the node started.
-    pub fn last_wanted(&self, origin: Origin) -> Option<Instant> {
-        self.source(origin).and_then(|source| source.wanted)
+    /// Time of the last standby or run of a source since the node started.
+    pub fn last_commanded(&self, origin: Origin) -> Option<Instant> {
+        self.source(origin).and_then(|source| source.last_commanded)
     }
 
-    /// Its last gap was a loss: it comes back by a take-over.
+    /// Whether its last gap was a loss: it returns by a take-over.
     pub fn was_lost(&self, origin: Origin) -> bool {
         self.source(origin).is_some_and(|source| source.was_lost)
     }
 
-    /// Whether any source has spoken since the node started.
+    /// Whether any source was received since the node started.
     pub fn any_received(&self) -> bool {
         self.each().any(|(_, source)| source.received)
     }
 
-    /// Whether a source has wanted something since the node started.
-    pub fn has_wanted(&self, origin: Origin) -> bool {
-        self.last_wanted(origin).is_some()
+    /// Whether a source has commanded standby or a run since the node started.
+    pub fn has_commanded(&self, origin: Origin) -> bool {
+        self.last_commanded(origin).is_some()
     }
 
-    /// The next instant at which a source is lost. One comes to be in control only when it speaks, or when that happens.
+    /// The next timeout of a source. The source in control changes only then or with a command.
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
         self.each().map(|(_, source)| source.silent_from).filter(|at| *at > now).min()
     }
@@ -292,24 +291,26 @@ impl Sources {
         self.slot_mut(origin)?.as_mut()
     }
 
-    fn may_rule(&self, now: Instant, source: &Source) -> bool {
+    fn may_control(&self, now: Instant, source: &Source) -> bool {
         let fresh = now < source.silent_from && source.intent != Intent::Nothing;
         fresh && (!source.was_lost || recovered(source, self.recover_after))
     }
 }
 
 impl Source {
-    /// When its last word is too old for the next one to follow without a gap.
-    fn lost_at(&self, age: Duration) -> Instant {
+    /// Time from which its next command follows a gap.
+    fn lost_at(&self, timeout: Duration) -> Instant {
         match self.intent {
-            // The second of two words of standby may come just within the age limit.
-            Intent::Nothing => self.heard.checked_add(age + Duration::from_ticks(1)).unwrap_or(Instant::MAX),
+            // The second of two commands of standby may come exactly at the timeout.
+            Intent::Nothing => {
+                self.last_rx.checked_add(timeout + Duration::from_ticks(1)).unwrap_or(Instant::MAX)
+            }
             _ => self.silent_from,
         }
     }
 }
 
-/// It has spoken without a gap for so long: the silence since does not count.
+/// Whether it was received without a gap for `after`. The silence since does not count.
 fn recovered(source: &Source, after: Duration) -> bool {
-    source.heard >= source.since + after
+    source.last_rx >= source.since + after
 }

@@ -1,19 +1,19 @@
-//! What an engine does, in plain words: from what its ECU reports and how old that is, never from what was
-//! commanded. Each protocol's codes become a [`Phase`] in its own link; this puts age, switch and faults to it.
+//! The state of an engine, from the reports of its ECU and their age, never from commands. Each link turns the codes of its
+//! protocol into a [`Phase`]; this adds age, switch and faults.
 
 use crate::report::{EcuState, LinkState, Phase, Report, ReportedSwitch};
 use embassy_time::{Duration, Instant};
 
-/// An older state is not believed.
+/// Largest age of a reported state that counts as current.
 pub(super) const STATE_MAX_AGE: Duration = Duration::from_secs(3);
 
-/// What an engine does.
+/// State of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EngineState {
-    /// The ECU is not heard.
+    /// Nothing is received from the ECU.
     Offline,
-    /// The ECU is heard and has not said, or not lately, what its engine does.
+    /// The ECU is received, but its last report of a state is missing or old.
     NotKnown,
     /// Off.
     Stopped,
@@ -23,20 +23,20 @@ pub enum EngineState {
     Cooling,
     /// The ECU obeys "run" and has not begun.
     StartRequested,
-    /// Starting; the ECU's own state is the step.
+    /// Starting, with the ECU's own state.
     Starting(EcuState),
     /// Running.
     Running,
     /// The ECU obeys "standby" or "stop" and the engine has not stopped yet.
     ShuttingDown,
-    /// A test of the ECU's.
+    /// Test of the ECU.
     Service,
-    /// It does not run, and the ECU reports a fault.
+    /// Not running, with a fault reported.
     Fault,
 }
 
 impl EngineState {
-    /// From what the ECU has said by now.
+    /// State from the ECU's report.
     pub fn of(now: Instant, link: LinkState, report: &Report) -> Self {
         if link != LinkState::Up {
             return Self::Offline;
@@ -48,12 +48,12 @@ impl EngineState {
         let ending = matches!(switch, Some(ReportedSwitch::Standby | ReportedSwitch::Stop));
         match phase {
             Some(Phase::Running | Phase::Starting) if ending => Self::ShuttingDown,
-            // Also with a switch that the document does not name: the state says enough.
+            // Also with an unnamed switch position: the state suffices.
             Some(Phase::Running) => Self::Running,
             Some(Phase::Starting) => {
                 Self::Starting(report.state.map_or(EcuState { code: 0, name: "" }, |state| state.value))
             }
-            // An AMT error set carries no state: a fault is then all that is known.
+            // An AMT error set carries no state: the fault is all that is known.
             _ if faulty => Self::Fault,
             Some(Phase::Stopped) => Self::Stopped,
             Some(Phase::Standby) if run => Self::StartRequested,

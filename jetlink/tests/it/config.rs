@@ -183,10 +183,25 @@ fn every_field_has_a_range() {
         let of = |name| ConfigError::Supervision(1, setting(name));
         [
             (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 200, 60_000),
-            (|e, t| e.supervision.ages.emergency = Duration::from_millis(t), of("SRC_EMERG_AGE"), 50, 60_000),
-            (|e, t| e.supervision.ages.rc = Duration::from_millis(t), of("SRC_RC_AGE"), 50, 60_000),
-            (|e, t| e.supervision.ages.mavlink = Duration::from_millis(t), of("SRC_MAV_AGE"), 50, 60_000),
-            (|e, t| e.supervision.ages.bench = Duration::from_millis(t), of("SRC_BENCH_AGE"), 50, 60_000),
+            (
+                |e, t| e.supervision.timeouts.emergency = Duration::from_millis(t),
+                of("SRC_EMERG_TOUT"),
+                50,
+                60_000,
+            ),
+            (|e, t| e.supervision.timeouts.rc = Duration::from_millis(t), of("SRC_RC_TOUT"), 50, 60_000),
+            (
+                |e, t| e.supervision.timeouts.mavlink = Duration::from_millis(t),
+                of("SRC_MAV_TOUT"),
+                50,
+                60_000,
+            ),
+            (
+                |e, t| e.supervision.timeouts.bench = Duration::from_millis(t),
+                of("SRC_BENCH_TOUT"),
+                50,
+                60_000,
+            ),
             (|e, t| e.supervision.recover_after = Duration::from_millis(t), of("SRC_RECOVER"), 100, 60_000),
             (|e, t| e.supervision.takeover.within = Duration::from_millis(t), of("TKO_WAIT"), 0, 60_000),
             (|e, t| e.supervision.loss.hold = Duration::from_millis(t), of("LOSS_HOLD"), 0, 60_000),
@@ -288,7 +303,7 @@ fn every_field_has_a_range() {
     for (change, error) in [
         ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
         (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, setting("LOSS_HOLD"))),
-        (|e| e.supervision.ages.rc = Duration::MAX, ConfigError::Supervision(0, setting("SRC_RC_AGE"))),
+        (|e| e.supervision.timeouts.rc = Duration::MAX, ConfigError::Supervision(0, setting("SRC_RC_TOUT"))),
         (
             |e| e.supervision.service_time = Duration::MAX,
             ConfigError::Supervision(0, setting("SERVICE_TIME")),
@@ -399,16 +414,16 @@ fn settings_can_be_given_to_a_running_engine() {
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     let mut settings = Ecu::Zk.config().supervision;
     // Of 0.5 s: silence longer than that is no loss any more.
-    settings.ages.rc = Duration::from_secs(10);
+    settings.timeouts.rc = Duration::from_secs(10);
     let now = scenario.now_us();
     scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings)).unwrap();
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     scenario.pass_us(5 * SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::None);
-    settings.ages.rc = Duration::from_secs(61);
+    settings.timeouts.rc = Duration::from_secs(61);
     let refused = scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings));
-    assert_eq!(refused, Err(setting("SRC_RC_AGE")));
-    assert_eq!(Supervision::row(setting("SRC_RC_AGE")).field, "ages.rc");
+    assert_eq!(refused, Err(setting("SRC_RC_TOUT")));
+    assert_eq!(Supervision::row(setting("SRC_RC_TOUT")).field, "timeouts.rc");
     scenario.pass_us(4 * SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     scenario.pass_us(3 * SECOND);

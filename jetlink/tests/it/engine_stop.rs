@@ -631,7 +631,7 @@ fn a_retained_stop_stays_with_the_higher_source() {
         (Origin::Bench, Origin::Emergency, Origin::Emergency),
     ] {
         let mut engine = Engine::new(&Ecu::Amt.config());
-        engine.keep(record(Order::EmergencyStop, kept));
+        engine.restore(record(Order::EmergencyStop, kept));
         engine.command(at_us(0), Command::EmergencyStop, again, true).unwrap();
         assert_eq!(engine.record().origin, holds);
         engine.start(at_us(0), record(Order::EmergencyStop, kept));

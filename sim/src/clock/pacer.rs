@@ -15,19 +15,21 @@ pub(super) struct Pacer {
     /// In µs.
     virtual_time: u64,
     wall: Instant,
+    /// So much faster than the wall clock is virtual time.
+    speed: u32,
 }
 
 impl Pacer {
-    /// From here on the two go together.
-    pub(super) const fn new(virtual_time: u64, wall: Instant) -> Self {
-        Self { virtual_time, wall }
+    /// From here on virtual time is so many times as fast as the wall clock.
+    pub(super) const fn new(virtual_time: u64, wall: Instant, speed: u32) -> Self {
+        Self { virtual_time, wall, speed }
     }
 
     /// The sleep before virtual time may be `to`, in µs. `now` is the wall clock's time.
     pub(super) fn wait(&mut self, to: u64, now: Instant) -> Duration {
-        let due = self.wall + Duration::from_micros(to.saturating_sub(self.virtual_time));
+        let due = self.wall + Duration::from_micros(to.saturating_sub(self.virtual_time)) / self.speed;
         if now.saturating_duration_since(due) > CATCHES_UP {
-            *self = Self::new(to, now);
+            *self = Self::new(to, now, self.speed);
         }
         let early = due.saturating_duration_since(now);
         if early > LEAD { early } else { Duration::ZERO }
@@ -45,7 +47,7 @@ mod tests {
     #[test]
     fn virtual_time_waits_for_the_wall_clock() {
         let start = Instant::now();
-        let mut pacer = Pacer::new(5_000, start);
+        let mut pacer = Pacer::new(5_000, start, 1);
         assert_eq!(pacer.wait(15_000, start), ms(10));
         assert_eq!(pacer.wait(15_000, start + ms(4)), ms(6));
         assert_eq!(pacer.wait(15_000, start + ms(8)), ms(0), "2 ms ahead is close enough");
@@ -55,7 +57,7 @@ mod tests {
     #[test]
     fn a_short_delay_is_made_up_for() {
         let start = Instant::now();
-        let mut pacer = Pacer::new(0, start);
+        let mut pacer = Pacer::new(0, start, 1);
         assert_eq!(pacer.wait(1_000_000, start + ms(1100)), ms(0));
         assert_eq!(pacer.wait(1_150_000, start + ms(1100)), ms(50));
     }
@@ -63,8 +65,17 @@ mod tests {
     #[test]
     fn a_long_delay_shifts_all_that_follows() {
         let start = Instant::now();
-        let mut pacer = Pacer::new(0, start);
+        let mut pacer = Pacer::new(0, start, 1);
         assert_eq!(pacer.wait(1_000_000, start + ms(4000)), ms(0));
         assert_eq!(pacer.wait(1_150_000, start + ms(4000)), ms(150));
+    }
+
+    #[test]
+    fn ten_times_as_fast_waits_a_tenth() {
+        let start = Instant::now();
+        let mut pacer = Pacer::new(0, start, 10);
+        assert_eq!(pacer.wait(1_000_000, start + ms(20)), ms(80));
+        assert_eq!(pacer.wait(2_000_000, start + ms(1000)), ms(0), "too late by more than is made up for");
+        assert_eq!(pacer.wait(3_000_000, start + ms(1000)), ms(100));
     }
 }

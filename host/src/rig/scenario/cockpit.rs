@@ -2,9 +2,9 @@
 //! was seen, to judge by.
 
 use super::super::audit::Spoken;
-use super::super::desk::{Desk, Lever, Notes, Stage};
+use super::super::desk::{Desk, Lever, Notes, Stage, look};
 use super::super::node::Node;
-use super::super::session::look;
+use super::super::outcome::Check;
 use super::super::simulated::line;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -24,15 +24,6 @@ use std::cell::{Cell, RefCell};
 const TICK: Duration = Duration::from_millis(100);
 /// Between two looks at something that is waited for, and at the simulated engines.
 const LOOK: Duration = Duration::from_millis(20);
-
-/// What had to happen, and whether it did.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Check {
-    /// What.
-    pub what: String,
-    /// It did.
-    pub held: bool,
-}
 
 /// A simulated engine at one moment.
 #[derive(Clone, Copy, Debug)]
@@ -428,7 +419,7 @@ impl<'a> Cockpit<'a> {
     pub fn must(&self, held: bool, what: impl Into<String>) {
         let what = what.into();
         if !held {
-            self.notes.add(None, format!("THIS DID NOT HAPPEN: {what}"));
+            self.notes.add(None, format!("THIS DID NOT OCCUR: {what}"));
         }
         self.checks.borrow_mut().push(Check { what, held });
     }

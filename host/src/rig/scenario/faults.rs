@@ -67,7 +67,7 @@ pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
     c.ecu(0, |ecu| ecu.turbine_mut().flame_out());
     let out = c.now();
     c.sleep(8.0).await;
-    c.mark("right is asked for 80 %");
+    c.mark("right is commanded to 80 %");
     c.seat(1).throttle(80);
     let asked = c.now();
     c.sleep(6.0).await;

@@ -81,7 +81,7 @@ pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
             (LossStage::FailSafe, "fail-safe"),
             (LossStage::None, "the source is back"),
         ] {
-            c.must(c.told(i, |event| event == Event::SourceLoss(stage)), format!("{name}: told, {what}"));
+            c.must(c.told(i, |event| event == Event::SourceLoss(stage)), format!("{name}: reported, {what}"));
         }
     }
     c.shut_down().await
@@ -99,7 +99,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
     let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::HotStart));
-    c.must(told, "left: the hot start was told before the ECU stopped it");
+    c.must(told, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
     c.mark("standby, and run again at once");
@@ -154,7 +154,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         c.phases(0, tripped, allowed).iter().all(|phase| !phase.is_live()),
-        "left: it does not start by itself, however long run is commanded, and not when it is cool either",
+        "left: it does not start uncommanded, however long run is commanded, and not when it is cool either",
     );
     c.must(egt <= 105.0, format!("left: it starts with the exhaust below 100 °C ({egt:.0} °C)"));
     c.must(c.runs(0), "left: the second start reaches idle");
@@ -176,7 +176,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("left: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
+        format!("left: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
     );
     let frames = c.spoken(0, out, end);
     let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
@@ -194,11 +194,14 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()), "left: no relight and no restart");
     c.must(
         c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
-        format!("left: the source is told why ({})", c.answer_text(0)),
+        format!("left: the source gets the reason ({})", c.answer_text(0)),
     );
     c.must(all(&c.spoken(1, out, end), Said::Run(600)), "right: 60 % stays on the wire");
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
-    c.must(c.told(1, |event| event == Event::OtherFailed(1)), "right: told that the other engine has failed");
+    c.must(
+        c.told(1, |event| event == Event::OtherFailed(1)),
+        "right: reported that the other engine has failed",
+    );
 
     // With a fault an AMT ECU tells no state any more (AMT-8), but its exhaust temperature in every set.
     c.mark("flame-out of right; run is still commanded");
@@ -213,13 +216,13 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("right: the flame-out is told within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
+        format!("right: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
     );
     let fault = c.when_told(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
     c.must(
         fault.is_some_and(|at| at <= stopped + SECOND),
         format!(
-            "right: the ECU's fault is told within 1 s of its stop ({:.2} s)",
+            "right: the ECU's fault is reported within 1 s of its stop ({:.2} s)",
             c.or_never(fault.map(|at| at.saturating_sub(stopped)))
         ),
     );
@@ -238,11 +241,11 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         c.told(1, |event| matches!(event, Event::RunCancelled(End::NotBurning | End::AtRest))),
-        "right: told why",
+        "right: the reason is reported",
     );
     c.must(
         c.seat(1).answer() == Some(Err(Rejected::StandbyFirst)),
-        format!("right: the source is told why ({})", c.answer_text(1)),
+        format!("right: the source gets the reason ({})", c.answer_text(1)),
     );
     c.must(
         c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
@@ -252,7 +255,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(
         other.zip(standby).is_some_and(|(at, standby)| at <= standby + SECOND),
         format!(
-            "left: told that the other engine has failed ({:.2} s)",
+            "left: reported that the other engine has failed ({:.2} s)",
             c.or_never(other.map(|at| at.saturating_sub(out)))
         ),
     );
@@ -321,10 +324,10 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
                 format!("{name}, {what}: the engine runs on, its speed within 2 %"),
             );
             let went_on = c.events_since(i, at, |event| matches!(event, Event::Resumed(_)));
-            c.must(went_on == 1, format!("{name}, {what}: told that it went on"));
+            c.must(went_on == 1, format!("{name}, {what}: reported that it resumed"));
             c.must(
                 matches!(c.seat(i).answer(), Some(Ok(Accepted::InForce))),
-                format!("{name}, {what}: the source rules again"),
+                format!("{name}, {what}: the source is in control again"),
             );
         }
     }
@@ -349,12 +352,12 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     let lost = c.when_told(0, |event| event == Event::LinkLost).map(|at| at.saturating_sub(cut));
     c.must(
         lost.is_some_and(|after| after <= 1300 * MILLIS),
-        format!("left: the loss is told within 1 s of the last frame ({:.2} s)", c.or_never(lost)),
+        format!("left: the loss is reported within 1 s of the last frame ({:.2} s)", c.or_never(lost)),
     );
     c.must(
         stopped - cut <= 2300 * MILLIS,
         format!(
-            "left: its ECU stops it by itself, after its serial delay time ({:.2} s)",
+            "left: its ECU stops it uncommanded, after its serial delay time ({:.2} s)",
             seconds(stopped - cut)
         ),
     );
@@ -369,11 +372,11 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     let other = c.when_told(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
     c.must(
         other.is_some_and(|after| after <= 1400 * MILLIS),
-        format!("right: told that the other engine has failed ({:.2} s)", c.or_never(other)),
+        format!("right: reported that the other engine has failed ({:.2} s)", c.or_never(other)),
     );
     c.must(
         c.events_since(1, cut, |event| matches!(event, Event::OtherFailed(_))) == 1,
-        "right: told once, and not that all is well when the line is joined",
+        "right: reported once, and not that all is well when the line is joined",
     );
     c.must(
         all(&c.spoken(1, cut, end), Said::Run(600)),
@@ -393,7 +396,7 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     );
     c.must(
         c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()),
-        "left: it does not start again by itself",
+        "left: it does not start again uncommanded",
     );
     c.shut_down().await
 }

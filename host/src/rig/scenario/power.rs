@@ -53,7 +53,7 @@ pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
                 standby.is_some_and(|after| after <= IDENTIFIED)
                     && all(&c.spoken(i, on + IDENTIFIED, end), Said::Standby),
                 format!(
-                    "{name}, {what}: standby is on the wire once its ECU is heard ({:.2} s), and stays",
+                    "{name}, {what}: standby is on the wire once its ECU is received ({:.2} s), and stays",
                     c.or_never(standby)
                 ),
             );
@@ -254,7 +254,7 @@ pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
         c.must(
             standby.is_some_and(|after| after <= IDENTIFIED),
             format!(
-                "{name}: standby is on the wire once the new ECU is heard ({:.2} s)",
+                "{name}: standby is on the wire once the new ECU is received ({:.2} s)",
                 c.or_never(standby)
             ),
         );

@@ -186,7 +186,7 @@ pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
         c.must(released.get(i) == Some(&Some(Ok(Accepted::InForce))), format!("{name}: released"));
         c.must(
             armed_again.get(i) == Some(&Some(Err(Rejected::DisarmFirst))),
-            format!("{name}: who said arm all along has to say disarm first"),
+            format!("{name}: a source that kept saying arm has to say disarm first"),
         );
         c.must(
             refused.get(i).and_then(|answers| answers.first())

@@ -39,7 +39,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                 ("amt", Direction::ToNode) => {
                     c.must(
                         c.spoken(i, cut + ON_WIRE, mended).is_empty(),
-                        format!("{name}, {what}: what is not heard is not answered"),
+                        format!("{name}, {what}: what is not received is not answered"),
                     );
                 }
                 (_, Direction::ToNode) => {
@@ -56,7 +56,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                     let moved_in_time = c.spoken(i, moved + 300 * MILLIS, standby);
                     c.must(
                         all(&c.spoken(i, cut, moved), Said::Run(600)) && all(&moved_in_time, Said::Run(300)),
-                        format!("{name}, {what}: its ECU is heard, so the demand goes out, 60 % and 30 %"),
+                        format!("{name}, {what}: its ECU is received, so the demand goes out, 60 % and 30 %"),
                     );
                     c.must(
                         c.events_since(i, moved, |event| event == Event::NotObeyed) >= 1,
@@ -71,7 +71,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                 (_, Direction::ToEcu) => {
                     c.must(
                         c.phases(i, cut + 3 * SECOND, mended).iter().all(|phase| !phase.is_live()),
-                        format!("{name}, {what}: its ECU stops the engine by itself"),
+                        format!("{name}, {what}: its ECU stops the engine uncommanded"),
                     );
                     c.must(
                         !c.spoken(i, cut + 4 * SECOND, end).iter().any(|frame| is_run(frame.said)),

@@ -57,7 +57,7 @@ fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     let kept = flying(Ecu::Zk, 60).bench.machine.record();
     let config = Ecu::Zk.config();
     let mut engine = Engine::new(&config);
-    engine.keep(Some(kept));
+    engine.restore(Some(kept));
     for n in 1..20 {
         let _ = engine.command(at_us(n * COMMAND_PERIOD_US), Command::Standby, Origin::Mavlink, true);
     }

@@ -56,10 +56,10 @@ fn each_source_has_its_own_timeout() {
     for ecu in BOTH {
         for (origin, limit) in limits {
             let config = ecu.with(|s| {
-                s.ages.emergency = micros(300_000);
-                s.ages.rc = micros(450_000);
-                s.ages.mavlink = micros(1_200_000);
-                s.ages.bench = micros(700_001);
+                s.timeouts.emergency = micros(300_000);
+                s.timeouts.rc = micros(450_000);
+                s.timeouts.mavlink = micros(1_200_000);
+                s.timeouts.bench = micros(700_001);
             });
             let mut scenario = Scenario::ready(ecu, config);
             scenario.pass_us(5 * SECOND);

@@ -13,7 +13,7 @@ fn slew_limits_hold_to_the_tick_and_are_off_by_default() {
         let config = ecu.with(|s| {
             s.slew.up = Some(200);
             s.slew.down = Some(400);
-            s.ages.rc = Duration::from_secs(60);
+            s.timeouts.rc = Duration::from_secs(60);
         });
         let mut scenario = Scenario::started_with(ecu, config, percent(20));
         scenario.pass_us(5 * SECOND);
@@ -36,7 +36,7 @@ fn slew_limits_hold_to_the_tick_and_are_off_by_default() {
     // An rpm in the same share of the maximum: 20 % of 160 000 rpm a second.
     let config = Ecu::Zk.with(|s| {
         s.slew.up = Some(200);
-        s.ages.rc = Duration::from_secs(60);
+        s.timeouts.rc = Duration::from_secs(60);
     });
     let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(ZK_IDLE));
     let from = scenario.now_us();

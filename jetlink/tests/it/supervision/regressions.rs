@@ -19,7 +19,7 @@ fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
     for ecu in BOTH {
         let mut scenario = Scenario::started_with(
             ecu,
-            ecu.with(|s| s.ages.mavlink = Duration::from_millis(500)),
+            ecu.with(|s| s.timeouts.mavlink = Duration::from_millis(500)),
             percent(80),
         );
         scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);

@@ -340,7 +340,7 @@ impl Oracle {
     // -----------------------------------------------------------------------------------------
 
     fn age(&self, origin: Origin) -> u64 {
-        self.config.supervision.ages.of(origin).as_micros()
+        self.config.supervision.timeouts.of(origin).as_micros()
     }
 
     fn longest_age(&self) -> u64 {

@@ -6,10 +6,10 @@ pub(super) fn supervision(rng: &mut Rng) -> Supervision {
     let mut all = Supervision::DEFAULT;
     let ms = Duration::from_millis;
     if rng.percent(60) {
-        all.ages.emergency = ms(rng.pick(&[200, 500, 2000]));
-        all.ages.rc = ms(rng.pick(&[200, 500, 1000]));
-        all.ages.mavlink = ms(rng.pick(&[500, 1000, 3000]));
-        all.ages.bench = ms(rng.pick(&[300, 500, 1500]));
+        all.timeouts.emergency = ms(rng.pick(&[200, 500, 2000]));
+        all.timeouts.rc = ms(rng.pick(&[200, 500, 1000]));
+        all.timeouts.mavlink = ms(rng.pick(&[500, 1000, 3000]));
+        all.timeouts.bench = ms(rng.pick(&[300, 500, 1500]));
         all.recover_after = ms(rng.pick(&[100, 500, 1000, 2000]));
         all.return_within = ms(rng.pick(&[0, 300, 1000, 3000]));
         all.rise = rng.pick(&[100, 500, 1000]);

@@ -1,0 +1,122 @@
+//! What the other protocol would find in the same bytes, for whoever named the wrong one.
+
+use jetlink::ecu::amt::codec as amt;
+use jetlink::ecu::zk::codec as zk;
+use std::fmt;
+
+/// What the other protocol would find shows in the beginning: a long input is not decoded twice.
+const READS_ALONG: u64 = 1024 * 1024;
+
+#[derive(Debug)]
+enum Decoder {
+    Amt(amt::Decoder),
+    Zk(zk::Decoder),
+}
+
+/// The other protocol, reading along.
+#[derive(Debug)]
+pub struct Other {
+    decoder: Decoder,
+    frames: u64,
+    bytes: u64,
+    in_frames: u64,
+}
+
+impl Other {
+    /// AMT reads along.
+    pub fn amt() -> Self {
+        Self { decoder: Decoder::Amt(amt::Decoder::new()), frames: 0, bytes: 0, in_frames: 0 }
+    }
+
+    /// ZK reads along.
+    pub fn zk() -> Self {
+        Self { decoder: Decoder::Zk(zk::Decoder::new()), frames: 0, bytes: 0, in_frames: 0 }
+    }
+
+    /// Takes what was read.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        let left = usize::try_from(READS_ALONG - self.bytes).unwrap_or(usize::MAX);
+        let mut bytes = &bytes[..bytes.len().min(left)];
+        self.bytes += bytes.len() as u64;
+        while !bytes.is_empty() {
+            let (taken, frame) = match &mut self.decoder {
+                Decoder::Amt(decoder) => {
+                    let (taken, frame) = decoder.feed(bytes);
+                    (taken, frame.map(|frame| frame.raw().len()))
+                }
+                Decoder::Zk(decoder) => {
+                    let (taken, frame) = decoder.feed(bytes);
+                    (taken, frame.map(|frame| frame.raw().len()))
+                }
+            };
+            bytes = &bytes[taken..];
+            if let Some(length) = frame {
+                self.frames += 1;
+                self.in_frames += length as u64;
+            }
+        }
+    }
+
+    const fn name(&self) -> &'static str {
+        match self.decoder {
+            Decoder::Amt(_) => "amt",
+            Decoder::Zk(_) => "zk",
+        }
+    }
+
+    fn pending(&self) -> u64 {
+        match &self.decoder {
+            Decoder::Amt(decoder) => decoder.pending() as u64,
+            Decoder::Zk(decoder) => decoder.pending() as u64,
+        }
+    }
+}
+
+/// Most of the bytes belonged to no frame.
+#[derive(Debug)]
+pub struct Hint {
+    tried: &'static str,
+    bytes: u64,
+    outside: u64,
+    other: &'static str,
+    other_frames: u64,
+    other_bytes: u64,
+    other_outside: u64,
+}
+
+impl Hint {
+    /// Where over half of all bytes lie outside of every frame.
+    pub fn of(bytes: u64, outside: u64, tried: &'static str, other: Other) -> Option<Self> {
+        (outside * 2 > bytes).then(|| Self {
+            tried,
+            bytes,
+            outside,
+            other: other.name(),
+            other_frames: other.frames,
+            other_bytes: other.bytes,
+            other_outside: other.bytes - other.in_frames - other.pending(),
+        })
+    }
+}
+
+impl fmt::Display for Hint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |part: u64, of: u64| part as f64 * 100.0 / of as f64;
+        write!(
+            f,
+            "hint: {:.0} % of the bytes are in no {} frame; --protocol {} would find {} frames and leave {:.0} %",
+            percent(self.outside, self.bytes),
+            self.tried,
+            self.other,
+            self.other_frames,
+            percent(self.other_outside, self.other_bytes)
+        )?;
+        if self.other_bytes < self.bytes {
+            write!(f, " of the first {} bytes", self.other_bytes)?;
+        }
+        if self.other_outside * 2 > self.other_bytes {
+            write!(f, ": check the baud rate, the stop bits and the levels of the line")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,256 @@
+//! What steers a run while it goes on: nothing, a script file, or a person at the keyboard.
+
+use super::ending::EndRequest;
+use super::passing::{Passing, SPEEDS};
+use super::play::action::{Action, Wish};
+use super::sample::Sample;
+use super::tour::Tour;
+use embassy_time::{Duration, Instant};
+use sim::clock::Pace;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration as WallDuration;
+
+/// While the run stands still, an end is looked for so often.
+const LOOK_EVERY: WallDuration = WallDuration::from_millis(50);
+/// What whoever steers looks at.
+#[derive(Debug)]
+pub struct Situation<'a> {
+    /// The engine time.
+    pub at: Instant,
+    /// All engines.
+    pub samples: &'a [Sample],
+    /// All pilots are done, and no engine is played.
+    pub complete: bool,
+}
+
+/// What is to be done now.
+#[derive(Debug, Default)]
+pub struct Turn {
+    /// To these engines (`None`: to all).
+    pub wishes: Vec<(Option<usize>, Wish)>,
+    /// From now on at this pace.
+    pub pace: Option<Pace>,
+    /// How the run passes, if that has changed.
+    pub passing: Option<Passing>,
+    /// The run ends.
+    pub end: bool,
+    /// No engine time passes: ask again.
+    pub again: bool,
+}
+
+/// Steers a run. It is asked ten times a second of engine time.
+pub trait Control {
+    /// What is to be done now. It may wait, and no engine time passes then.
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn;
+}
+
+/// The run goes its way, and ends with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Unattended;
+
+impl Control for Unattended {
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn {
+        Turn { end: situation.complete, ..Turn::default() }
+    }
+}
+
+/// The actions of a script file.
+#[derive(Debug)]
+pub struct Scripted {
+    actions: Vec<(Instant, Action)>,
+    next: usize,
+    end: Option<Instant>,
+}
+
+impl Scripted {
+    /// These, in the order of time; and the end, if the run does not end by itself.
+    pub fn new(actions: Vec<(Instant, Action)>, end: Option<Duration>) -> Self {
+        Self { actions, next: 0, end: end.map(|end| Instant::MIN + end) }
+    }
+}
+
+impl Control for Scripted {
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn {
+        let due = self.actions.iter().skip(self.next).take_while(|(at, _)| *at <= situation.at);
+        let wishes: Vec<_> = due.map(|(_, action)| (action.engine, Wish::Act(action.act))).collect();
+        self.next += wishes.len();
+        let all_done = self.next == self.actions.len();
+        let end = match self.end {
+            Some(end) => situation.at >= end,
+            None => situation.complete && all_done && wishes.is_empty(),
+        };
+        Turn { wishes, end, ..Turn::default() }
+    }
+}
+
+/// What a person asks for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Request {
+    /// Of an engine, or of all.
+    Wish(Option<usize>, Wish),
+    /// Stand still, or go on.
+    Pause,
+    /// Stand still, and let 0.1 s pass.
+    Step,
+    /// The next higher speed.
+    Faster,
+    /// The next lower one.
+    Slower,
+    /// The speed that the run chooses itself.
+    Auto,
+}
+
+/// A person at the keyboard.
+#[derive(Debug)]
+pub struct Live {
+    requests: Receiver<Request>,
+    end: EndRequest,
+    tour: Option<Tour>,
+    passing: Passing,
+    shown: Option<Passing>,
+    stepping: bool,
+    /// Something was done since the run was complete.
+    goes_on: bool,
+    /// Its actions come beside those of the keys.
+    script: Option<Scripted>,
+}
+
+impl Live {
+    /// With a tour the run chooses its speed itself; without, it is real time.
+    pub fn new(requests: Receiver<Request>, end: EndRequest, tour: Option<Tour>) -> Self {
+        let passing = Passing { speed: 1, auto: tour.is_some(), paused: false };
+        Self { requests, end, tour, passing, shown: None, stepping: false, goes_on: false, script: None }
+    }
+
+    /// Plays a script file beside the keys. Its end is the run's.
+    pub fn with_script(self, script: Scripted) -> Self {
+        Self { script: Some(script), ..self }
+    }
+
+    fn take(&mut self, request: Request, turn: &mut Turn) {
+        let place = SPEEDS.iter().rposition(|&speed| speed <= self.passing.speed).unwrap_or(0);
+        let set = |place: usize| SPEEDS.get(place).copied();
+        match request {
+            Request::Wish(engine, wish) => {
+                self.goes_on = true;
+                turn.wishes.push((engine, wish));
+            }
+            Request::Pause => self.passing.paused = !self.passing.paused,
+            Request::Step => (self.passing.paused, self.stepping) = (true, true),
+            Request::Faster => {
+                self.passing.auto = false;
+                self.passing.speed = set(place + 1).unwrap_or(self.passing.speed);
+            }
+            Request::Slower => {
+                self.passing.auto = false;
+                self.passing.speed = place.checked_sub(1).and_then(set).unwrap_or(1);
+            }
+            Request::Auto => self.passing.auto = self.tour.is_some(),
+        }
+    }
+}
+
+impl Control for Live {
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn {
+        let mut turn = Turn::default();
+        self.stepping = false;
+        if let Some(script) = &mut self.script {
+            let played = script.turn(situation);
+            (turn.wishes, turn.end) = (played.wishes, played.end && !situation.complete);
+        }
+        while let Ok(request) = self.requests.try_recv() {
+            self.take(request, &mut turn);
+        }
+        if let Some(tour) = &mut self.tour {
+            let speed = tour.speed(situation.samples);
+            if self.passing.auto {
+                self.passing.speed = speed;
+            }
+        }
+        let finished = situation.complete && !self.goes_on;
+        let stands = (self.passing.paused && !self.stepping) || finished;
+        if self.shown != Some(self.passing) {
+            self.shown = Some(self.passing);
+            turn.passing = Some(self.passing);
+            turn.pace = Some(Pace::Times(self.passing.speed));
+        }
+        if !situation.complete {
+            self.goes_on = false;
+        }
+        turn.end |= self.end.requested().is_some();
+        turn.again = stands;
+        // What has to be shown or done first is shown or done first.
+        if stands && !turn.end && turn.wishes.is_empty() && turn.passing.is_none() {
+            match self.requests.recv_timeout(LOOK_EVERY) {
+                Ok(request) => {
+                    self.take(request, &mut turn);
+                    turn.again = !self.stepping;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => turn.end = true,
+            }
+        }
+        turn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::play::action::Act;
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    fn turn(live: &mut Live, complete: bool) -> Turn {
+        live.turn(&Situation { at: Instant::MIN, samples: &[], complete })
+    }
+
+    #[test]
+    fn a_pause_lets_no_time_pass_and_wishes_come_through() {
+        let (keys, requests) = channel();
+        let mut live = Live::new(requests, EndRequest::default(), None);
+        assert!(!turn(&mut live, false).again);
+        keys.send(Request::Pause).unwrap();
+        assert!(turn(&mut live, false).again);
+        assert!(turn(&mut live, false).again);
+        keys.send(Request::Wish(None, Wish::Act(Act::EmergencyStop))).unwrap();
+        let stopped = turn(&mut live, false);
+        assert!(stopped.again && stopped.wishes.len() == 1);
+        keys.send(Request::Step).unwrap();
+        assert!(!turn(&mut live, false).again);
+        assert!(turn(&mut live, false).again);
+        keys.send(Request::Pause).unwrap();
+        turn(&mut live, false);
+        assert!(!turn(&mut live, false).again);
+    }
+
+    #[test]
+    fn a_complete_run_stands_until_something_is_done() {
+        let (keys, requests) = channel();
+        let mut live = Live::new(requests, EndRequest::default(), None);
+        turn(&mut live, false);
+        assert!(turn(&mut live, true).again);
+        keys.send(Request::Wish(Some(0), Wish::Act(Act::Arm))).unwrap();
+        let armed = turn(&mut live, true);
+        assert!(!armed.again && armed.wishes.len() == 1);
+    }
+
+    #[test]
+    fn speeds_are_stepped_through() {
+        let (keys, requests) = channel();
+        let mut live = Live::new(requests, EndRequest::default(), None);
+        for (request, speed) in [
+            (Request::Slower, 1),
+            (Request::Faster, 2),
+            (Request::Faster, 4),
+            (Request::Faster, 10),
+            (Request::Faster, 20),
+            (Request::Faster, 60),
+            (Request::Faster, 60),
+            (Request::Slower, 20),
+        ] {
+            keys.send(request).unwrap();
+            turn(&mut live, false);
+            assert_eq!(live.passing.speed, speed);
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! The command line of `jetlink rig`.
+
+use super::engines;
+use super::faults::Faults;
+use super::plan::Plan;
+use super::play::action::Action;
+use super::play::script::{Header, Script};
+use super::quantity;
+use super::scenario::Scenario;
+use super::session::Setup;
+use embassy_time::{Duration, Instant};
+
+/// What `--help` says beyond the options.
+const HELP: &str = "\
+What it does:
+  Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
+  idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
+  screen shows it live; otherwise, and with --fast, plain lines do. The summary at the end counts what the node
+  and what the ECUs received. Every frame on the wire is compared with what was commanded.
+
+Columns:
+  commanded  what the source commands
+  sent       the demand that the node last sent to the ECU: it differs from the commanded one while a limit, a lost
+             source, another source or an emergency stop (STOP) is in force
+  source     the source in control; what holds its demand
+  errors     bytes and frames from the ECU that could not be decoded
+
+Summary:
+  commands rejected    refused by an interlock or by the rules of sources. A start that waits for another engine is
+                       none, nor is what was commanded while the node still listened after its own start
+  unsolicited commands frames on the wire that no order in force allows
+  worst cadence error  ZK: the node sends in fixed send slots. An emergency stop, and the frame right behind a change
+                       of the control mode, are sent ahead of their slot and do not count
+
+Engines:
+  --engine name=left,ecu=amt,engine=olympus,baud=2400
+      engine: mercury, pegasus, olympus (default), titan, nike, lynx
+      baud: default 2400
+  --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
+      version: 1 to 5 (default 5); baud: default 9600; stop: 1 (default) or 2; rate: 20 (default), 50, 100 Hz
+      mode: throttle (default), split (switch in a command of its own), rpm; the last two from version 4
+  Baud rates are 2400, 4800, 9600, 19200, 38400, 57600, 115200. Up to 8 engines. Without --engine there are
+  two AMT engines at 2400 baud and two ZK engines, one at 9600 baud with version 4, one at 115200 baud with
+  version 5 that is commanded by rpm.
+
+Faults, a list with commas:
+  light, heavy          sets of the following
+  noise=SHARE           of the bytes arrive with inverted bits (0.02 is 2 %)
+  lose=, add=, framing= share of the bytes that are lost, that another one follows, that break their frame
+  jitter=TIME, delay=TIME   bytes arrive later, at random by up to, or always by this (3ms)
+  from=TIME, until=TIME     when the above begin and end (default: from the start until 15 s before the first
+                            shutdown, so that recovery is seen and judged)
+  cut=ENGINE@TIME+LENGTH    cuts a line (left@40s+5s)
+  hot-start=ENGINE, no-light=ENGINE    the starts of an engine fail
+  flame-out=ENGINE@TIME     its flame goes out once
+  A fault that could not act in this run is refused. On disturbed lines missed windows and decode errors are
+  counted and do not fail the run. An AMT ECU may stop its engine then, because it received nothing: that is
+  reported, and the engine started again. A link that does not recover fails the run, and so does an unsolicited
+  command.
+
+Scenarios:
+  --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It has a list of
+  expected events, and judges by what was on the wires and what the simulated engines did whether they occurred.
+
+CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported nothing for 2 s:
+  t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
+  demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
+  (replies and send slots, by the node's count), decode_errors, rejected (commands, see the summary),
+  engine_state (in plain words), rules (the source in control), waiting (the source about to take over), loss (stage
+  of the loss of the source), limited (a limit has lowered the demand), armed, order (of the node),
+  wire_throttle_pct and wire_rpm (last sent), faults (as the ECU reports them), events (since the row before,
+  separated by |)
+  The file is flushed every second: `tail -f`, a FIFO and /dev/stdout work. Text goes to the standard error then.
+
+Exit status:
+  0  no reply window was missed on a clean line, and every engine reached its targets; with --scenario: all expected
+     events occurred
+  1  otherwise, or a file could not be written
+  2  a wrong option
+  A run that is ended early completes its files and prints the summary so far. That is no failure: the status is
+  0 after q, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, and 1 only if something had gone wrong before.
+
+Time:
+  All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
+  delays the run and does not change it: the same seed gives the same result, live and with --fast.";
+
+/// Arguments of `jetlink rig`.
+#[derive(clap::Args, Debug)]
+#[command(after_long_help = HELP, after_help = "--help explains all, --engine and --faults in full.")]
+pub struct Args {
+    /// An engine and its ECU; repeatable
+    #[arg(long = "engine", value_name = "DESCRIPTION")]
+    pub engines: Vec<String>,
+
+    /// As quick as the machine allows, instead of in real time
+    #[arg(long)]
+    pub fast: bool,
+
+    /// Length of the run in engine time, for example 300s, 10m or 6h; it is the running phase that changes
+    #[arg(long, value_name = "TIME")]
+    pub duration: Option<String>,
+
+    /// Start no engine: stay in standby for --duration (default 10s) and judge the links
+    #[arg(long)]
+    pub standby: bool,
+
+    /// All that is random comes from this number
+    #[arg(long, value_name = "NUMBER", default_value = "1")]
+    pub seed: String,
+
+    /// What goes wrong, for example heavy or noise=0.02,lose=0.01
+    #[arg(long, value_name = "LIST")]
+    pub faults: Option<String>,
+
+    /// Write all samples to this file
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<String>,
+
+    /// Draw rpm, EGT and demand over time into this file
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<String>,
+
+    /// Draw the plot for a dark page
+    #[arg(long, requires = "plot")]
+    pub dark: bool,
+
+    /// Write the raw bytes of each line, a file for each engine and direction, into this folder
+    #[arg(long, value_name = "DIR")]
+    pub capture: Option<String>,
+
+    /// Plain lines, even on a terminal
+    #[arg(long)]
+    pub plain: bool,
+
+    /// Draw with ASCII characters only
+    #[arg(long)]
+    pub ascii: bool,
+
+    /// Play the actions of this file
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["engines", "duration", "standby", "faults", "seed", "scenario"])]
+    pub script: Option<String>,
+
+    /// Write what was done by key into this file, to be played again with --script
+    #[arg(long, value_name = "FILE")]
+    pub save_script: Option<String>,
+
+    /// For the test of what a panic leaves behind
+    #[arg(long, value_name = "TIME", hide = true)]
+    pub panic_at: Option<String>,
+
+    /// Play something that goes wrong, and judge what happens
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
+    pub scenario: Option<String>,
+
+    /// Explain each scenario in a line
+    #[arg(long)]
+    pub list_scenarios: bool,
+}
+
+/// The actions of a script file, and its end.
+pub type Actions = (Vec<(Instant, Action)>, Option<Duration>);
+
+/// What is decided before a run.
+#[derive(Debug)]
+pub struct Order {
+    /// The run.
+    pub setup: Setup,
+    /// The same in words, for a script file.
+    pub header: Header,
+    /// The actions of a script file, and its end.
+    pub script: Option<Actions>,
+    /// Nothing is asked for in particular: somebody looks on.
+    pub tour: bool,
+}
+
+/// Reads the command line, and the script file that it names.
+pub fn order(args: &Args) -> Result<Order, String> {
+    let script = match &args.script {
+        Some(path) => {
+            let text =
+                std::fs::read_to_string(path).map_err(|error| format!("cannot read {path}: {error}"))?;
+            Some(Script::parse(&text).map_err(|what| format!("{path}: {what}"))?)
+        }
+        None => None,
+    };
+    let scenario = args.scenario.as_deref().map(Scenario::named).transpose()?;
+    let header = match &script {
+        Some(script) => script.header.clone(),
+        None => header(args)?,
+    };
+    let described: Vec<String> = match scenario {
+        Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
+        None => header.engines.clone(),
+    };
+    let tour = scenario.is_none() && header == Header { seed: header.seed, ..Header::default() };
+    let setup = setup(args, &header, scenario, &described, tour)?;
+    let script = match (script, &args.script) {
+        (Some(script), Some(path)) => {
+            let actions = script.actions(&setup.engines).map_err(|what| format!("{path}: {what}"))?;
+            Some((actions, script.end))
+        }
+        _ => None,
+    };
+    Ok(Order { setup, header, script, tour })
+}
+
+/// The command line in the words of a script file.
+fn header(args: &Args) -> Result<Header, String> {
+    let seed = args
+        .seed
+        .parse()
+        .map_err(|_| format!("--seed: `{}` is not a whole number from 0 to {}", args.seed, u64::MAX))?;
+    Ok(Header {
+        seed,
+        engines: args.engines.clone(),
+        duration: args.duration.clone(),
+        standby: args.standby,
+        faults: args.faults.clone(),
+    })
+}
+
+fn setup(
+    args: &Args,
+    header: &Header,
+    scenario: Option<&'static Scenario>,
+    described: &[String],
+    tour: bool,
+) -> Result<Setup, String> {
+    let engines = engines::engines(described)?;
+    let mut faults = match &header.faults {
+        Some(text) => Faults::parse(text, &engines)?,
+        None => Faults::default(),
+    };
+    let duration = header
+        .duration
+        .as_ref()
+        .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
+        .transpose()?;
+    let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
+    let mut plan = Plan::new(&engines, duration, header.standby, &mut faults)?;
+    faults.check(&plan, &engines)?;
+    if let Some(scenario) = scenario {
+        plan.length = scenario.length();
+    }
+    if tour {
+        plan = plan.with_a_silence();
+    }
+    let details = args.capture.is_some();
+    Ok(Setup { engines, plan, faults, scenario, seed: header.seed, fast: args.fast, details, panic_at })
+}

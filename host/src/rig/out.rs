@@ -1,0 +1,40 @@
+//! Where text for people goes: to the standard output, unless a file of the run goes there.
+
+use std::io::{self, ErrorKind, Write};
+
+/// One of the two.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Out {
+    /// The standard output.
+    Stdout,
+    /// The standard error.
+    Stderr,
+}
+
+impl Out {
+    /// Writes it all.
+    pub fn write(self, text: &str) -> io::Result<()> {
+        match self {
+            Self::Stdout => {
+                let mut out = io::stdout().lock();
+                out.write_all(text.as_bytes())?;
+                out.flush()
+            }
+            Self::Stderr => io::stderr().lock().write_all(text.as_bytes()),
+        }
+    }
+
+    /// That it takes nothing, for people.
+    pub fn cannot_write(self, error: &io::Error) -> String {
+        let name = match self {
+            Self::Stdout => "standard output",
+            Self::Stderr => "standard error",
+        };
+        format!("cannot write to the {name}: {error}")
+    }
+}
+
+/// Whoever read the output has had enough of it, as `head` does: that is no failure of ours.
+pub fn reader_left(error: &io::Error) -> bool {
+    error.kind() == ErrorKind::BrokenPipe
+}

@@ -1,0 +1,81 @@
+//! What came of a run, for whoever judges and shows it.
+
+use super::audit::Audit;
+use super::play::action::Action;
+use super::play::judge::Verdict;
+use super::simulated::EcuCounts;
+use embassy_time::{Duration, Instant};
+use jetlink::report::{Counters, LinkState};
+
+/// What had to happen, and whether it did.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Check {
+    /// What.
+    pub what: String,
+    /// It did.
+    pub held: bool,
+}
+
+/// What came of one engine.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The engine's name.
+    pub name: &'static str,
+    /// What the pilot did not reach; `None` when it was cut short.
+    pub flown: Option<Result<(), String>>,
+    /// Something was done to it by hand: what no pilot can cause.
+    pub played: Option<Verdict>,
+    /// What the node has counted.
+    pub node: Counters,
+    /// Commands that the node rejected, but for those of its first moments, when it listens only.
+    pub commands_rejected: u32,
+    /// Whether the link is up at the end.
+    pub link: LinkState,
+    /// What the ECU has counted.
+    pub ecu: EcuCounts,
+    /// What was seen on the line.
+    pub audit: Audit,
+    /// How often the engine stopped by itself.
+    pub stops: u32,
+    /// From the end of the last fault until the link was up.
+    pub recovered_after: Option<Duration>,
+    /// Nothing ever was wrong with the line.
+    pub line_was_clean: bool,
+    /// The turbine turns and burns no more, by its own account.
+    pub is_live: bool,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All was played.
+    Complete,
+    /// Before its time, because nobody wanted more.
+    Interrupted,
+    /// By a panic with this message: a mistake in the rig or in jetlink.
+    Panicked(String),
+}
+
+/// What came of a run.
+#[derive(Clone, Debug)]
+pub struct Outcomes {
+    /// Of each engine.
+    pub engines: Vec<Outcome>,
+    /// Engine time at the end.
+    pub length: Duration,
+    /// How it ended.
+    pub end: End,
+    /// What had to happen in a scenario, and whether it did.
+    pub checks: Vec<Check>,
+    /// Frames that each ECU of a scenario may have heard damaged.
+    pub bad_commands: u64,
+    /// What was done by hand.
+    pub actions: Vec<(Instant, Action)>,
+}
+
+impl Outcomes {
+    /// Whether anything was done by hand.
+    pub fn is_played(&self) -> bool {
+        !self.actions.is_empty()
+    }
+}

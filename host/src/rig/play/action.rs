@@ -1,0 +1,208 @@
+//! What can be done in a run, and how it stands in a script file: an engine's name, or `all`, and words.
+
+use super::super::engines::Engine;
+
+/// What is done to an engine.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Act {
+    /// Arm it.
+    Arm,
+    /// Disarm it.
+    Disarm,
+    /// Command run at idle.
+    Start,
+    /// Command standby.
+    Standby,
+    /// Command this throttle, in tenths of a percent.
+    Throttle(u16),
+    /// Command this shaft speed.
+    Rpm(u32),
+    /// Stop it at once; latched.
+    EmergencyStop,
+    /// Release the emergency stop.
+    Release,
+    /// Standby, and the engine's own script anew.
+    Script,
+    /// A fault begins (true) or ends.
+    Fault(Fault, bool),
+}
+
+/// A fault that lasts until it is ended, or, of those that happen once, takes its course.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Fault {
+    /// Both wires of the line are cut.
+    Cut,
+    /// One byte in twelve suffers on the line.
+    Noise,
+    /// The ECU has no power.
+    Power,
+    /// The source says nothing.
+    Silence,
+    /// The flame goes out, once.
+    FlameOut,
+    /// The watchdog resets the node, once. It concerns all engines.
+    Reset,
+}
+
+impl Fault {
+    /// All of them, in the order of the menu.
+    pub const ALL: [Self; 6] =
+        [Self::Cut, Self::Noise, Self::FlameOut, Self::Power, Self::Reset, Self::Silence];
+
+    /// Whether it happens once and cannot be ended.
+    pub const fn is_once(self) -> bool {
+        matches!(self, Self::FlameOut | Self::Reset)
+    }
+
+    /// How its beginning and its end are written.
+    const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Cut => ("cut", "mend"),
+            Self::Noise => ("noise", "quiet"),
+            Self::Power => ("power-off", "power-on"),
+            Self::Silence => ("silent", "speak"),
+            Self::FlameOut => ("flame-out", ""),
+            Self::Reset => ("node-reset", ""),
+        }
+    }
+}
+
+/// The acts that are a word alone.
+const WORDS: [(&str, Act); 8] = [
+    ("arm", Act::Arm),
+    ("disarm", Act::Disarm),
+    ("start", Act::Start),
+    ("standby", Act::Standby),
+    ("emergency-stop", Act::EmergencyStop),
+    ("release", Act::Release),
+    ("script", Act::Script),
+    ("flame-out", Act::Fault(Fault::FlameOut, true)),
+];
+
+impl Act {
+    /// As it stands in a script file.
+    pub fn text(self) -> String {
+        match self {
+            Self::Throttle(tenths) => format!("throttle {}.{}", tenths / 10, tenths % 10),
+            Self::Rpm(rpm) => format!("rpm {rpm}"),
+            Self::Fault(fault, true) => fault.words().0.to_owned(),
+            Self::Fault(fault, false) => fault.words().1.to_owned(),
+            other => WORDS.iter().find(|(_, act)| *act == other).map_or("", |(word, _)| word).to_owned(),
+        }
+    }
+
+    /// What a line of a script file says.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let mut words = text.split_whitespace();
+        let unknown = || format!("`{text}` is not a valid action");
+        let act = match words.next() {
+            Some("throttle") => {
+                let percent: f64 = words.next().and_then(|word| word.parse().ok()).ok_or_else(unknown)?;
+                if !(0.0..=100.0).contains(&percent) {
+                    return Err(format!("invalid throttle `{percent}`, use 0 to 100"));
+                }
+                Self::Throttle((percent * 10.0).round() as u16)
+            }
+            Some("rpm") => Self::Rpm(words.next().and_then(|word| word.parse().ok()).ok_or_else(unknown)?),
+            Some(word) => {
+                let fault = Fault::ALL.into_iter().find_map(|fault| {
+                    let (begin, end) = fault.words();
+                    if word == begin {
+                        Some(Self::Fault(fault, true))
+                    } else {
+                        (word == end && !end.is_empty()).then_some(Self::Fault(fault, false))
+                    }
+                });
+                let act = WORDS.iter().find(|(known, _)| *known == word).map(|(_, act)| *act);
+                fault.or(act).ok_or_else(unknown)?
+            }
+            None => return Err(unknown()),
+        };
+        if words.next().is_some() { Err(unknown()) } else { Ok(act) }
+    }
+
+    /// Whether it takes the engine from its script. A fault does not.
+    pub const fn takes_engine(self) -> bool {
+        !matches!(self, Self::Fault(..) | Self::Script)
+    }
+}
+
+/// Something done to one engine, or to all.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Action {
+    /// Its place in the list of engines; `None`: all.
+    pub engine: Option<usize>,
+    /// What.
+    pub act: Act,
+}
+
+impl Action {
+    /// As it stands in a script file.
+    pub fn text(self, engines: &[Engine]) -> String {
+        let name = self.engine.and_then(|i| engines.get(i)).map_or("all", Engine::name);
+        format!("{name} {}", self.act.text())
+    }
+
+    /// What a line of a script file says.
+    pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
+        let (name, act) = text.split_once(' ').unwrap_or((text, ""));
+        let engine = match name {
+            "all" => None,
+            name => {
+                let place = engines.iter().position(|engine| engine.name() == name);
+                Some(place.ok_or_else(|| format!("there is no engine `{name}`"))?)
+            }
+        };
+        Ok(Self { engine, act: Act::parse(act)? })
+    }
+}
+
+/// What a key asks for: the player makes an [`Act`] of it that says the same whenever it is played again.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Wish {
+    /// This.
+    Act(Act),
+    /// So much more or less of what is commanded, in tenths of a percent of the way from idle to maximum.
+    Step(i16),
+    /// This fault begins if it is not there, and ends if it is.
+    Toggle(Fault),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::engines::engines;
+    use super::*;
+
+    #[test]
+    fn every_action_is_read_as_it_is_written() {
+        let engines = engines(&[]).unwrap();
+        let faults = Fault::ALL.into_iter().flat_map(|fault| [(fault, true), (fault, false)]);
+        let faults = faults.filter(|(fault, begins)| *begins || !fault.is_once());
+        let acts = faults.map(|(fault, begins)| Act::Fault(fault, begins));
+        let acts = acts.chain(WORDS.map(|(_, act)| act)).chain([Act::Throttle(455), Act::Rpm(80_000)]);
+        for act in acts {
+            for engine in [None, Some(2)] {
+                let action = Action { engine, act };
+                assert_eq!(Action::parse(&action.text(&engines), &engines), Ok(action));
+            }
+        }
+        assert_eq!(Action { engine: Some(0), act: Act::Throttle(455) }.text(&engines), "left throttle 45.5");
+    }
+
+    #[test]
+    fn each_mistake_is_named() {
+        let engines = engines(&[]).unwrap();
+        for (text, part) in [
+            ("", "no engine ``"),
+            ("left", "not a valid action"),
+            ("tail arm", "no engine `tail`"),
+            ("left jump", "`jump` is not a valid action"),
+            ("left throttle", "not a valid action"),
+            ("left throttle 101", "invalid throttle"),
+            ("left arm now", "not a valid action"),
+        ] {
+            let error = Action::parse(text, &engines).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

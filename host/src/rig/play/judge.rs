@@ -1,0 +1,153 @@
+//! Judges a played run by what no pilot can cause, whatever is done: ignitions that nobody commanded, emergency stops that
+//! are late on the wire, reply windows that are missed outside of the faults that a person has set. Frames that nothing
+//! allows are the audit's.
+
+use super::super::audit::{Audit, Said};
+use super::super::simulated::EcuCounts;
+use embassy_time::{Duration, Instant};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+
+/// The longest time from an emergency stop to its first bit on the wire: an AMT ECU is answered every 125 ms, and the
+/// answer before may have begun.
+const STOP_ON_WIRE: Nanos = 175 * MILLIS;
+/// A run may have been commanded so long before its ignition: a start that waits for another engine.
+const IGNITES_WITHIN: Nanos = 2 * SECOND;
+/// After a fault has ended the node may be in doubt, and withhold replies, for so long.
+const DOUBT: Duration = Duration::from_secs(12);
+
+/// What was found of one engine.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Verdict {
+    /// Ignitions while nobody commanded run.
+    pub ignitions: u64,
+    /// Emergency stops that came late on the wire, or not at all.
+    pub late_stops: u64,
+    /// Reply windows missed while no fault was set by hand.
+    pub missed: u64,
+}
+
+/// Watches one engine.
+#[derive(Debug, Default)]
+pub struct Judge {
+    verdict: Verdict,
+    /// Faults that last now.
+    faults: u32,
+    /// The end of what the last fault may excuse.
+    excused_until: Option<Instant>,
+    ignitions: usize,
+    /// When run was last in force.
+    run_at: Option<Nanos>,
+    /// An emergency stop that is not on the wire yet.
+    stop_since: Option<Nanos>,
+    missed: u64,
+}
+
+/// What it looks at.
+#[derive(Debug)]
+pub struct Seen<'a> {
+    /// When.
+    pub at: Instant,
+    /// The source commands run.
+    pub commands_run: bool,
+    /// The link is up.
+    pub link_up: bool,
+    /// What the ECU has counted.
+    pub counts: EcuCounts,
+    /// Instants at which the simulated engine began a start.
+    pub ignitions: &'a [Nanos],
+    /// The line.
+    pub audit: &'a Audit,
+}
+
+impl Judge {
+    /// A fault that a person sets begins or ends. What happens once does both.
+    pub fn fault(&mut self, at: Instant, begins: bool) {
+        self.faults = if begins { self.faults + 1 } else { self.faults.saturating_sub(1) };
+        self.excused_until = Some(at + DOUBT);
+    }
+
+    /// An emergency stop is commanded.
+    pub fn stop(&mut self, at: Nanos, audit: &Audit) {
+        if audit.on_wire != Some(Said::Stop) {
+            self.stop_since.get_or_insert(at);
+        }
+    }
+
+    /// What was found.
+    pub const fn verdict(&self) -> Verdict {
+        self.verdict
+    }
+
+    /// Looks once more, ten times a second.
+    pub fn look(&mut self, seen: &Seen<'_>) {
+        let now = (seen.at - Instant::MIN).as_micros() * 1000;
+        let excused = self.faults > 0 || self.excused_until.is_some_and(|until| seen.at <= until);
+        if seen.commands_run {
+            self.run_at = Some(now);
+        }
+        for &ignition in seen.ignitions.iter().skip(self.ignitions) {
+            let commanded = self.run_at.is_some_and(|at| at + IGNITES_WITHIN >= ignition);
+            self.verdict.ignitions += u64::from(!commanded);
+        }
+        self.ignitions = seen.ignitions.len();
+
+        let missed = seen.counts.late + seen.counts.unanswered;
+        if !excused {
+            self.verdict.missed += missed.saturating_sub(self.missed);
+        }
+        self.missed = missed;
+
+        if let Some(since) = self.stop_since {
+            let sent = seen.audit.stop_at.filter(|&at| at >= since);
+            let late = sent.unwrap_or(now) > since + STOP_ON_WIRE;
+            if sent.is_some() || late {
+                self.verdict.late_stops += u64::from(late && !excused && seen.link_up);
+                self.stop_since = None;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::engines::engines;
+    use super::*;
+
+    fn look(judge: &mut Judge, ms: u64, commands_run: bool, ignitions: &[Nanos], missed: u64) -> Verdict {
+        let engines = engines(&[]).unwrap();
+        let audit = Audit::new(&engines[0]);
+        let at = Instant::MIN + Duration::from_millis(ms);
+        let counts = EcuCounts { unanswered: missed, ..EcuCounts::default() };
+        judge.look(&Seen { at, commands_run, link_up: true, counts, ignitions, audit: &audit });
+        judge.verdict()
+    }
+
+    #[test]
+    fn an_ignition_needs_a_commanded_run() {
+        let mut judge = Judge::default();
+        assert_eq!(look(&mut judge, 1000, true, &[], 0).ignitions, 0);
+        assert_eq!(look(&mut judge, 2000, false, &[1_500_000_000], 0).ignitions, 0);
+        assert_eq!(look(&mut judge, 9000, false, &[1_500_000_000, 8_900_000_000], 0).ignitions, 1);
+    }
+
+    #[test]
+    fn windows_count_outside_of_faults_only() {
+        let mut judge = Judge::default();
+        let at = |ms| Instant::MIN + Duration::from_millis(ms);
+        judge.fault(at(1000), true);
+        assert_eq!(look(&mut judge, 2000, false, &[], 5).missed, 0);
+        judge.fault(at(3000), false);
+        assert_eq!(look(&mut judge, 14_000, false, &[], 9).missed, 0);
+        assert_eq!(look(&mut judge, 16_000, false, &[], 10).missed, 1);
+    }
+
+    #[test]
+    fn a_stop_that_is_not_on_the_wire_in_time_is_late() {
+        let engines = engines(&[]).unwrap();
+        let mut judge = Judge::default();
+        judge.stop(1_000_000_000, &Audit::new(&engines[0]));
+        assert_eq!(look(&mut judge, 1100, false, &[], 0).late_stops, 0);
+        assert_eq!(look(&mut judge, 1200, false, &[], 0).late_stops, 1);
+        assert_eq!(look(&mut judge, 1300, false, &[], 0).late_stops, 1);
+    }
+}

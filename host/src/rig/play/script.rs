@@ -1,0 +1,193 @@
+//! A script file: what a played run was, a line for each action, to be played again with the same bytes on every wire.
+//!
+//! ```text
+//! jetlink rig script, version 0.1.0
+//! seed 1
+//! engine name=left,ecu=amt,engine=olympus,baud=2400
+//! 12.3 left arm
+//! 60.0 end
+//! ```
+
+use super::super::engines::Engine;
+use super::action::Action;
+use embassy_time::{Duration, Instant};
+
+const HEAD: &str = "jetlink rig script, version ";
+
+/// What a run is made of besides what is done in it: as on the command line.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Header {
+    /// `--seed`.
+    pub seed: u64,
+    /// `--engine`, each of them; none for the default ones.
+    pub engines: Vec<String>,
+    /// `--duration`.
+    pub duration: Option<String>,
+    /// `--standby`.
+    pub standby: bool,
+    /// `--faults`.
+    pub faults: Option<String>,
+}
+
+/// A script file before its actions are read: these need the engines.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Script {
+    /// What the run is made of.
+    pub header: Header,
+    /// Time, line number and text of each action.
+    actions: Vec<(Duration, usize, String)>,
+    /// When the run ends; `None`: by itself.
+    pub end: Option<Duration>,
+    /// The version of jetlink that wrote it.
+    pub version: String,
+}
+
+impl Script {
+    /// Reads it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+        let version = lines
+            .next()
+            .and_then(|(_, line)| line.strip_prefix(HEAD))
+            .ok_or_else(|| format!("line 1 has to be `{HEAD}{}`", env!("CARGO_PKG_VERSION")))?;
+        let mut script =
+            Self { header: Header::default(), actions: Vec::new(), end: None, version: version.to_owned() };
+        let mut last = Duration::MIN;
+        for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
+            let wrong = |what: &str| format!("line {number}, `{line}`: {what}");
+            let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
+            if script.end.is_some() {
+                return Err(wrong("nothing follows `end`"));
+            }
+            match first {
+                "seed" => {
+                    script.header.seed = rest.parse().map_err(|_| wrong("the seed is not a whole number"))?;
+                }
+                "engine" => script.header.engines.push(rest.to_owned()),
+                "duration" => script.header.duration = Some(rest.to_owned()),
+                "standby" => script.header.standby = true,
+                "faults" => script.header.faults = Some(rest.to_owned()),
+                time => {
+                    let seconds: f64 =
+                        time.parse().map_err(|_| wrong("it begins with no time in seconds"))?;
+                    if !(0.0..=30.0 * 86_400.0).contains(&seconds) {
+                        return Err(wrong("it begins with no time in seconds"));
+                    }
+                    let at = Duration::from_micros((seconds * 1e6).round() as u64);
+                    if at < last {
+                        return Err(wrong("the actions have to be in the order of time"));
+                    }
+                    last = at;
+                    if rest == "end" {
+                        script.end = Some(at);
+                    } else {
+                        script.actions.push((at, number, rest.to_owned()));
+                    }
+                }
+            }
+        }
+        Ok(script)
+    }
+
+    /// Its actions on these engines.
+    pub fn actions(&self, engines: &[Engine]) -> Result<Vec<(Instant, Action)>, String> {
+        let read = |(at, number, text): &(Duration, usize, String)| {
+            let action =
+                Action::parse(text, engines).map_err(|what| format!("line {number}, `{text}`: {what}"))?;
+            Ok((Instant::MIN + *at, action))
+        };
+        self.actions.iter().map(read).collect()
+    }
+}
+
+/// Writes a script file.
+pub fn text(
+    header: &Header,
+    engines: &[Engine],
+    actions: &[(Instant, Action)],
+    end: Option<Instant>,
+) -> String {
+    let mut text = format!("{HEAD}{}\nseed {}\n", env!("CARGO_PKG_VERSION"), header.seed);
+    for engine in &header.engines {
+        text += &format!("engine {engine}\n");
+    }
+    if header.engines.is_empty() {
+        let names: Vec<&str> = engines.iter().map(Engine::name).collect();
+        text += &format!("# the default engines: {}\n", names.join(", "));
+    }
+    if let Some(duration) = &header.duration {
+        text += &format!("duration {duration}\n");
+    }
+    if header.standby {
+        text += "standby\n";
+    }
+    if let Some(faults) = &header.faults {
+        text += &format!("faults {faults}\n");
+    }
+    for (at, action) in actions {
+        text += &format!("{} {}\n", time(*at), action.text(engines));
+    }
+    if let Some(end) = end {
+        text += &format!("{} end\n", time(end));
+    }
+    text
+}
+
+/// To the microsecond, without zeros that say nothing.
+fn time(at: Instant) -> String {
+    let micros = (at - Instant::MIN).as_micros();
+    let text = format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000);
+    let text = text.trim_end_matches('0');
+    if text.ends_with('.') { format!("{text}0") } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::engines::engines;
+    use super::super::action::{Act, Fault};
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let header = Header {
+            seed: 7,
+            engines: vec!["name=a,ecu=zk".to_owned(), "name=b".to_owned()],
+            duration: Some("300s".to_owned()),
+            standby: false,
+            faults: Some("light".to_owned()),
+        };
+        let engines = engines(&header.engines).unwrap();
+        let at = |ms| Instant::MIN + Duration::from_millis(ms);
+        let actions = vec![
+            (at(1200), Action { engine: Some(1), act: Act::Throttle(455) }),
+            (at(1200), Action { engine: None, act: Act::EmergencyStop }),
+            (at(9000), Action { engine: Some(0), act: Act::Fault(Fault::Cut, false) }),
+        ];
+        let text = text(&header, &engines, &actions, Some(at(12_345)));
+        assert!(
+            text.ends_with("1.2 b throttle 45.5\n1.2 all emergency-stop\n9.0 a mend\n12.345 end\n"),
+            "{text}"
+        );
+        let script = Script::parse(&text).unwrap();
+        assert_eq!(script.header, header);
+        assert_eq!(script.actions(&engines), Ok(actions));
+        assert_eq!(script.end, Some(Duration::from_millis(12_345)));
+    }
+
+    #[test]
+    fn each_mistake_is_named_with_its_line() {
+        let head = format!("{HEAD}0.1.0\n");
+        for (text, part) in [
+            ("".to_owned(), "line 1 has to be"),
+            (format!("{head}soon left arm"), "line 2"),
+            (format!("{head}seed x"), "whole number"),
+            (format!("{head}2 left arm\n1 left start"), "line 3"),
+            (format!("{head}2 end\n3 left arm"), "nothing follows"),
+        ] {
+            let error = Script::parse(&text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+        let script = Script::parse(&format!("{head}# a comment\n\n1 tail arm")).unwrap();
+        assert!(script.actions(&engines(&[]).unwrap()).unwrap_err().starts_with("line 4, `tail arm`: "));
+    }
+}

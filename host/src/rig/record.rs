@@ -1,0 +1,209 @@
+//! The record of a run: what was seen of each engine over time, thinned to bands of least and most where it is long. The
+//! charts on the screen and the pictures read it.
+
+use super::audit::Said;
+use super::desk::Stage;
+use super::quantity::seconds;
+use super::sample::Sample;
+use embassy_time::Instant;
+
+/// Points of an engine; when there are more, each two become one.
+const MOST_POINTS: usize = 8000;
+
+/// The least and the most of a value within a time.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Band {
+    /// The least.
+    pub least: f64,
+    /// The most.
+    pub most: f64,
+}
+
+impl Band {
+    /// Of one value.
+    pub const fn of(value: f64) -> Self {
+        Self { least: value, most: value }
+    }
+
+    /// Of both.
+    pub const fn with(self, other: Self) -> Self {
+        Self { least: self.least.min(other.least), most: self.most.max(other.most) }
+    }
+}
+
+/// One engine in a short time.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Point {
+    /// Its beginning, in seconds.
+    pub t: f64,
+    /// How far its pilot has come, at the end.
+    pub stage: Stage,
+    /// Shaft speed; `None`: the ECU has not reported it lately.
+    pub rpm: Option<Band>,
+    /// EGT in °C; `None` as above.
+    pub egt: Option<Band>,
+    /// The shaft speed is not new any more.
+    pub rpm_old: bool,
+    /// Nor is the EGT.
+    pub egt_old: bool,
+    /// Its source says nothing.
+    pub silent: bool,
+    /// The ECU is received.
+    pub link: bool,
+    /// The ECU reports a fault.
+    pub fault: bool,
+    /// Throttle that is commanded, in percent.
+    pub throttle: Option<Band>,
+    /// Shaft speed that is commanded.
+    pub demand_rpm: Option<Band>,
+    /// Throttle that was sent, in percent.
+    pub sent_throttle: Option<Band>,
+    /// Shaft speed that was sent.
+    pub sent_rpm: Option<Band>,
+    /// What was last on the wire, at the end.
+    pub on_wire: Option<Said>,
+}
+
+impl Point {
+    /// Of a sample.
+    pub fn of(at: Instant, sample: &Sample) -> Self {
+        Self {
+            t: seconds(at - Instant::MIN),
+            stage: sample.stage,
+            rpm: sample.rpm.map(|rpm| Band::of(rpm.into())),
+            egt: sample.egt.map(Band::of),
+            rpm_old: sample.rpm_old,
+            egt_old: sample.egt_old,
+            silent: sample.silent,
+            link: sample.link == jetlink::report::LinkState::Up,
+            fault: sample.faults.is_some_and(|faults| !faults.is_empty()),
+            throttle: sample.asked_percent().map(Band::of),
+            demand_rpm: sample.asked_rpm().map(|rpm| Band::of(rpm.into())),
+            sent_throttle: match sample.on_wire {
+                Some(Said::Run(tenths)) => Some(Band::of(f64::from(tenths) / 10.0)),
+                _ => None,
+            },
+            sent_rpm: match sample.on_wire {
+                Some(Said::RunRpm(rpm)) => Some(Band::of(rpm.into())),
+                _ => None,
+            },
+            on_wire: sample.on_wire,
+        }
+    }
+
+    /// This one and the next as one. A value that is missing in one of them stays missing: a gap is not drawn over.
+    fn with(&self, next: &Self) -> Self {
+        let both = |a: Option<Band>, b: Option<Band>| Some(a?.with(b?));
+        Self {
+            t: self.t,
+            rpm: both(self.rpm, next.rpm),
+            egt: both(self.egt, next.egt),
+            throttle: both(self.throttle, next.throttle),
+            demand_rpm: both(self.demand_rpm, next.demand_rpm),
+            sent_throttle: both(self.sent_throttle, next.sent_throttle),
+            sent_rpm: both(self.sent_rpm, next.sent_rpm),
+            rpm_old: self.rpm_old && next.rpm_old,
+            egt_old: self.egt_old && next.egt_old,
+            silent: self.silent || next.silent,
+            link: self.link && next.link,
+            fault: self.fault || next.fault,
+            ..*next
+        }
+    }
+}
+
+/// What was seen of all engines.
+#[derive(Debug, Default)]
+pub struct Record {
+    engines: Vec<Vec<Point>>,
+    /// Samples that make a point.
+    each: u32,
+    /// Those of them that the last point has.
+    had: u32,
+}
+
+impl Record {
+    /// Of so many engines.
+    pub fn new(engines: usize) -> Self {
+        Self { engines: vec![Vec::new(); engines], each: 1, had: 0 }
+    }
+
+    /// A sample of all engines.
+    pub fn add(&mut self, at: Instant, samples: &[Sample]) {
+        let begins = self.had == 0;
+        self.had = (self.had + 1) % self.each;
+        for (points, sample) in self.engines.iter_mut().zip(samples) {
+            let point = Point::of(at, sample);
+            match points.last_mut() {
+                Some(last) if !begins => *last = last.with(&point),
+                _ => points.push(point),
+            }
+        }
+        if self.had == 0 && self.engines.iter().any(|points| points.len() >= MOST_POINTS) {
+            for points in &mut self.engines {
+                *points = thinned(points, MOST_POINTS / 2);
+            }
+            self.each *= 2;
+        }
+    }
+
+    /// The points of an engine.
+    pub fn points(&self, engine: usize) -> &[Point] {
+        self.engines.get(engine).map_or(&[], Vec::as_slice)
+    }
+
+    /// How many samples make one point: more than one where a long run was thinned.
+    pub const fn samples_a_point(&self) -> u32 {
+        self.each
+    }
+
+    /// Those since this time, in seconds.
+    pub fn since(&self, engine: usize, t: f64) -> &[Point] {
+        let points = self.points(engine);
+        points.get(points.partition_point(|point| point.t < t)..).unwrap_or_default()
+    }
+}
+
+/// At most so many points of these, each with the least and the most of those it stands for.
+pub fn thinned(points: &[Point], most: usize) -> Vec<Point> {
+    let each = points.len().div_ceil(most.max(1)).max(1);
+    let one = |points: &[Point]| {
+        let (first, rest) = points.split_first()?;
+        Some(rest.iter().fold(*first, |one, next| one.with(next)))
+    };
+    points.chunks(each).filter_map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(i: u32) -> Point {
+        Point {
+            t: f64::from(i) / 10.0,
+            stage: Stage::Steps,
+            rpm: Some(Band::of(f64::from(i % 100))),
+            egt: (i != 7).then_some(Band::of(500.0)),
+            rpm_old: false,
+            egt_old: false,
+            silent: false,
+            link: true,
+            fault: false,
+            throttle: Some(Band::of(60.0)),
+            demand_rpm: None,
+            sent_throttle: Some(Band::of(60.0)),
+            sent_rpm: None,
+            on_wire: Some(Said::Run(600)),
+        }
+    }
+
+    #[test]
+    fn thinning_keeps_the_extremes_and_the_gaps() {
+        let points: Vec<Point> = (0..1000).map(point).collect();
+        let thin = thinned(&points, 10);
+        assert_eq!(thin.len(), 10);
+        assert!(thin.iter().all(|point| point.rpm == Some(Band { least: 0.0, most: 99.0 })));
+        assert_eq!((thin[0].egt, thin[1].egt), (None, Some(Band::of(500.0))));
+        assert_eq!(thinned(&points, 2000), points);
+    }
+}

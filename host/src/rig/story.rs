@@ -1,0 +1,68 @@
+//! What happens, and why, in one line: for whoever looks on.
+
+use super::desk::Stage;
+use super::sample::Sample;
+use jetlink::command::Order;
+use jetlink::event::LossStage;
+use jetlink::report::LinkState;
+
+/// The line for this moment. The most urgent comes first.
+pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> String {
+    let all = || names.iter().zip(samples);
+    let first =
+        |found: &dyn Fn(&Sample) -> bool| all().find(|(_, sample)| found(sample)).map(|(name, _)| *name);
+    match complete {
+        Some(true) => {
+            return "PASS; press f to break something, s to start an engine again, q to end".to_owned();
+        }
+        Some(false) => return "FAILED: the summary says why; q ends".to_owned(),
+        None => {}
+    }
+    if let Some(name) = first(&|sample| sample.order == Order::EmergencyStop) {
+        return format!(
+            "{name}: emergency stop is latched; press r to release it once the engine has stopped"
+        );
+    }
+    if let Some((name, sample)) = all().find(|(_, sample)| sample.link == LinkState::Lost) {
+        return format!("{name}: nothing is received from its ECU ({})", sample.does_text());
+    }
+    if let Some((name, sample)) = all().find(|(_, sample)| sample.loss != LossStage::None) {
+        if !sample.silent && sample.link == LinkState::Up {
+            return format!("{name}'s source speaks again: it is in control within 3 s");
+        }
+        return match sample.loss {
+            LossStage::Hold => format!("{name}'s source is silent: its last demand is held for 1 s"),
+            LossStage::FailSafe => {
+                format!("{name}'s source is silent: the demand goes to idle, and the engine runs on")
+            }
+            LossStage::Standby | LossStage::None => format!("{name}'s source is silent: standby"),
+        };
+    }
+    if let Some(name) = first(&|sample| matches!(sample.order, Order::Doubt(_))) {
+        return format!("{name}: in doubt whether it runs: nothing goes out that could start it");
+    }
+    if let Some(name) = first(&|sample| sample.silent) {
+        return format!("{name}'s source has fallen silent");
+    }
+    if let Some(name) = first(&|sample| sample.stage == Stage::Event) {
+        return format!("{name}'s source is back: the demand rises to what it commands");
+    }
+    let starting = first(&|sample| sample.stage == Stage::Start);
+    let waiting = first(&|sample| sample.stage == Stage::Standby);
+    match (starting, waiting) {
+        (Some(starting), Some(waiting)) => format!("{starting} starts; {waiting} waits: one start at a time"),
+        (Some(starting), None) => format!("{starting} starts, the last one"),
+        (None, Some(waiting)) => format!("{waiting} is in standby: cold, armed, ready for its start"),
+        (None, None) => {
+            if samples.iter().all(|sample| matches!(sample.stage, Stage::Cooling | Stage::Done)) {
+                "all engines are shut down and cool; press f to break something".to_owned()
+            } else if let Some(name) = first(&|sample| sample.stage == Stage::Played) {
+                format!("{name} is played by you; b gives it back to its script")
+            } else if let Some(name) = first(&|sample| sample.stage == Stage::Cooling) {
+                format!("{name} cools: its starter turns it until the exhaust is below 100 °C")
+            } else {
+                "all engines run: steps of throttle and rpm; press f to break something".to_owned()
+            }
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! The screen of a live run.
+
+mod charts;
+mod draw;
+pub mod keys;
+pub mod model;
+mod panels;
+mod popup;
+mod rows;
+pub mod terminal;
+pub mod theme;
+mod why;
+mod wire;
+
+#[cfg(test)]
+mod picture;
+#[cfg(test)]
+mod tests;

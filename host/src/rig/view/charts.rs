@@ -1,0 +1,117 @@
+//! The last two minutes of each engine: shaft speed with EGT above, the throttle in a strip of its own below. A demand in rpm
+//! belongs to the shaft speed.
+
+use super::super::quantity::seconds;
+use super::super::record::{Band, Point, thinned};
+use super::model::{Model, Subject};
+use super::theme::{Theme, Tone};
+use embassy_time::Instant;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
+
+/// What is shown, in seconds.
+const SPAN: f64 = 120.0;
+/// Charts beside one another.
+const BESIDE: usize = 4;
+/// Lines of the strip of the throttle.
+const STRIP: u16 = 6;
+/// Room above the highest value.
+const HEADROOM: f64 = 1.08;
+
+/// Draws one for each engine.
+pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
+    let count = model.subjects.len();
+    let beside = count.clamp(1, BESIDE);
+    let lines = count.div_ceil(beside).max(1);
+    let places = Layout::vertical(vec![Constraint::Fill(1); lines]).split(area);
+    for (line, place) in places.iter().enumerate() {
+        let places = Layout::horizontal(vec![Constraint::Fill(1); beside]).split(*place);
+        for (i, place) in places.iter().enumerate() {
+            if let Some(subject) = model.subjects.get(line * beside + i) {
+                engine(model, theme, frame, *place, line * beside + i, subject);
+            }
+        }
+    }
+}
+
+/// A curve in pieces where it is known: a point at each end of each band.
+type Curve = Vec<Vec<(f64, f64)>>;
+
+fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine: usize, subject: &Subject) {
+    let now = seconds(model.at - Instant::MIN);
+    let points = thinned(model.record.since(engine, now - SPAN), usize::from(area.width) * 2);
+    let curve = |value: &dyn Fn(&Point) -> Option<Band>, scale: f64| -> Curve {
+        let known = points.chunk_by(|a, b| value(a).is_some() == value(b).is_some());
+        let piece = |points: &[Point]| {
+            let both = |point: &Point, band: Band| {
+                [band.least, band.most].map(|value| (point.t - now, value * scale))
+            };
+            let of_point = |point: &Point| value(point).map(|band| both(point, band));
+            points.iter().filter_map(of_point).flatten().collect::<Vec<_>>()
+        };
+        known.map(piece).filter(|piece| !piece.is_empty()).collect()
+    };
+    let egt_full = subject.egt_limit.unwrap_or(800.0);
+    // Both have one axis: the EGT is drawn so that its limit is at the highest speed.
+    let to_rpm = subject.max_rpm / egt_full;
+    let by_rpm = subject.engine.by_rpm();
+    let mut speeds = vec![
+        ("EGT", Tone::Bad, curve(&|point| point.egt, to_rpm)),
+        ("rpm", Tone::Good, curve(&|point| point.rpm, 1.0)),
+    ];
+    if by_rpm {
+        speeds.insert(0, ("demand", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
+    }
+    let title = vec![
+        Span::styled(format!(" {}: ", model.name(engine)), theme.style(Tone::Head)),
+        Span::styled("rpm", theme.style(Tone::Good)),
+        Span::styled(theme.text(&format!(", EGT (top: {egt_full:.0} °C)")), theme.style(Tone::Bad)),
+        Span::styled(if by_rpm { ", demand " } else { " " }, theme.style(Tone::Warn)),
+    ];
+    let top = format!("{:.0}k", subject.max_rpm / 1000.0);
+    let strip = if by_rpm { 0 } else { STRIP.min(area.height / 3) };
+    let [upper, lower] = Layout::vertical([Constraint::Fill(1), Constraint::Length(strip)]).areas(area);
+    chart(theme, frame, upper, title.into(), &speeds, subject.max_rpm * HEADROOM, &top);
+    if strip > 0 {
+        let throttles = [
+            ("sent", Tone::Busy, curve(&|point| point.sent_throttle, 1.0)),
+            ("commanded", Tone::Warn, curve(&|point| point.throttle, 1.0)),
+        ];
+        let title = vec![
+            Span::raw(" throttle "),
+            Span::styled("commanded", theme.style(Tone::Warn)),
+            Span::raw(" and "),
+            Span::styled("sent ", theme.style(Tone::Busy)),
+        ];
+        chart(theme, frame, lower, title.into(), &throttles, 100.0 * HEADROOM, "100 %");
+    }
+}
+
+fn chart(
+    theme: Theme,
+    frame: &mut Frame<'_>,
+    area: Rect,
+    title: Line<'static>,
+    curves: &[(&'static str, Tone, Curve)],
+    top: f64,
+    top_name: &str,
+) {
+    let quiet = theme.style(Tone::Quiet);
+    let sets = curves.iter().flat_map(|(name, tone, pieces)| {
+        let set = Dataset::default().name(*name).marker(theme.marker()).graph_type(GraphType::Line);
+        let set = set.style(theme.style(*tone));
+        pieces.iter().map(move |piece| set.clone().data(piece))
+    });
+    let label = |text: &str| Span::styled(text.to_owned(), quiet);
+    let block = Block::bordered().border_set(theme.border()).border_style(quiet).title(title);
+    let x = Axis::default().style(quiet).bounds([-SPAN, 0.0]);
+    let y = Axis::default().style(quiet).bounds([0.0, top]);
+    let chart = Chart::new(sets.collect())
+        .block(block)
+        .legend_position(None)
+        .x_axis(x.labels(["-120 s", "-60 s", "now"].map(label)))
+        .y_axis(y.labels([label("0"), label(top_name)]));
+    frame.render_widget(chart, area);
+}

@@ -1,0 +1,204 @@
+//! The keys, in one table: for the program, its help, the documentation and the tests.
+
+use super::super::play::action::{Act, Fault, Wish};
+use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+
+/// What a key does.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Does {
+    /// To the selected engine.
+    Wish(Wish),
+    /// To all engines.
+    WishAll(Wish),
+    /// Selects the engine with this number, counted from 1.
+    Select,
+    /// Selects the one before.
+    Previous,
+    /// Selects the next one.
+    Next,
+    /// Opens the menu of faults, or closes it.
+    Faults,
+    /// Asks whether to release the emergency stop.
+    Release,
+    /// Shows why the engine does what it does, or no more.
+    Why,
+    /// Shows what is on the wire, or no more.
+    Wire,
+    /// Shows the keys, or no more.
+    Help,
+    /// Pause, or go on.
+    Pause,
+    /// Pause, and 0.1 s more.
+    Step,
+    /// The next higher speed.
+    Faster,
+    /// The next lower speed.
+    Slower,
+    /// The speed that the run chooses.
+    Auto,
+    /// Mouse on or off.
+    Mouse,
+    /// Closes what is open.
+    Close,
+    /// Ends the run.
+    Quit,
+    /// Ends the run as Ctrl-C does.
+    Interrupt,
+    /// Gives the terminal back for a while.
+    Suspend,
+}
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// The keys.
+    pub codes: &'static [KeyCode],
+    /// With Ctrl.
+    pub ctrl: bool,
+    /// As people call it.
+    pub name: &'static str,
+    /// What it does.
+    pub does: Does,
+    /// The same in words.
+    pub text: &'static str,
+    /// A word for the last line of the screen, if it is shown there.
+    pub short: &'static str,
+}
+
+const fn key(
+    codes: &'static [KeyCode],
+    name: &'static str,
+    does: Does,
+    text: &'static str,
+    short: &'static str,
+) -> Key {
+    Key { codes, ctrl: false, name, does, text, short }
+}
+
+const fn act(act: Act) -> Does {
+    Does::Wish(Wish::Act(act))
+}
+
+const fn with_ctrl(codes: &'static [KeyCode], name: &'static str, does: Does, text: &'static str) -> Key {
+    Key { codes, ctrl: true, name, does, text, short: "" }
+}
+
+use KeyCode::Char;
+
+const STOP: Wish = Wish::Act(Act::EmergencyStop);
+const DIGITS: [KeyCode; 8] =
+    [Char('1'), Char('2'), Char('3'), Char('4'), Char('5'), Char('6'), Char('7'), Char('8')];
+
+/// Everywhere. Those that are not of a menu come behind those of the menu that is open.
+pub const KEYS: [Key; 28] = [
+    key(&[Char(' ')], "Space", Does::WishAll(STOP), "emergency stop of all engines", "STOP ALL"),
+    key(&[Char('r')], "r", Does::Release, "release the stop (then y)", ""),
+    key(&[Char('?'), KeyCode::F(1)], "?", Does::Help, "these keys", "keys"),
+    key(&[Char('q')], "q", Does::Quit, "end: verdict and events", "end"),
+    key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open", ""),
+    key(&[Char('f')], "f", Does::Faults, "break something: faults", "faults"),
+    key(&[Char('b')], "b", act(Act::Script), "back to the script, anew", "script"),
+    key(&[Char('a')], "a", act(Act::Arm), "arm", ""),
+    key(&[Char('d')], "d", act(Act::Disarm), "disarm", ""),
+    key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),
+    key(&[Char('t')], "t", act(Act::Standby), "standby: shut down and cool", "standby"),
+    key(&[KeyCode::Up], "Up", Does::Wish(Wish::Step(50)), "demand 5 % up", "demand"),
+    key(&[KeyCode::Down], "Down", Does::Wish(Wish::Step(-50)), "demand 5 % down", ""),
+    key(&[KeyCode::PageUp], "PgUp", Does::Wish(Wish::Step(200)), "demand 20 % up", ""),
+    key(&[KeyCode::PageDown], "PgDn", Does::Wish(Wish::Step(-200)), "demand 20 % down", ""),
+    key(&DIGITS, "1 to 8", Does::Select, "select an engine", ""),
+    key(&[KeyCode::Left], "Left", Does::Previous, "select the engine before", ""),
+    key(&[KeyCode::Right, KeyCode::Tab], "Right", Does::Next, "select the next one (or Tab)", ""),
+    key(&[Char('w')], "w", Does::Why, "why it does what it does", "why"),
+    key(&[Char('v')], "v", Does::Wire, "what is on the wire", "wire"),
+    key(&[Char('p')], "p", Does::Pause, "pause, or go on", "pause"),
+    key(&[Char('.')], ".", Does::Step, "pause, and let 0.1 s pass", ""),
+    key(&[Char('+'), Char('=')], "+", Does::Faster, "faster, up to ×60", "speed"),
+    key(&[Char('-')], "-", Does::Slower, "slower, down to ×1", ""),
+    key(&[Char('0')], "0", Does::Auto, "the speed the run chooses", ""),
+    key(&[Char('m')], "m", Does::Mouse, "mouse on or off", ""),
+    with_ctrl(&[Char('c')], "Ctrl-C", Does::Interrupt, "end with status 130"),
+    with_ctrl(&[Char('z')], "Ctrl-Z", Does::Suspend, "suspend; fg goes on"),
+];
+
+/// While the menu of faults is open.
+pub const FAULTS: [Key; 6] = [
+    key(&[Char('c')], "c", Does::Wish(Wish::Toggle(Fault::Cut)), "cut both wires, or mend them", ""),
+    key(&[Char('n')], "n", Does::Wish(Wish::Toggle(Fault::Noise)), "noise: one byte in twelve", ""),
+    key(&[Char('o')], "o", Does::Wish(Wish::Toggle(Fault::FlameOut)), "the flame goes out", ""),
+    key(&[Char('p')], "p", Does::Wish(Wish::Toggle(Fault::Power)), "the ECU's power off, or on", ""),
+    key(&[Char('x')], "x", Does::Wish(Wish::Toggle(Fault::Reset)), "the watchdog resets the node", ""),
+    key(
+        &[Char('s')],
+        "s",
+        Does::Wish(Wish::Toggle(Fault::Silence)),
+        "the source falls silent, or speaks",
+        "",
+    ),
+];
+
+/// While it is asked whether to release the emergency stop.
+pub const RELEASE: [Key; 1] = [key(&[Char('y')], "y", act(Act::Release), "release it", "")];
+
+/// What this key does, with these tables open.
+pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
+    // Windows sends releases, too.
+    if event.kind != KeyEventKind::Press {
+        return None;
+    }
+    let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
+    let is_it = |key: &&Key| key.ctrl == ctrl && key.codes.contains(&event.code);
+    let mut all = open.iter().chain(&KEYS);
+    all.find(is_it).map(|key| key.does)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn press(code: KeyCode, modifiers: KeyModifiers) -> KeyEvent {
+        KeyEvent::new(code, modifiers)
+    }
+
+    #[test]
+    fn no_key_means_two_things() {
+        for table in [&KEYS[..], &FAULTS] {
+            for (i, key) in table.iter().enumerate() {
+                for code in key.codes {
+                    let others = table.iter().skip(i + 1).filter(|other| other.ctrl == key.ctrl);
+                    assert!(others.into_iter().all(|other| !other.codes.contains(code)), "{}", key.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn space_stops_everywhere() {
+        let space = press(KeyCode::Char(' '), KeyModifiers::NONE);
+        for open in [&[][..], &FAULTS, &RELEASE] {
+            assert_eq!(does(&space, open), Some(Does::WishAll(Wish::Act(Act::EmergencyStop))));
+            assert!(open.iter().all(|key| !key.codes.contains(&KeyCode::Char(' '))));
+        }
+    }
+
+    #[test]
+    fn only_presses_count_and_ctrl_is_another_key() {
+        let mut release = press(KeyCode::Char('q'), KeyModifiers::NONE);
+        assert_eq!(does(&release, &[]), Some(Does::Quit));
+        release.kind = KeyEventKind::Release;
+        assert_eq!(does(&release, &[]), None);
+        assert_eq!(does(&press(KeyCode::Char('q'), KeyModifiers::CONTROL), &[]), None);
+        assert_eq!(does(&press(KeyCode::Char('c'), KeyModifiers::CONTROL), &[]), Some(Does::Interrupt));
+        assert_eq!(does(&press(KeyCode::Char('z'), KeyModifiers::CONTROL), &[]), Some(Does::Suspend));
+        assert_eq!(does(&press(KeyCode::Char('y'), KeyModifiers::NONE), &[]), None);
+    }
+
+    #[test]
+    fn the_documentation_has_the_table() {
+        let page = include_str!("../../../../docs/rig.md");
+        for key in KEYS.iter().chain(&FAULTS).chain(&RELEASE) {
+            let row = format!("| `{}` | {} |", key.name, key.text);
+            assert!(page.contains(&row), "docs/rig.md lacks {row}");
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! What the screen shows: gathered from the run's messages, changed by keys. It draws nothing and reads no terminal.
+
+use super::super::desk::Note;
+use super::super::engines::Engine;
+use super::super::frames::Frames;
+use super::super::outcome::Outcomes;
+use super::super::passing::Passing;
+use super::super::play::action::Wish;
+use super::super::record::Record;
+use super::super::sample::{Detail, Message, Sample};
+use super::super::simulated::parameters;
+use super::super::summary;
+use super::keys::{Does, FAULTS, KEYS, Key, RELEASE, does};
+use crossterm::event::KeyEvent;
+use embassy_time::{Duration, Instant};
+use ratatui::layout::Rect;
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+/// Events that are kept to be printed at the end.
+const EVENTS_KEPT: usize = 2000;
+/// Over which frames a second are counted.
+const RATE_SPAN: Duration = Duration::from_secs(2);
+
+/// What is known of an engine before the run.
+#[derive(Debug)]
+pub struct Subject {
+    /// The engine.
+    pub engine: Engine,
+    /// Shaft speed at full throttle.
+    pub max_rpm: f64,
+    /// Above this EGT in °C the node reports a limit.
+    pub egt_limit: Option<f64>,
+}
+
+/// What fills the screen.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Page {
+    /// All engines.
+    Engines,
+    /// Why the selected one does what it does.
+    Why,
+    /// What is on its wire.
+    Wire,
+}
+
+/// What lies above it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Popup {
+    /// The keys.
+    Help,
+    /// The faults.
+    Faults,
+    /// Whether to release the emergency stop.
+    Release,
+}
+
+/// What a key asks of the rest of the program.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Asked {
+    /// Of the run.
+    Wish(Option<usize>, Wish),
+    /// Pause, speeds.
+    Passing(Does),
+    /// To end it.
+    Quit,
+    /// To end it as Ctrl-C does.
+    Interrupt,
+    /// To give the terminal back for a while.
+    Suspend,
+    /// The mouse, on or off.
+    Mouse(bool),
+}
+
+/// An event, as it is shown.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Event {
+    /// When.
+    pub at: Instant,
+    /// Whose.
+    pub name: &'static str,
+    /// What.
+    pub text: String,
+}
+
+impl Event {
+    /// As a line.
+    pub fn line(&self) -> String {
+        let seconds = (self.at - Instant::MIN).as_micros() as f64 / 1e6;
+        format!("{seconds:>7.1}  {:<12}  {}", self.name, self.text)
+    }
+}
+
+/// The end of a run that was complete.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// Nothing was wrong.
+    pub pass: bool,
+    /// What was, or that nothing was.
+    pub lines: Vec<String>,
+}
+
+/// What the screen shows.
+#[derive(Debug)]
+pub struct Model {
+    /// The engines.
+    pub subjects: Vec<Subject>,
+    /// What the run is to last.
+    pub length: Duration,
+    /// Engine time.
+    pub at: Instant,
+    /// All engines, as they are; empty before the first sample.
+    pub samples: Vec<Sample>,
+    /// More of each.
+    pub details: Vec<Detail>,
+    /// Frames a second of each.
+    pub rates: Vec<f64>,
+    /// What was seen over time.
+    pub record: Record,
+    /// What was on each line.
+    pub frames: Vec<Frames>,
+    /// What happened, the latest last.
+    pub events: VecDeque<Event>,
+    /// Events that are not kept any more.
+    pub dropped: usize,
+    /// How the run passes.
+    pub passing: Passing,
+    /// The selected engine.
+    pub selected: usize,
+    /// What fills the screen.
+    pub page: Page,
+    /// What lies above it.
+    pub popup: Option<Popup>,
+    /// The mouse selects engines.
+    pub mouse: bool,
+    /// A scenario is played: it takes no actions.
+    pub scenario: bool,
+    /// The end.
+    pub verdict: Option<Verdict>,
+    /// Where each engine was drawn, for the mouse.
+    pub places: RefCell<Vec<(Rect, usize)>>,
+    before: Option<(Instant, Vec<u32>)>,
+}
+
+impl Model {
+    /// Before a run of these engines.
+    pub fn new(engines: &[Engine], length: Duration, scenario: bool) -> Self {
+        let subject = |engine: &Engine| Subject {
+            engine: *engine,
+            max_rpm: parameters(engine).max_rpm,
+            egt_limit: engine
+                .config
+                .supervision
+                .limits
+                .over_temperature
+                .at
+                .map(|limit| f64::from(limit.tenths()) / 10.0),
+        };
+        Self {
+            subjects: engines.iter().map(subject).collect(),
+            length,
+            at: Instant::MIN,
+            samples: Vec::new(),
+            details: Vec::new(),
+            rates: vec![0.0; engines.len()],
+            record: Record::new(engines.len()),
+            frames: engines.iter().map(Frames::new).collect(),
+            events: VecDeque::new(),
+            dropped: 0,
+            passing: Passing { speed: 1, auto: false, paused: false },
+            selected: 0,
+            page: Page::Engines,
+            popup: None,
+            mouse: false,
+            scenario,
+            verdict: None,
+            places: RefCell::default(),
+            before: None,
+        }
+    }
+
+    /// Name of an engine.
+    pub fn name(&self, engine: usize) -> &'static str {
+        self.subjects.get(engine).map_or("?", |subject| subject.engine.name())
+    }
+
+    /// Names of all engines.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.subjects.iter().map(|subject| subject.engine.name()).collect()
+    }
+
+    /// Takes a message of the run.
+    pub fn message(&mut self, message: Message) {
+        match message {
+            Message::Note(note) => self.note(note),
+            Message::Samples { at, samples, details } => self.samples(at, samples, details),
+            Message::Passing(passing) => self.passing = passing,
+            Message::Complete(outcomes) => self.complete(&outcomes),
+            // It is noted too.
+            Message::Mark { .. } => {}
+        }
+    }
+
+    fn note(&mut self, note: Note) {
+        let name = note.engine.map_or("all", |engine| self.name(engine));
+        self.events.push_back(Event { at: note.at, name, text: note.text });
+        if self.events.len() > EVENTS_KEPT {
+            self.events.pop_front();
+            self.dropped += 1;
+        }
+    }
+
+    fn samples(&mut self, at: Instant, samples: Vec<Sample>, details: Vec<Detail>) {
+        // It is played on.
+        if at > self.at && self.verdict.is_some() {
+            self.verdict = None;
+        }
+        self.at = at;
+        self.record.add(at, &samples);
+        for (frames, detail) in self.frames.iter_mut().zip(&details) {
+            frames.add(&detail.entries);
+        }
+        if self.before.as_ref().is_none_or(|(since, _)| at >= *since + RATE_SPAN) {
+            let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
+            self.rates = super::super::lines::frame_rates(&self.before, at, &frames);
+            self.before = Some((at, frames));
+        }
+        self.samples = samples;
+        self.details = details;
+    }
+
+    fn complete(&mut self, outcomes: &Outcomes) {
+        let problems = summary::problems(outcomes);
+        let pass = problems.is_empty();
+        let lines = if pass { vec![summary::pass(outcomes).to_owned()] } else { problems };
+        self.verdict = Some(Verdict { pass, lines });
+    }
+
+    /// Takes a key.
+    pub fn key(&mut self, event: &KeyEvent) -> Option<Asked> {
+        let does = does(event, self.open_keys())?;
+        self.act(does, event)
+    }
+
+    fn open_keys(&self) -> &'static [Key] {
+        match self.popup {
+            Some(Popup::Faults) => &FAULTS,
+            Some(Popup::Release) => &RELEASE,
+            Some(Popup::Help) | None => &[],
+        }
+    }
+
+    fn act(&mut self, does: Does, event: &KeyEvent) -> Option<Asked> {
+        let count = self.subjects.len().max(1);
+        match does {
+            Does::Wish(wish) => {
+                if self.popup == Some(Popup::Release) {
+                    self.popup = None;
+                }
+                return self.wish(Some(self.selected), wish);
+            }
+            Does::WishAll(wish) => return self.wish(None, wish),
+            Does::Select => {
+                if let crossterm::event::KeyCode::Char(digit) = event.code
+                    && let Some(place) = digit.to_digit(10).and_then(|digit| digit.checked_sub(1))
+                    && (place as usize) < count
+                {
+                    self.selected = place as usize;
+                }
+            }
+            Does::Previous => self.selected = (self.selected + count - 1) % count,
+            Does::Next => self.selected = (self.selected + 1) % count,
+            Does::Faults => self.toggle(Popup::Faults),
+            Does::Release => self.toggle(Popup::Release),
+            Does::Help => self.toggle(Popup::Help),
+            Does::Why => self.page = if self.page == Page::Why { Page::Engines } else { Page::Why },
+            Does::Wire => self.page = if self.page == Page::Wire { Page::Engines } else { Page::Wire },
+            Does::Close => {
+                if self.popup.take().is_none() {
+                    self.page = Page::Engines;
+                }
+            }
+            Does::Pause | Does::Step | Does::Faster | Does::Slower | Does::Auto => {
+                return Some(Asked::Passing(does));
+            }
+            Does::Mouse => {
+                self.mouse = !self.mouse;
+                return Some(Asked::Mouse(self.mouse));
+            }
+            Does::Quit => return Some(Asked::Quit),
+            Does::Interrupt => return Some(Asked::Interrupt),
+            Does::Suspend => return Some(Asked::Suspend),
+        }
+        None
+    }
+
+    fn wish(&mut self, engine: Option<usize>, wish: Wish) -> Option<Asked> {
+        if self.scenario {
+            self.note(Note {
+                at: self.at,
+                engine: None,
+                text: "a scenario plays by itself: keys command nothing in it".to_owned(),
+            });
+            return None;
+        }
+        Some(Asked::Wish(engine, wish))
+    }
+
+    fn toggle(&mut self, popup: Popup) {
+        self.popup = if self.popup == Some(popup) { None } else { Some(popup) };
+    }
+
+    /// A click selects the engine that is drawn there.
+    pub fn click(&mut self, column: u16, row: u16) {
+        let places = self.places.borrow();
+        let hit = places.iter().find(|(place, _)| place.contains((column, row).into()));
+        if let Some(&(_, engine)) = hit {
+            self.selected = engine;
+        }
+    }
+
+    /// The keys of the last line.
+    pub fn footer(&self) -> impl Iterator<Item = &'static Key> {
+        KEYS.iter().filter(|key| !key.short.is_empty())
+    }
+}

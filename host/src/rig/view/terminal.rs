@@ -1,0 +1,247 @@
+//! The terminal: raw mode, the alternate screen, keys in and pictures out. It is put back as it was when this is dropped,
+//! also by a panic, and while the program is suspended.
+
+use super::super::control::Request;
+use super::super::ending::{EndRequest, EndedBy};
+use super::super::sample::Message;
+use super::draw::draw;
+use super::keys::Does;
+use super::model::{Asked, Model};
+use super::theme::Theme;
+use crossterm::event::{
+    DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind, poll, read,
+};
+use crossterm::terminal::{
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
+    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
+};
+use crossterm::{cursor, execute};
+use ratatui::backend::CrosstermBackend;
+use ratatui::layout::Rect;
+use ratatui::{Terminal, TerminalOptions, Viewport};
+use std::io::{self, Stdout};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant};
+
+/// Between two pictures.
+const DRAW_EVERY: Duration = Duration::from_millis(66);
+/// Keys are looked at so often while nothing else comes.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// The alternate screen in raw mode, as long as it lives and nothing has panicked.
+#[derive(Debug)]
+struct AlternateScreen {
+    /// A panic has put the terminal back: what is drawn now would cover its message.
+    left: Arc<AtomicBool>,
+}
+
+impl AlternateScreen {
+    fn enter() -> io::Result<Self> {
+        let left = Arc::new(AtomicBool::new(false));
+        let screen = Self { left: left.clone() };
+        take_over()?;
+        // A panic, in whatever thread, is to be read on the normal screen.
+        let print = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            left.store(true, Ordering::SeqCst);
+            give_back();
+            print(panic);
+        }));
+        Ok(screen)
+    }
+}
+
+impl Drop for AlternateScreen {
+    fn drop(&mut self) {
+        if !self.left.load(Ordering::SeqCst) {
+            give_back();
+        }
+    }
+}
+
+fn take_over() -> io::Result<()> {
+    enable_raw_mode()?;
+    execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)
+}
+
+/// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it asks the terminal for
+/// its cursor, which not every terminal answers.
+fn fresh() -> io::Result<Terminal<CrosstermBackend<Stdout>>> {
+    let (width, height) = size()?;
+    execute!(io::stdout(), Clear(ClearType::All))?;
+    let viewport = Viewport::Fixed(Rect::new(0, 0, width, height));
+    Terminal::with_options(CrosstermBackend::new(io::stdout()), TerminalOptions { viewport })
+}
+
+fn give_back() {
+    // Nothing can be done if the terminal does not listen any more.
+    let _ = execute!(
+        io::stdout(),
+        DisableMouseCapture,
+        EndSynchronizedUpdate,
+        LeaveAlternateScreen,
+        cursor::Show
+    );
+    let _ = disable_raw_mode();
+}
+
+/// The screen of a live run.
+#[derive(Debug)]
+pub struct Screen {
+    model: Model,
+    theme: Theme,
+    terminal: Terminal<CrosstermBackend<Stdout>>,
+    requests: Sender<Request>,
+    end: EndRequest,
+    drawn: Option<Instant>,
+    screen: AlternateScreen,
+    /// Somebody else wants it suspended, or has let it go on.
+    stop: Arc<AtomicBool>,
+    goes_on: Arc<AtomicBool>,
+}
+
+impl Screen {
+    /// Takes the terminal over.
+    pub fn enter(model: Model, theme: Theme, requests: Sender<Request>, end: EndRequest) -> io::Result<Self> {
+        let screen = AlternateScreen::enter()?;
+        let terminal = fresh()?;
+        let (stop, goes_on) = (Arc::default(), Arc::default());
+        #[cfg(unix)]
+        {
+            signal_hook::flag::register(signal_hook::consts::SIGTSTP, Arc::clone(&stop))?;
+            signal_hook::flag::register(signal_hook::consts::SIGCONT, Arc::clone(&goes_on))?;
+        }
+        Ok(Self { model, theme, terminal, requests, end, drawn: None, screen, stop, goes_on })
+    }
+
+    /// Shows what comes until nothing more can come. `keep` sees each message first.
+    pub fn run<E>(
+        &mut self,
+        messages: &Receiver<Message>,
+        mut keep: impl FnMut(&Message) -> Result<(), E>,
+    ) -> Result<io::Result<()>, E> {
+        loop {
+            match messages.recv_timeout(LOOK_EVERY) {
+                Ok(message) => {
+                    keep(&message)?;
+                    self.model.message(message);
+                    // All that waits, before the next picture.
+                    while let Ok(message) = messages.try_recv() {
+                        keep(&message)?;
+                        self.model.message(message);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(Ok(())),
+            }
+            if let Err(error) = self.tick() {
+                return Ok(Err(error));
+            }
+        }
+    }
+
+    /// What happened, for the normal screen.
+    pub fn events(&self) -> String {
+        let mut text = String::from("\nEvents\n");
+        if self.model.dropped > 0 {
+            text += &format!("({} earlier events are not kept)\n", self.model.dropped);
+        }
+        for event in &self.model.events {
+            text += &event.line();
+            text.push('\n');
+        }
+        text
+    }
+
+    fn tick(&mut self) -> io::Result<()> {
+        self.keys()?;
+        if self.stop.swap(false, Ordering::SeqCst) {
+            self.suspend()?;
+        }
+        // Stopped and let go on by others, the shell may have changed the terminal.
+        if self.goes_on.swap(false, Ordering::SeqCst) {
+            self.resume()?;
+        }
+        if self.drawn.is_some_and(|drawn| drawn.elapsed() < DRAW_EVERY) {
+            return Ok(());
+        }
+        self.drawn = Some(Instant::now());
+        // A panic in the other thread has left the screen.
+        if self.screen.left.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        let Self { model, theme, terminal, .. } = self;
+        execute!(io::stdout(), BeginSynchronizedUpdate)?;
+        terminal.draw(|frame| draw(model, *theme, frame))?;
+        execute!(io::stdout(), EndSynchronizedUpdate)
+    }
+
+    /// Looks at the keys that were pressed. Where none can be read, nobody presses one.
+    fn keys(&mut self) -> io::Result<()> {
+        while poll(Duration::ZERO).unwrap_or(false) {
+            let Ok(event) = read() else { continue };
+            match event {
+                Event::Key(key) => {
+                    if let Some(asked) = self.model.key(&key) {
+                        self.ask(asked)?;
+                    }
+                }
+                Event::Mouse(mouse) if mouse.kind == MouseEventKind::Down(MouseButton::Left) => {
+                    self.model.click(mouse.column, mouse.row);
+                }
+                // All that was drawn before is in the wrong place.
+                Event::Resize(..) => self.terminal = fresh()?,
+                _ => continue,
+            }
+            self.drawn = None;
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, asked: Asked) -> io::Result<()> {
+        let request = |request| {
+            let _ = self.requests.send(request); // a run that has ended takes nothing any more
+        };
+        match asked {
+            Asked::Wish(engine, wish) => request(Request::Wish(engine, wish)),
+            Asked::Passing(Does::Pause) => request(Request::Pause),
+            Asked::Passing(Does::Step) => request(Request::Step),
+            Asked::Passing(Does::Faster) => request(Request::Faster),
+            Asked::Passing(Does::Slower) => request(Request::Slower),
+            Asked::Passing(_) => request(Request::Auto),
+            Asked::Quit => self.end.request(EndedBy::Key),
+            Asked::Interrupt => self.end.request(EndedBy::Interrupt),
+            Asked::Mouse(true) => execute!(io::stdout(), EnableMouseCapture)?,
+            Asked::Mouse(false) => execute!(io::stdout(), DisableMouseCapture)?,
+            Asked::Suspend => self.suspend()?,
+        }
+        Ok(())
+    }
+
+    /// Gives the terminal back to the shell until it is wanted again.
+    #[cfg(unix)]
+    fn suspend(&mut self) -> io::Result<()> {
+        give_back();
+        // Every thread of the program stops here, the run included.
+        signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
+        self.goes_on.store(false, Ordering::SeqCst);
+        self.resume()
+    }
+
+    #[cfg(not(unix))]
+    fn suspend(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn resume(&mut self) -> io::Result<()> {
+        take_over()?;
+        if self.model.mouse {
+            execute!(io::stdout(), EnableMouseCapture)?;
+        }
+        self.drawn = None;
+        self.terminal = fresh()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,399 @@
+//! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
+
+use super::super::control::{Control, Scripted, Situation, Turn};
+use super::super::options::{Args, order};
+use super::super::outcome::Outcomes;
+use super::super::play::script;
+use super::super::session;
+use super::draw::draw;
+use super::model::{Asked, Model, Page, Popup};
+use super::picture;
+use super::theme::Theme;
+use clap::Parser;
+use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use embassy_time::{Duration, Instant};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
+use ratatui::style::{Color, Modifier};
+use std::cell::RefCell;
+
+/// As a colour terminal with UTF-8.
+pub const COLOUR: Theme = Theme { colours: true, ascii: false };
+
+#[derive(Parser)]
+struct Cli {
+    #[command(flatten)]
+    args: Args,
+}
+
+/// Presses keys at engine times, and ends the run.
+struct Keys<'a> {
+    model: &'a RefCell<Model>,
+    keys: Vec<(f64, KeyEvent)>,
+    next: usize,
+    end: f64,
+}
+
+impl Control for Keys<'_> {
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn {
+        let now = (situation.at - Instant::MIN).as_micros() as f64 / 1e6;
+        let mut turn = Turn { end: now >= self.end, ..Turn::default() };
+        while let Some((at, key)) = self.keys.get(self.next).filter(|(at, _)| *at <= now) {
+            let _ = at;
+            self.next += 1;
+            match self.model.borrow_mut().key(key) {
+                Some(Asked::Wish(engine, wish)) => turn.wishes.push((engine, wish)),
+                Some(Asked::Quit) => turn.end = true,
+                _ => {}
+            }
+        }
+        turn
+    }
+}
+
+pub fn press(code: KeyCode) -> KeyEvent {
+    KeyEvent::new(code, KeyModifiers::NONE)
+}
+
+/// What came of a run on the screen.
+pub struct Played {
+    pub model: Model,
+    pub outcomes: Outcomes,
+    /// Every byte on every wire: engine, time in ns, to the node, byte.
+    pub bytes: Vec<(usize, u64, bool, u8)>,
+    /// As it is saved.
+    pub script: String,
+}
+
+/// Plays the script file with this text beside these keys.
+pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Played {
+    let path = std::env::temp_dir().join(format!("jetlink-view-{}-{name}", std::process::id()));
+    std::fs::write(&path, script).unwrap();
+    let args = ["rig", "--fast", "--script", path.to_str().unwrap()];
+    let mut order = order(&Cli::parse_from(args).args).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    order.setup.details = true;
+    let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
+    let mut bytes = Vec::new();
+    let (actions, over) = order.script.take().unwrap();
+    let show = |message: super::super::sample::Message| {
+        if let super::super::sample::Message::Samples { details, .. } = &message {
+            for (i, detail) in details.iter().enumerate() {
+                let of_entry = |entry: &sim::wire::Entry| {
+                    (i, entry.start, entry.direction == sim::wire::Direction::ToNode, entry.byte)
+                };
+                bytes.extend(detail.entries.iter().map(of_entry));
+            }
+        }
+        model.borrow_mut().message(message);
+        true
+    };
+    let outcomes = if keys.is_empty() && over.is_some() {
+        session::run(&order.setup, &mut Scripted::new(actions, over), show)
+    } else {
+        assert!(actions.is_empty(), "keys or actions");
+        let mut control = Keys { model: &model, keys: keys.to_vec(), next: 0, end };
+        session::run(&order.setup, &mut control, show)
+    };
+    let over = Some(Instant::MIN + outcomes.length);
+    let script = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
+    Played { model: model.into_inner(), outcomes, bytes, script }
+}
+
+/// The screen of this size.
+pub fn buffer(model: &Model, theme: Theme, width: u16, height: u16) -> Buffer {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+    terminal.draw(|frame| draw(model, theme, frame)).unwrap();
+    terminal.backend().buffer().clone()
+}
+
+/// Its text.
+pub fn text(buffer: &Buffer) -> String {
+    let area = buffer.area;
+    let line = |y| {
+        let line: String = (0..area.width).map(|x| buffer[(x, y)].symbol()).collect();
+        format!("{}\n", line.trim_end())
+    };
+    (0..area.height).map(line).collect()
+}
+
+const HEAD: &str = "jetlink rig script, version 0.1.0\n";
+const PAIR: &str =
+    "engine name=left,ecu=amt,engine=olympus,baud=115200\nengine name=right,ecu=zk,version=5\n";
+
+fn pair(end: f64, keys: &[(f64, KeyEvent)], name: &str) -> Played {
+    play(name, &format!("{HEAD}{PAIR}"), keys, end)
+}
+
+fn char(c: char) -> KeyEvent {
+    press(KeyCode::Char(c))
+}
+
+#[test]
+fn the_tour_says_what_happens_and_why() {
+    let mut seen: Vec<String> = Vec::new();
+    for end in [40.0, 121.0, 124.0, 128.0, 130.0, 145.0] {
+        let played = play("tour", HEAD, &[], end);
+        let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+        seen.push(screen.lines().nth(1).unwrap().to_owned());
+    }
+    assert_eq!(
+        seen,
+        [
+            "right starts; centre waits: one start at a time",
+            "left's source is silent: its last demand is held for 1 s",
+            "left's source is silent: the demand goes to idle, and the engine runs on",
+            "left's source speaks again: it is in control within 3 s",
+            "left's source is back: the demand rises to what it commands",
+            "right cools: its starter turns it until the exhaust is below 100 °C",
+        ]
+    );
+}
+
+#[test]
+fn at_80_by_24_there_is_a_row_for_each_of_eight_engines() {
+    let engines: String =
+        (1..=8).map(|i| format!("engine name=a-name-of-{i:02},ecu=zk,rate=100,baud=115200\n")).collect();
+    let played = play("eight", &format!("{HEAD}{engines}standby\n"), &[], 5.0);
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    for i in 1..=8 {
+        assert!(screen.contains(&format!(" a-name-of-{i:02} ")), "{screen}");
+    }
+    assert!(screen.lines().all(|line| line.chars().count() <= 80));
+    let lines: Vec<&str> = screen.lines().collect();
+    assert!(lines[23].starts_with("Space STOP ALL  ? keys  q end  f faults"), "{screen}");
+    // Five events below their heading.
+    let events = lines.iter().position(|line| *line == "events").unwrap();
+    assert!(events == 17 && lines[18..23].iter().all(|line| line.contains("a-name-of-")), "{screen}");
+}
+
+#[test]
+fn larger_screens_show_more() {
+    let played = pair(5.0, &[], "larger");
+    let at = |width, height| text(&buffer(&played.model, COLOUR, width, height));
+    let panels = |screen: &str| screen.matches(" baud ").count();
+    assert_eq!((panels(&at(80, 24)), panels(&at(120, 30)), panels(&at(200, 50))), (1, 2, 2));
+    assert!(
+        !at(120, 30).contains(" throttle commanded and sent")
+            && at(200, 50).contains(" throttle commanded and sent")
+    );
+    let small = at(59, 20);
+    assert!(small.contains("The keys still work") && !small.contains("left"), "{small}");
+    assert!(at(80, 15).contains("the rig needs 60 and 16"));
+    assert!(at(60, 16).contains("events"));
+}
+
+#[test]
+fn nothing_is_left_over_when_the_size_changes() {
+    let played = pair(5.0, &[], "resized");
+    let mut terminal = Terminal::new(TestBackend::new(30, 10)).unwrap();
+    for (width, height) in [(30, 10), (120, 30), (80, 24), (200, 50), (120, 30)] {
+        terminal.backend_mut().resize(width, height);
+        terminal.draw(|frame| draw(&played.model, COLOUR, frame)).unwrap();
+        let fresh = buffer(&played.model, COLOUR, width, height);
+        assert_eq!(text(terminal.backend().buffer()), text(&fresh), "{width} × {height}");
+    }
+}
+
+#[test]
+fn colours_are_by_state_and_can_be_left_out() {
+    let played = pair(60.0, &[], "colours");
+    let colours = |theme| {
+        let buffer = buffer(&played.model, theme, 120, 30);
+        let colours: std::collections::HashSet<Color> = buffer.content.iter().map(|cell| cell.fg).collect();
+        colours
+    };
+    assert!(colours(COLOUR).is_superset(&[Color::Green, Color::Cyan].into()));
+    assert_eq!(colours(Theme { colours: false, ..COLOUR }), [Color::Reset].into());
+    // The selected engine is still seen.
+    let plain = buffer(&played.model, Theme { colours: false, ..COLOUR }, 80, 24);
+    let reversed = plain.content.iter().any(|cell| cell.modifier.contains(Modifier::REVERSED));
+    assert!(reversed);
+}
+
+#[test]
+fn ascii_screens_have_no_other_characters() {
+    let mut played = pair(60.0, &[], "ascii");
+    let ascii = Theme { colours: true, ascii: true };
+    for (page, popup) in [
+        (Page::Engines, None),
+        (Page::Why, None),
+        (Page::Wire, None),
+        (Page::Engines, Some(Popup::Help)),
+        (Page::Engines, Some(Popup::Faults)),
+    ] {
+        (played.model.page, played.model.popup) = (page, popup);
+        for (width, height) in [(80, 24), (120, 30), (200, 50)] {
+            let screen = text(&buffer(&played.model, ascii, width, height));
+            assert!(screen.is_ascii(), "{page:?} {popup:?}: {screen}");
+        }
+    }
+}
+
+#[test]
+fn every_key_is_on_the_help_screen_at_80_by_24() {
+    let mut played = pair(1.0, &[], "help");
+    played.model.popup = Some(Popup::Help);
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    for key in &super::keys::KEYS {
+        assert!(screen.contains(key.name) && screen.contains(key.text), "{}: {screen}", key.name);
+    }
+}
+
+#[test]
+fn a_command_takes_the_engine_and_b_gives_it_back() {
+    // Left starts at 3 s, and runs 27 s later.
+    let up = press(KeyCode::Up);
+    let keys = [(40.0, up), (40.1, up), (40.2, press(KeyCode::PageUp)), (60.0, char('b'))];
+    let flying = pair(45.0, &keys, "taken");
+    let screen = text(&buffer(&flying.model, COLOUR, 80, 24));
+    assert!(screen.contains("played, armed"), "{screen}");
+    let sent = flying.model.samples[0].wire_text();
+    assert!(sent.ends_with(" %") && sent != "0.0 %", "{sent}");
+    assert!(flying.script.contains("40.0 left throttle "), "{}", flying.script);
+    let back = pair(62.0, &keys, "back");
+    assert_eq!(back.model.samples[0].wire_text(), "standby");
+    assert_ne!(back.model.samples[0].stage, super::super::desk::Stage::Played);
+    assert_eq!(back.outcomes.engines[0].played.map(|verdict| verdict.missed), Some(0));
+}
+
+#[test]
+fn space_stops_all_engines_in_menus_too_and_release_takes_two_keys() {
+    let space = char(' ');
+    let keys = [(50.0, char('f')), (50.5, space), (51.0, press(KeyCode::Esc)), (60.0, char('r'))];
+    let stopped = pair(58.0, &keys, "stopped");
+    for sample in &stopped.model.samples {
+        assert_eq!(sample.wire_text(), "STOP");
+    }
+    let screen = text(&buffer(&stopped.model, COLOUR, 80, 24));
+    assert!(screen.contains("emergency stop is latched") && screen.contains("bench STOPS"), "{screen}");
+    let asked = pair(62.0, &keys, "asked");
+    assert_eq!(asked.model.samples[0].wire_text(), "STOP");
+    assert!(text(&buffer(&asked.model, COLOUR, 80, 24)).contains("release the emergency stop of left?"));
+    let keys = [&keys[..], &[(62.0, char('y'))]].concat();
+    let released = pair(64.0, &keys, "released");
+    assert_eq!(released.model.samples[0].wire_text(), "standby");
+    assert_eq!(released.model.samples[1].wire_text(), "STOP");
+    let verdicts: Vec<_> = released.outcomes.engines.iter().map(|outcome| outcome.played.unwrap()).collect();
+    assert!(verdicts.iter().all(|verdict| verdict.late_stops == 0 && verdict.ignitions == 0), "{verdicts:?}");
+    assert!(super::super::summary::problems(&released.outcomes).is_empty());
+}
+
+#[test]
+fn esc_closes_and_never_ends_and_releases_of_keys_do_not_count() {
+    let esc = press(KeyCode::Esc);
+    let mut up = char('q');
+    up.kind = KeyEventKind::Release;
+    let played = pair(3.0, &[(1.0, char('w')), (1.1, char('?')), (1.2, esc), (1.3, up)], "esc");
+    assert_eq!((played.model.page, played.model.popup), (Page::Why, None));
+    let played = pair(3.0, &[(1.0, char('w')), (1.2, esc), (1.3, esc), (1.4, esc)], "esc-esc");
+    assert_eq!(played.model.page, Page::Engines);
+    assert!(played.outcomes.length >= Duration::from_secs(3));
+    let played = pair(3.0, &[(1.0, char('q'))], "quit");
+    assert!(played.outcomes.length < Duration::from_millis(1200));
+}
+
+#[test]
+fn a_fault_shows_what_the_node_does_about_it() {
+    let cut = [(50.0, char('f')), (50.1, char('c')), (50.2, press(KeyCode::Esc))];
+    let played = pair(52.0, &cut, "cut");
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    assert!(screen.contains("left: nothing is received from its ECU"), "{screen}");
+    assert!(screen.contains("LINK LOST") && screen.contains("set by you: cut"), "{screen}");
+    // No window missed is held against it, and the other engine is left alone.
+    assert_eq!(super::super::summary::problems(&played.outcomes), Vec::<String>::new());
+    assert!(played.outcomes.engines[1].played.is_none());
+    let noise = [(50.0, char('f')), (50.1, char('n'))];
+    let mut played = pair(53.0, &noise, "noise");
+    played.model.page = Page::Wire;
+    played.model.popup = None;
+    let screen = text(&buffer(&played.model, COLOUR, 100, 40));
+    assert!(screen.contains("SKIPPED: no frame") || screen.contains("(damaged on the way)"), "{screen}");
+}
+
+#[test]
+fn why_says_what_keeps_an_engine_from_a_start() {
+    // Shut down in flight, and started again while it is hot.
+    let keys = [(50.0, char('t')), (52.0, char('s')), (52.1, char('w'))];
+    let played = pair(53.0, &keys, "why");
+    let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+    assert!(screen.contains("✗ EGT") && screen.contains("let it cool in standby, limit 100 °C"), "{screen}");
+    assert!(screen.contains("✓ armed"), "{screen}");
+    // The refusal says it in the same words.
+    let event = played.model.events.iter().find(|event| event.text.contains("rejected")).expect("a refusal");
+    let reason = event.text.split_once("rejected: ").unwrap().1;
+    assert!(screen.contains(reason), "{reason}: {screen}");
+}
+
+#[test]
+fn the_wire_has_the_reply_in_its_window() {
+    let mut played = play("wire", HEAD, &[], 60.0);
+    played.model.page = Page::Wire;
+    let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+    assert!(
+        screen.contains("reply window: reply from 0.000 ms to 20.833 ms of 30 ms, 9.167 ms left"),
+        "{screen}"
+    );
+    assert!(screen.contains("[███") && screen.contains("FF 14 "), "{screen}");
+}
+
+#[test]
+fn a_played_run_is_a_file_that_gives_the_same_bytes() {
+    let keys = [
+        (20.0, char('t')),
+        (24.0, char('s')),
+        (55.0, press(KeyCode::Up)),
+        (58.0, press(KeyCode::Tab)),
+        (60.0, press(KeyCode::PageUp)),
+        (61.0, char('f')),
+        (62.0, char('n')),
+        (66.0, char('n')),
+        (67.0, char('x')),
+        (70.0, char('s')),
+        (76.0, char('s')),
+        (80.0, char(' ')),
+    ];
+    let played = pair(85.0, &keys, "keys");
+    assert!(played.bytes.len() > 10_000);
+    let again = play("again", &played.script, &[], f64::INFINITY);
+    assert_eq!(again.script, played.script);
+    let first = again.bytes.iter().zip(&played.bytes).position(|(again, played)| again != played);
+    let around = |bytes: &[(usize, u64, bool, u8)]| {
+        let at = first.unwrap_or_default();
+        bytes[at.saturating_sub(3)..(at + 3).min(bytes.len())].to_vec()
+    };
+    assert_eq!(first, None, "{:?} {:?} {}", around(&again.bytes), around(&played.bytes), played.script);
+    assert_eq!(again.bytes.len(), played.bytes.len());
+    assert_eq!(again.outcomes.length, played.outcomes.length);
+}
+
+/// Writes them with `JETLINK_WRITE_PICTURES=1 cargo test --package host pictures_and_texts`.
+#[test]
+fn pictures_and_texts_of_the_documentation_are_what_the_screen_shows() {
+    let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
+    let write = std::env::var_os("JETLINK_WRITE_PICTURES").is_some();
+    // The source of left has fallen silent.
+    let mut played = play("picture", &format!("{HEAD}seed 1\n"), &[], 131.2);
+    played.model.passing.auto = true;
+    for (width, height) in [(80, 24), (200, 50)] {
+        let buffer = buffer(&played.model, COLOUR, width, height);
+        let name = format!("rig-{width}x{height}");
+        for (name, content) in [
+            (format!("{name}.txt"), text(&buffer)),
+            (format!("{name}.svg"), picture::svg(&buffer, false)),
+            (format!("{name}-dark.svg"), picture::svg(&buffer, true)),
+        ] {
+            assert!(content.len() < 150_000, "{name} has {} bytes", content.len());
+            let path = docs.join(&name);
+            if write {
+                std::fs::write(&path, &content).unwrap();
+            }
+            let committed = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(committed == content, "docs/screens/{name} is not what the screen shows");
+            if name.ends_with(".svg") {
+                roxmltree::Document::parse(&content).expect("well-formed XML");
+            }
+        }
+    }
+}

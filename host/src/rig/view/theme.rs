@@ -1,0 +1,171 @@
+//! Colours and characters, by what the terminal can show.
+
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols;
+
+/// What the terminal can show.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Theme {
+    /// The sixteen colours; without, bold and reversed text has to do.
+    pub colours: bool,
+    /// ASCII only.
+    pub ascii: bool,
+}
+
+/// What a text is about, which gives its colour.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Tone {
+    /// As it should be: runs, up.
+    Good,
+    /// On its way: starts, cools, waits.
+    Busy,
+    /// Needs a look: lost, held, limited.
+    Warn,
+    /// Wrong: stopped, faults, missed.
+    Bad,
+    /// At rest.
+    Quiet,
+    /// A heading.
+    Head,
+    /// Plain text.
+    Plain,
+    /// What is selected.
+    Selected,
+}
+
+impl Theme {
+    /// By the environment, as `NO_COLOR`, `TERM` and the locale say.
+    pub fn of(ascii: bool, variable: impl Fn(&str) -> Option<String>) -> Self {
+        let set = |name: &str| variable(name).filter(|value| !value.is_empty());
+        let term = set("TERM").unwrap_or_default();
+        // The first of the three that is set counts.
+        let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set).unwrap_or_default();
+        let utf8 = locale.to_lowercase().replace('-', "").contains("utf8") || cfg!(windows);
+        let monochrome = term.ends_with("-m") || term.ends_with("-mono") || term.starts_with("vt1");
+        Self {
+            colours: set("NO_COLOR").is_none() && !monochrome,
+            // The Linux console has neither braille nor all blocks.
+            ascii: ascii || !utf8 || term == "linux",
+        }
+    }
+
+    /// The style of a text.
+    pub fn style(self, tone: Tone) -> Style {
+        let plain = Style::new();
+        if !self.colours {
+            return match tone {
+                Tone::Bad | Tone::Warn | Tone::Head => plain.add_modifier(Modifier::BOLD),
+                Tone::Selected => plain.add_modifier(Modifier::REVERSED),
+                Tone::Quiet => plain.add_modifier(Modifier::DIM),
+                Tone::Good | Tone::Busy | Tone::Plain => plain,
+            };
+        }
+        match tone {
+            Tone::Good => plain.fg(Color::Green),
+            Tone::Busy => plain.fg(Color::Cyan),
+            Tone::Warn => plain.fg(Color::Yellow).add_modifier(Modifier::BOLD),
+            Tone::Bad => plain.fg(Color::Red).add_modifier(Modifier::BOLD),
+            Tone::Quiet => plain.fg(Color::DarkGray),
+            Tone::Head => plain.add_modifier(Modifier::BOLD),
+            Tone::Plain => plain,
+            Tone::Selected => plain.add_modifier(Modifier::REVERSED),
+        }
+    }
+
+    /// The border of a panel.
+    pub const fn border(self) -> symbols::border::Set<'static> {
+        if self.ascii {
+            symbols::border::Set {
+                top_left: "+",
+                top_right: "+",
+                bottom_left: "+",
+                bottom_right: "+",
+                vertical_left: "|",
+                vertical_right: "|",
+                horizontal_top: "-",
+                horizontal_bottom: "-",
+            }
+        } else {
+            symbols::border::PLAIN
+        }
+    }
+
+    /// The characters of a text that the terminal can show.
+    pub fn text(self, text: &str) -> String {
+        if !self.ascii {
+            return text.to_owned();
+        }
+        let ascii = |c: char| match c {
+            '°' => None,
+            '×' => Some('x'),
+            '→' => Some('>'),
+            '←' => Some('<'),
+            '↑' => Some('^'),
+            '↓' => Some('v'),
+            '…' => Some('~'),
+            'µ' => Some('u'),
+            '–' | '—' | '−' => Some('-'),
+            '•' => Some('*'),
+            '│' => Some('|'),
+            '─' => Some('-'),
+            '└' | '┌' | '┐' | '┘' => Some('+'),
+            '✓' => Some('+'),
+            '✗' => Some('!'),
+            c if c.is_ascii() => Some(c),
+            _ => Some('?'),
+        };
+        text.chars().filter_map(ascii).collect()
+    }
+
+    /// A gauge of this width, filled to this share, with a mark at its limit.
+    pub fn gauge(self, width: usize, share: f64, limit: Option<f64>) -> String {
+        let (full, empty, mark) = if self.ascii { ('#', '.', '|') } else { ('█', '░', '│') };
+        let cell = |share: f64| (share.clamp(0.0, 1.0) * width as f64).round() as usize;
+        let filled = cell(share);
+        let limit = limit.map(|limit| cell(limit).min(width.saturating_sub(1)));
+        (0..width)
+            .map(|i| match limit {
+                Some(limit) if i == limit => mark,
+                _ if i < filled => full,
+                _ => empty,
+            })
+            .collect()
+    }
+
+    /// The marks of a chart.
+    pub const fn marker(self) -> symbols::Marker {
+        if self.ascii { symbols::Marker::Dot } else { symbols::Marker::Braille }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn theme(variables: &[(&str, &str)]) -> Theme {
+        Theme::of(false, |name| {
+            variables.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned())
+        })
+    }
+
+    #[test]
+    fn the_environment_says_what_can_be_shown() {
+        let utf8 = ("LANG", "de_DE.UTF-8");
+        let both = |colours, ascii| Theme { colours, ascii };
+        assert_eq!(theme(&[utf8, ("TERM", "xterm-256color")]), both(true, false));
+        assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("NO_COLOR", "1")]), both(false, false));
+        assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("NO_COLOR", "")]), both(true, false));
+        assert_eq!(theme(&[utf8, ("TERM", "linux")]), both(true, true));
+        assert_eq!(theme(&[utf8, ("TERM", "vt100")]), both(false, false));
+        assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("LC_ALL", "C")]), both(true, true));
+        assert_eq!(theme(&[("TERM", "xterm")]), both(true, true));
+    }
+
+    #[test]
+    fn ascii_has_no_other_characters() {
+        let ascii = Theme { colours: true, ascii: true };
+        assert_eq!(ascii.text("×4 … 512 °C ü"), "x4 ~ 512 C ?");
+        assert_eq!(ascii.gauge(10, 0.5, Some(0.9)), "#####....|");
+        assert_eq!(Theme { ascii: false, ..ascii }.gauge(4, 2.0, None), "████");
+    }
+}

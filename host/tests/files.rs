@@ -1,0 +1,249 @@
+//! What `jetlink rig` writes into files, and what becomes of it when somebody does not read on.
+#![cfg(unix)]
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The most that anything here may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn command(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_jetlink"));
+    command.arg("rig").args(args).stdin(Stdio::null());
+    command
+}
+
+fn rig(args: &[&str]) -> Output {
+    command(args).output().expect("it runs")
+}
+
+/// A folder of its own, empty.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder); // of an earlier test
+    fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+/// One sentence, and this status.
+#[track_caller]
+fn refused(output: &Output, status: i32) -> String {
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(status), "{error}");
+    assert_eq!((error.lines().count(), text(&output.stdout)), (1, String::new()), "{error}");
+    error
+}
+
+/// Ends with the test, however that ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended already
+        let _ = self.0.wait();
+    }
+}
+
+#[track_caller]
+fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !done() {
+        assert!(began.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn no_file_is_touched_when_one_of_them_cannot_be_written() {
+    let folder = folder("untouched");
+    let keep = folder.join("keep.csv");
+    fs::write(&keep, "precious").unwrap();
+    let output = rig(&["--fast", "--csv", keep.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]);
+    assert!(refused(&output, 1).contains("cannot write /nonexistent/x.svg: "));
+    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    let new = folder.join("new.csv");
+    let output = rig(&["--fast", "--csv", new.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]);
+    refused(&output, 1);
+    assert!(!new.exists());
+}
+
+#[test]
+fn two_options_cannot_name_one_file() {
+    let folder = folder("one-file");
+    let (file, other) = (folder.join("a.svg"), folder.join("./b/../a.svg"));
+    fs::create_dir(folder.join("b")).unwrap();
+    for exists in [false, true] {
+        if exists {
+            fs::write(&file, "precious").unwrap();
+        }
+        for other in [&file, &other] {
+            let output = rig(&["--fast", "--csv", file.to_str().unwrap(), "--plot", other.to_str().unwrap()]);
+            assert!(refused(&output, 2).contains("--csv and --plot name the same file"));
+        }
+    }
+    assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
+}
+
+#[test]
+fn an_svg_file_has_no_other_ending() {
+    let file = folder("ending").join("x.png");
+    let output = rig(&["--fast", "--plot", file.to_str().unwrap()]);
+    assert!(refused(&output, 2).contains("--plot writes SVG: name the file "));
+    assert!(!file.exists());
+}
+
+#[test]
+fn the_csv_file_can_be_followed_and_a_kill_loses_a_second() {
+    let folder = folder("followed");
+    let (csv, plot) = (folder.join("f.csv"), folder.join("f.svg"));
+    fs::write(&plot, "the plot before").unwrap();
+    let args = ["--standby", "--duration", "60s", "--csv", csv.to_str().unwrap()];
+    let mut child = Running(
+        command(&[&args[..], &["--plot", plot.to_str().unwrap()]].concat())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("it runs"),
+    );
+    // What four engines write in these seconds fits the program's own buffer of 8 KiB twice over.
+    let rows = || fs::read_to_string(&csv).unwrap_or_default().lines().count();
+    let began = Instant::now();
+    wait_until("the first rows", || rows() > 1);
+    assert!(began.elapsed() < Duration::from_secs(30));
+    let first = rows();
+    let since = Instant::now();
+    wait_until("more rows", || rows() > first);
+    child.0.kill().expect("SIGKILL");
+    child.0.wait().expect("it ends");
+    // In steps of about a second, and not of the buffer: 8 KiB of rows take 2.5 s.
+    assert!(rows() - first <= 60, "{} rows in {:?}", rows() - first, since.elapsed());
+    assert_eq!(
+        fs::read_to_string(&plot).unwrap(),
+        "the plot before",
+        "it is replaced as a whole, at the end"
+    );
+}
+
+#[test]
+fn the_csv_file_can_be_a_fifo() {
+    let fifo = folder("fifo").join("rows");
+    assert!(Command::new("mkfifo").arg(&fifo).status().expect("mkfifo").success());
+    let reader = {
+        let fifo = fifo.clone();
+        thread::spawn(move || fs::read_to_string(fifo).expect("rows"))
+    };
+    let output = rig(&["--fast", "--standby", "--csv", fifo.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let rows = reader.join().expect("a reader");
+    assert!(rows.starts_with("t_s,engine,") && rows.lines().count() > 400, "{rows}");
+    assert!(fs::metadata(&fifo).unwrap().len() == 0 && !fs::metadata(&fifo).unwrap().is_file());
+}
+
+#[test]
+fn the_csv_file_can_be_the_standard_output() {
+    let output = rig(&["--fast", "--standby", "--csv", "/dev/stdout"]);
+    let (rows, told) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    let columns = rows.lines().next().expect("a head").split(',').count();
+    assert!(
+        rows.lines().count() > 400 && rows.lines().all(|row| row.split(',').count() == columns),
+        "{rows}"
+    );
+    assert!(told.contains("Summary after"), "{told}");
+}
+
+#[test]
+fn a_plot_is_replaced_and_leaves_nothing_beside_it() {
+    let folder = folder("replaced");
+    let plot = folder.join("p.svg");
+    fs::write(&plot, "the plot before").unwrap();
+    let output = rig(&["--fast", "--standby", "--plot", plot.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(fs::read_to_string(&plot).unwrap().starts_with("<svg"));
+    let left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["p.svg"]);
+}
+
+#[test]
+fn a_reader_that_has_had_enough_is_no_failure() {
+    for args in [&["--fast", "--duration", "1h"][..], &["--list-scenarios"]] {
+        let mut child =
+            Running(command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs"));
+        let mut line = String::new();
+        let mut reader = BufReader::with_capacity(16, child.0.stdout.take().expect("piped"));
+        reader.read_line(&mut line).expect("a line");
+        drop(reader);
+        let mut errors = String::new();
+        child.0.stderr.take().expect("piped").read_to_string(&mut errors).expect("UTF-8");
+        let status = child.0.wait().expect("it ends");
+        assert_eq!((errors.as_str(), status.code()), ("", Some(0)), "{args:?}");
+    }
+}
+
+#[test]
+fn the_csv_file_has_faults_and_events() {
+    let csv = folder("events").join("e.csv");
+    let args = ["--fast", "--faults", "flame-out=right@100s,cut=left@90s+1s", "--csv", csv.to_str().unwrap()];
+    let output = rig(&args);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let rows = fs::read_to_string(&csv).unwrap();
+    let of = |name: &'static str| rows.lines().filter(move |row| row.split(',').nth(1) == Some(name));
+    let cell = |row: &str, from_end| row.rsplit(',').nth(from_end).unwrap().to_owned();
+    assert!(of("right").any(|row| cell(row, 0).contains("the flame goes out")), "{rows}");
+    assert!(of("right").any(|row| cell(row, 1).contains("rpm")), "no fault of right: {rows}");
+    assert!(of("left").any(|row| cell(row, 0) == "the line is cut"));
+    assert!(of("left").any(|row| cell(row, 0).starts_with("all: the node has started")));
+    let columns = rows.lines().next().unwrap().split(',').count();
+    assert!(rows.lines().all(|row| row.split(',').count() == columns));
+}
+
+#[test]
+fn commands_while_the_node_listens_are_not_counted_as_rejected() {
+    let csv = folder("rejected").join("r.csv");
+    assert_eq!(rig(&["--fast", "--csv", csv.to_str().unwrap()]).status.code(), Some(0));
+    let rows = fs::read_to_string(&csv).unwrap();
+    let heads: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let column = heads.iter().position(|head| *head == "rejected").unwrap();
+    let bad: Vec<&str> = rows.lines().skip(1).filter(|row| row.split(',').nth(column) != Some("0")).collect();
+    assert!(bad.is_empty(), "{}", bad.join("\n"));
+    assert!(text(&rig(&["--help"]).stdout).contains("commands rejected "));
+}
+
+#[test]
+fn the_summary_fits_80_columns() {
+    let engine = |i: u32| format!("name=an-engine-{i:02},ecu=amt,baud=115200");
+    for count in [4, 8] {
+        let engines: Vec<String> = (1..=count).flat_map(|i| ["--engine".to_owned(), engine(i)]).collect();
+        let args =
+            [&["--fast", "--standby"][..], &engines.iter().map(String::as_str).collect::<Vec<_>>()].concat();
+        let output = text(&rig(&args).stdout);
+        let (_, summary) = output.split_once("\nSummary after").expect("a summary");
+        let wide = summary.lines().find(|line| line.chars().count() > 80);
+        assert_eq!(wide, None);
+        for i in 1..=count {
+            assert!(summary.contains(&format!("an-engine-{i:02}")), "{summary}");
+        }
+    }
+}
+
+#[test]
+fn a_fault_that_cannot_act_is_refused() {
+    for (faults, part) in [
+        ("flame-out=left@9999s", "its flame burns from about"),
+        ("cut=left@40s+0s", "no length"),
+        ("cut=left@9999s+1s", "after the end of the run"),
+        ("noise=0.1,noise=0.2", "given twice"),
+        ("hot-start=left,no-light=left", "contradict"),
+        ("from=5s", "nothing would go wrong"),
+    ] {
+        let error = refused(&rig(&["--fast", "--faults", faults]), 2);
+        assert!(error.contains(part), "{faults}: {error}");
+    }
+}

@@ -1,0 +1,119 @@
+//! Script files of `jetlink rig`: a played run gives the same bytes on every wire whenever it is played again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const PLAYED: &str = "\
+jetlink rig script, version 0.1.0
+seed 3
+engine name=left,ecu=amt,engine=olympus,baud=115200
+engine name=right,ecu=zk,version=5
+# Left is started by hand while it is cold, and loses its line.
+1.0 left arm
+2.0 left standby
+3.0 left start
+33.0 left throttle 55.0
+40.0 left cut
+41.0 left mend
+45.0 right noise
+48.0 right quiet
+50.0 all node-reset
+55.0 all emergency-stop
+58.0 left release
+60.0 end
+";
+
+fn rig(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_jetlink")).arg("rig").args(args).output().expect("it runs")
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder); // of an earlier test
+    fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+/// The bytes of all lines, by the name of their file.
+fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<_> = fs::read_dir(folder)
+        .expect("a folder")
+        .map(|entry| entry.expect("a file"))
+        .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn a_script_is_played_to_the_byte_at_any_speed() {
+    let folder = folder("played-bytes");
+    let (script, short) = (folder.join("run.txt"), folder.join("short.txt"));
+    fs::write(&script, PLAYED).unwrap();
+    let play = |script: &Path, name: &str, fast: bool| {
+        let captured = folder.join(name);
+        let args = ["--script", script.to_str().unwrap(), "--capture", captured.to_str().unwrap()];
+        let output = rig(&[&args[..], if fast { &["--fast"] } else { &[] }].concat());
+        let printed = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{printed}");
+        (printed, bytes(&captured))
+    };
+    let (first, first_bytes) = play(&script, "first", true);
+    let (second, second_bytes) = play(&script, "second", true);
+    assert_eq!(first, second);
+    assert!(first_bytes == second_bytes, "other bytes");
+    let names: Vec<&str> = first_bytes.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["left-from-ecu.bin", "left-to-ecu.bin", "right-from-ecu.bin", "right-to-ecu.bin"]);
+    assert!(first_bytes.iter().all(|(_, bytes)| bytes.len() > 1000));
+    for what in ["played: cut", "LINK LOST", "EMERGENCY STOP by bench", "played: release"] {
+        assert!(first.contains(what), "{what}: {first}");
+    }
+    let targets = first.lines().find(|line| line.contains("targets reached")).expect("a row");
+    assert_eq!(targets.split_whitespace().skip(2).collect::<Vec<_>>(), ["played", "played"]);
+    assert!(first.contains("PASS: no unsolicited command, no uncommanded ignition, no late stop"), "{first}");
+    // In real time, too.
+    fs::write(&short, PLAYED.split_once("33.0 left").unwrap().0.to_owned() + "5.0 end\n").unwrap();
+    assert!(play(&short, "slow", false) == play(&short, "quick", true), "real time gives something else");
+}
+
+#[test]
+fn what_is_saved_plays_the_same() {
+    let folder = folder("played-saved");
+    let (script, saved) = (folder.join("run.txt"), folder.join("saved.txt"));
+    fs::write(&script, PLAYED).unwrap();
+    let args = ["--fast", "--script", script.to_str().unwrap(), "--save-script", saved.to_str().unwrap()];
+    let first = rig(&args);
+    assert_eq!(first.status.code(), Some(0), "{}", text(&first.stdout));
+    let without_comments: String =
+        PLAYED.lines().filter(|line| !line.starts_with('#')).map(|line| format!("{line}\n")).collect();
+    assert_eq!(fs::read_to_string(&saved).unwrap(), without_comments);
+}
+
+#[test]
+fn a_wrong_script_is_one_sentence_with_its_line() {
+    let folder = folder("played-wrong");
+    let script = folder.join("run.txt");
+    for (content, part) in [
+        (
+            PLAYED.replace("left throttle 55.0", "left jump"),
+            "line 9, `left jump`: `jump` is not a valid action",
+        ),
+        (PLAYED.replace("50.0 all node-reset", "1.0 all node-reset"), "line 14"),
+        ("seed 1\n".to_owned(), "line 1 has to be"),
+        (PLAYED.replace("ecu=zk", "ecu=jetcat"), "ecu=`jetcat` is not known"),
+    ] {
+        fs::write(&script, content).unwrap();
+        let output = rig(&["--fast", "--script", script.to_str().unwrap()]);
+        let error = text(&output.stderr);
+        assert_eq!((output.status.code(), text(&output.stdout)), (Some(2), String::new()), "{error}");
+        assert!(error.contains(part) && error.lines().count() == 1, "{part}: {error}");
+    }
+    let output = rig(&["--fast", "--script", "/nonexistent"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(rig(&["--script", "x", "--seed", "1"]).status.code(), Some(2));
+}
