@@ -77,6 +77,7 @@
 #![deny(missing_docs, missing_debug_implementations)]
 
 mod open_enum;
+mod sentence;
 
 pub mod channel;
 pub mod command;

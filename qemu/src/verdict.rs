@@ -26,7 +26,13 @@ pub fn of_log(log: &Lines) -> Vec<String> {
         check(false, format!("{} {}", line.level, line.message));
     }
     for engine in &ENGINES {
-        let story = ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"];
+        let story = [
+            "ECU link up",
+            "ECU reports standby",
+            "ECU reports starting",
+            "ECU reports running",
+            "ECU reports standby",
+        ];
         let mut lines = log.lines.iter();
         for chapter in story {
             let wanted = format!("{}: {chapter}", engine.name);
@@ -35,8 +41,8 @@ pub fn of_log(log: &Lines) -> Vec<String> {
                 break;
             }
         }
-        for unwanted in ["LinkLost", "RunCancelled"] {
-            // It may say why, as `RunCancelled(AtRest)` does.
+        for unwanted in ["ECU link lost", "run cancelled"] {
+            // The text may continue with a reason.
             let line = format!("{}: {unwanted}", engine.name);
             check(log.lines.iter().all(|other| !other.message.starts_with(&line)), format!("`{line}`"));
         }
@@ -114,7 +120,13 @@ mod tests {
 
     fn good() -> Lines {
         let mut lines = vec!["jetlink 0.1.0 on QEMU".to_owned()];
-        for chapter in ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"] {
+        for chapter in [
+            "ECU link up",
+            "ECU reports standby",
+            "ECU reports starting",
+            "ECU reports running",
+            "ECU reports standby",
+        ] {
             lines.extend(ENGINES.iter().map(|engine| format!("{}: {chapter}", engine.name)));
         }
         lines.push("trial: passed".into());
@@ -141,8 +153,8 @@ mod tests {
         for (level, message) in [
             ("WARN", "left: 3 events lost"),
             ("ERROR", "panic"),
-            ("INFO", "left: LinkLost"),
-            ("INFO", "left: RunCancelled(AtRest)"),
+            ("INFO", "left: ECU link lost"),
+            ("INFO", "left: run cancelled: the engine is at rest"),
             ("INFO", "jetlink "),
         ] {
             let mut log = good();

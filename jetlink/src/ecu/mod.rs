@@ -4,6 +4,8 @@ pub mod amt;
 pub mod any;
 pub mod zk;
 
+use crate::sentence::sentences;
+
 /// Which ECU is on a port, and how it is spoken to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -16,7 +18,6 @@ pub enum EcuConfig {
 
 /// A service command: done once, in the ECU's own terms.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Service {
     /// Of an AMT ECU.
     Amt(amt::config::Service),
@@ -49,7 +50,6 @@ impl Service {
 
 /// The faults that an ECU reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Faults {
     /// Of an AMT ECU: several at once.
     Amt(amt::codec::ErrorBits),
@@ -95,3 +95,27 @@ impl core::fmt::Display for Faults {
         }
     }
 }
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Faults {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            Self::Amt(bits) if bits.0 == 0 => defmt::write!(f, "none"),
+            Self::Amt(bits) => {
+                for (i, name) in bits.names().enumerate() {
+                    defmt::write!(f, "{=str}{=str}", if i > 0 { ", " } else { "" }, name);
+                }
+            }
+            Self::Zk(zk::codec::ErrorCode::Unknown(code)) => defmt::write!(f, "unknown error {=u8}", code),
+            Self::Zk(code) => defmt::write!(f, "{=istr}", code.interned()),
+        }
+    }
+}
+
+sentences!(Service {
+    Self::Amt(amt::config::Service::Ctf) => "CTF";
+    Self::Zk(zk::config::Service::IgnitionPump(_)) => "ignition pump voltage";
+    Self::Zk(zk::config::Service::Curve(_)) => "acceleration curve";
+} {
+    Self::Zk(zk::config::Service::Action(action)) => "action {}", action.parameter();
+});

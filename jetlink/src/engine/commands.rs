@@ -121,7 +121,7 @@ impl Engine {
             return Err(Rejected::StopLatched);
         }
         if !outcome.counts {
-            return Ok(Accepted::OneMore);
+            return Ok(Accepted::RepeatStandby);
         }
         if outcome.changed {
             self.permitted = [false; Origin::ALL.len()];

@@ -597,7 +597,7 @@ fn nobody_starts_while_it_listens() {
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
         scenario.pass(5 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::NoLink), "{ecu:?}");
-        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         assert_eq!(scenario.sent(), [], "nothing but ID 0");
         scenario.introduce();
         scenario.says(Says::Standby);
@@ -605,7 +605,7 @@ fn nobody_starts_while_it_listens() {
         scenario.command(Command::Standby).unwrap();
 
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
-        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         scenario.fly(Command::Standby, Origin::Rc, SECOND - 1);
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));

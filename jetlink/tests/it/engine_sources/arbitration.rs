@@ -10,7 +10,7 @@ fn the_highest_fresh_source_rules() {
             let mut scenario = Scenario::started(ecu, percent(50));
             for (command, answer) in [
                 (run(20), Accepted::Behind(Origin::Rc)),
-                (Command::Standby, Accepted::OneMore),
+                (Command::Standby, Accepted::RepeatStandby),
                 (Command::Standby, Accepted::Behind(Origin::Rc)),
             ] {
                 assert_eq!(scenario.command_from(command, lower), Ok(answer), "{command:?}");
@@ -219,11 +219,11 @@ fn standby_is_obeyed_at_the_second_word() {
     for ecu in BOTH {
         for (between, obeyed) in [(0, true), (PERIOD, true), (AGE, true), (AGE + 1, false)] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
             assert_eq!(scenario.order(), Order::Run(percent(50)));
             scenario.pass(between);
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {between}");
-            let expected = if obeyed { Accepted::InForce } else { Accepted::OneMore };
+            let expected = if obeyed { Accepted::InForce } else { Accepted::RepeatStandby };
             assert_eq!(scenario.command(Command::Standby), Ok(expected), "{between}");
             let ordered = scenario.telemetry().ordered;
             if obeyed {
@@ -236,7 +236,7 @@ fn standby_is_obeyed_at_the_second_word() {
         // Another word between the two takes the first back.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
-            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
             scenario.command(run(50)).unwrap();
             scenario.pass(PERIOD);
         }
@@ -256,7 +256,10 @@ fn two_words_of_standby_of_a_source_above_shut_down() {
                     scenario.command_from(command, Origin::Emergency).unwrap();
                 }
                 let ruler = scenario.telemetry().active_source;
-                assert_eq!(scenario.command_from(Command::Standby, Origin::Emergency), Ok(Accepted::OneMore));
+                assert_eq!(
+                    scenario.command_from(Command::Standby, Origin::Emergency),
+                    Ok(Accepted::RepeatStandby)
+                );
                 assert_eq!(
                     (scenario.order(), scenario.telemetry().active_source),
                     (Order::Run(percent(50)), ruler)

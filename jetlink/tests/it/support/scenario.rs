@@ -299,7 +299,7 @@ impl Scenario {
     }
 
     pub fn shut_down_from(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
-        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::OneMore));
+        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::RepeatStandby));
         self.pass(PERIOD);
         self.command_from(Command::Standby, origin)
     }
