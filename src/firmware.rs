@@ -175,9 +175,7 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
             }
         }
         if node.health().clock == ClockSource::Internal {
-            defmt::info!(
-                "board: no crystal, all baud rates come from the chip's own oscillator"
-            );
+            defmt::info!("board: no crystal, all baud rates come from the chip's own oscillator");
         }
         let deepest = board::stack::deepest();
         if deepest > logged {

@@ -63,7 +63,7 @@ pub enum LimitKind {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct LimitViolation {
     /// Kind.
-    pub what: LimitKind,
+    pub kind: LimitKind,
     /// Value, in the unit named at [`LimitKind`].
     pub value: i32,
     /// Limit, in the same unit.
@@ -73,9 +73,9 @@ pub struct LimitViolation {
 }
 
 impl LimitViolation {
-    pub(crate) fn new(what: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
+    pub(crate) fn new(kind: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
-        Self { what, value: signed(value), limit: signed(limit), at }
+        Self { kind, value: signed(value), limit: signed(limit), at }
     }
 }
 
@@ -119,6 +119,6 @@ impl LimitKind {
 
 sentences!(LimitViolation {
 } {
-    Self { what: LimitKind::EcuFault, value, .. } => "{}: {}", LimitKind::EcuFault, value;
-    Self { what, value, limit, .. } => "{}: {}{}, limit {}{}", what, value / what.steps(), UnitOf(what), limit / what.steps(), UnitOf(what);
+    Self { kind: LimitKind::EcuFault, value, .. } => "{}: {}", LimitKind::EcuFault, value;
+    Self { kind, value, limit, .. } => "{}: {}{}, limit {}{}", kind, value / kind.steps(), UnitOf(kind), limit / kind.steps(), UnitOf(kind);
 });

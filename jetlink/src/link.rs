@@ -339,7 +339,7 @@ pub(crate) struct Outbox {
     busy: bool,
     events: Deque<Event, 16>,
     /// Events that found no room.
-    pub events_lost: u32,
+    pub events_dropped: u32,
 }
 
 impl Outbox {
@@ -350,7 +350,7 @@ impl Outbox {
 
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
-            bump(&mut self.events_lost);
+            bump(&mut self.events_dropped);
         }
     }
 

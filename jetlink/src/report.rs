@@ -212,7 +212,7 @@ pub enum NotSent {
     /// It would have ended after the reply window (AMT-11).
     TooLate,
     /// The UART did not accept or finish it in time.
-    GaveUp,
+    TimedOut,
     /// The UART returned an error.
     Failed,
 }
@@ -252,13 +252,13 @@ pub struct Counters {
     /// Send slots skipped, because the UART was still sending (ZK).
     pub send_slots_missed: u32,
     /// Transmissions that the UART did not finish in time.
-    pub given_up: u32,
+    pub write_timeouts: u32,
     /// Transmissions for which the UART returned an error.
     pub write_errors: u32,
     /// Commands refused.
     pub commands_rejected: u32,
     /// Events dropped, because the queue was full.
-    pub events_lost: u32,
+    pub events_dropped: u32,
     /// Smallest margin between the end of a reply and the end of its window (AMT). Never negative: a late reply counts in
     /// `replies_late`.
     pub worst_reply_margin: Option<Duration>,
@@ -281,7 +281,7 @@ impl Counters {
     pub(crate) fn not_sent(&mut self, why: NotSent) {
         match why {
             NotSent::TooLate => {}
-            NotSent::GaveUp => bump(&mut self.given_up),
+            NotSent::TimedOut => bump(&mut self.write_timeouts),
             NotSent::Failed => bump(&mut self.write_errors),
         }
     }
@@ -310,6 +310,6 @@ sentences!(LinkState {
 
 sentences!(NotSent {
     Self::TooLate => "too late for the reply window";
-    Self::GaveUp => "the UART did not finish in time";
+    Self::TimedOut => "the UART did not finish in time";
     Self::Failed => "the UART returned an error";
 });

@@ -394,7 +394,7 @@ fn text(event: Event) -> Option<String> {
         Event::ObeyedAgain => "the ECU does what it is told again".to_owned(),
         Event::ActiveSource(origin) => format!("{} rules", origin.name()),
         // The fault itself is told by its name.
-        Event::Limit(LimitViolation { what: LimitKind::EcuFault, .. }) => return None,
+        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
         Event::OtherFailed(0) => {
             "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
@@ -421,8 +421,8 @@ fn text(event: Event) -> Option<String> {
 
 /// A limit that was passed, for people.
 fn limit(passed: LimitViolation) -> String {
-    let LimitViolation { what, value, limit, .. } = passed;
-    match what {
+    let LimitViolation { kind, value, limit, .. } = passed;
+    match kind {
         LimitKind::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
         LimitKind::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
         LimitKind::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),

@@ -453,7 +453,7 @@ impl Engine {
             return Err(Interlock::SupplyLow(supply));
         }
         if let Some((violation, _)) = self.limits.in_force() {
-            return Err(Interlock::Limit(violation.what));
+            return Err(Interlock::Limit(violation.kind));
         }
         if !others_allow_start {
             return Err(Interlock::OtherStarting);

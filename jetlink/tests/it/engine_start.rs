@@ -529,7 +529,7 @@ fn a_start_has_its_time_to_the_tick() {
             let passed = scenario.passed();
             assert_eq!(passed.len(), 1, "{ecu:?}");
             assert_eq!(
-                (passed[0].what, passed[0].value, passed[0].limit),
+                (passed[0].kind, passed[0].value, passed[0].limit),
                 (LimitKind::StartTimeout, 20_000, 20_000)
             );
             assert_eq!(passed[0].at, us(start + 20 * SECOND));
@@ -565,7 +565,7 @@ fn the_ecus_own_start_up_time_counts_twice() {
     assert_eq!(scenario.order(), Order::Standby);
     let passed = scenario.passed();
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!((passed[0].kind, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
     assert_eq!(passed[0].at, us(start + twice));
 }
 

@@ -35,7 +35,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
     scenario.fly(run(50), Origin::Rc, u64::from(frames) * EVERY);
     scenario.values = before;
     scenario.fly(run(50), Origin::Rc, 2 * SECOND);
-    scenario.passed().into_iter().map(|passed| (passed.what, passed.value, passed.limit)).collect()
+    scenario.passed().into_iter().map(|passed| (passed.kind, passed.value, passed.limit)).collect()
 }
 
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
@@ -164,7 +164,7 @@ fn hot_start() {
             let passed = scenario.passed();
             if told {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
-                assert_eq!((passed[0].what, passed[0].limit), (LimitKind::HotStart, 200));
+                assert_eq!((passed[0].kind, passed[0].limit), (LimitKind::HotStart, 200));
                 // Soon after it passed the limit.
                 assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {

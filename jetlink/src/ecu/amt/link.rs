@@ -476,7 +476,7 @@ impl Link for AmtLink {
             unknown_frames: decoder.unknown_frames,
             truncated: decoder.truncated.wrapping_add(decoder.malformed),
             bytes_skipped: decoder.bytes_skipped,
-            events_lost: self.outbox.events_lost,
+            events_dropped: self.outbox.events_dropped,
             ..self.counters
         }
     }

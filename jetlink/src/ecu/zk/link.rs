@@ -379,7 +379,7 @@ impl Link for ZkLink {
             unknown_frames: decoder.unknown_frames,
             crc_failures: decoder.crc_failures,
             bytes_skipped: decoder.bytes_skipped,
-            events_lost: self.outbox.events_lost,
+            events_dropped: self.outbox.events_dropped,
             ..self.counters
         }
     }

@@ -343,7 +343,7 @@ impl Scenario {
 
     /// The limits that were told since the last call; other events are dropped.
     pub fn limits(&mut self) -> Vec<LimitKind> {
-        self.passed().into_iter().map(|passed| passed.what).collect()
+        self.passed().into_iter().map(|passed| passed.kind).collect()
     }
 
     pub fn passed(&mut self) -> Vec<LimitViolation> {
