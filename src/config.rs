@@ -35,7 +35,7 @@ pub const ENGINES: [EngineConfig; ports()] = {
     }
 };
 
-/// How many ports the board has (build.rs); without a board, as many as the table above has engines.
+/// Number of ports of the board (build.rs); without a board, the number of engines above.
 #[cfg(feature = "all-ports")]
 const fn ports() -> usize {
     match option_env!("JETLINK_PORTS") {

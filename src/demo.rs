@@ -1,6 +1,5 @@
-//! Bench only (feature `demo`): commands every engine through one fixed cycle after another, so that somebody
-//! at a bench sees an engine controller react. It is a source of commands like any other: it speaks ten times
-//! a second, and what it asks can be refused.
+//! Bench only (feature `demo`): commands every engine through a fixed cycle, again and again, to show an ECU's reactions on
+//! a bench. It is a source of commands like any other: ten commands a second, which may be refused.
 
 use crate::pilot::Pilot;
 use embassy_time::{Duration, Instant, Ticker, Timer};
@@ -8,11 +7,10 @@ use jetlink::command::{Command, Demand};
 use jetlink::node::Node;
 use jetlink::units::Throttle;
 
-/// Between two commands; well within the 0.5 s for which a source may be silent.
+/// Interval of commands, 0.1 s; the source's timeout is 0.5 s.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// So long after a reset nothing is commanded: one sees engines that ran go on, and what becomes of them without a
-/// source.
+/// Time after a reset without commands, 5 s: it shows how running engines resume, and their stages of loss.
 const SILENCE: Duration = Duration::from_secs(5);
 
 const fn run_at(percent: u8) -> Command {
@@ -22,7 +20,7 @@ const fn run_at(percent: u8) -> Command {
     }
 }
 
-/// One cycle: what is commanded, and for how many seconds. Never more than 40 % of throttle.
+/// Commands of one cycle, with their durations in s. The throttle is 40 % at most.
 const CYCLE: [(Command, u64); 6] = [
     (Command::Standby, 10),
     (run_at(0), 180), // long enough for the starts of all engines, one after the other

@@ -3,13 +3,13 @@
 //! | task | where | what it does |
 //! |---|---|---|
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
-//! | `events`, one for each ECU | thread mode | logs what happens |
-//! | `status` | thread mode | logs a line a second for each engine, one for the board when there is news, drives the LED |
+//! | `events`, one for each ECU | thread mode | logs events |
+//! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives the LED |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
-//! After a reset every engine is first listened to: one that runs goes on, one that does not stays in standby. Nothing here
-//! commands an engine, except the demonstration (feature `demo`) and the trial (feature `trial`).
+//! After a reset a running engine resumes, and any other stays in standby. Nothing here commands an engine, except the
+//! demonstration (feature `demo`) and the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
 use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
@@ -26,11 +26,10 @@ use jetlink::telemetry::Telemetry;
 use jetlink_fw::config::ENGINES;
 use static_cell::{ConstStaticCell, StaticCell};
 
-/// How many engines this node runs.
+/// Number of engines of this node.
 const N: usize = ENGINES.len();
 
-/// The line of each port that has an engine. An engine on a port that the board lacks does not
-/// build.
+/// Line of each port that has an engine. An engine on a port that the board lacks does not build.
 const LINES: [Option<Line>; PORTS.len()] = {
     let mut lines = [None; PORTS.len()];
     let mut i = 0;
@@ -48,7 +47,7 @@ const LINES: [Option<Line>; PORTS.len()] = {
     lines
 };
 
-/// How often the supervisor looks. A runner shows progress every 0.1 s; the watchdog waits 1 s.
+/// Interval of the supervisor, 250 ms. A runner shows progress every 100 ms; the watchdog resets after 1 s.
 const SUPERVISION: Duration = Duration::from_millis(250);
 
 #[cortex_m_rt::entry]
@@ -77,15 +76,15 @@ fn main() -> ! {
         Oscillator::Crystal => ClockSource::Crystal,
         Oscillator::Internal => ClockSource::Internal,
     });
-    // The node is built by way of the stack: what the firmware needs from here on is much less, and a mark of its own.
+    // Building the node takes much more stack than the rest of the firmware, so the two are measured apart.
     let starting = board::stack::deepest();
     board::stack::paint();
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for handle in node.handles() {
-            // Listening before the engines run: no event is missed.
-            let heard = defmt::unwrap!(handle.events());
-            spawner.spawn(defmt::unwrap!(events(handle.name(), heard)));
+            // Subscribe before the engines run, so that no event is missed.
+            let subscriber = defmt::unwrap!(handle.events());
+            spawner.spawn(defmt::unwrap!(events(handle.name(), subscriber)));
         }
         spawner.spawn(defmt::unwrap!(status(node, board.led, starting)));
         #[cfg(all(feature = "selftest", feature = "stm32"))]
@@ -104,19 +103,19 @@ fn main() -> ! {
         }
         #[cfg(feature = "play-ecu")]
         engines.spawn(defmt::unwrap!(played_ecu(defmt::unwrap!(board.ports[PORTS.len() - 1].take()))));
-        // Last: from here on, an engine whose runner is stuck means a reset.
+        // Last: from here on, an engine whose runner is stuck causes a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
 }
 
-/// Sets up all engines. Not a part of `main`: a channel is built on the stack, and `main` never gives its stack back.
+/// Sets up all engines. Not inlined: a channel is built on the stack, and `main` never returns its stack.
 #[inline(never)]
 fn node(reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
     defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::engines::RETAINED.0, reset))))
 }
 
-/// Logs what is on each port.
+/// Logs the use of each port.
 fn log_ports() {
     for (port, name) in PORTS.iter().enumerate() {
         match ENGINES.iter().find(|engine| usize::from(engine.port) == port) {
@@ -126,7 +125,7 @@ fn log_ports() {
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
     }
-    defmt::info!("kept for MAVLink: {=str}", board::TELEMETRY_PORT);
+    defmt::info!("reserved for MAVLink: {=str}", board::TELEMETRY_PORT);
 }
 
 #[embassy_executor::task(pool_size = N)]
@@ -137,7 +136,7 @@ async fn engine(runner: Runner<'static>, port: EcuPort) {
     run.await
 }
 
-/// Test image only (feature `wedge`): the first engine's task stands still after 5 s, with its UART open.
+/// Test image only (feature `wedge`): the first engine's task hangs after 5 s, with its UART open.
 #[cfg(feature = "wedge")]
 async fn wedged<R: Future>(run: R) -> R::Output {
     use core::sync::atomic::{AtomicBool, Ordering};
@@ -160,7 +159,7 @@ async fn events(name: &'static str, mut events: Events<'static>) {
     }
 }
 
-/// Status LED: one flash a second when all is well, five when an engine or the board needs a look.
+/// Status LED: one flash a second, five when an engine or the board needs attention.
 #[embassy_executor::task]
 async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
     let mut second = Ticker::every(Duration::from_secs(1));
@@ -182,7 +181,7 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
         if deepest > logged {
             logged = deepest;
             defmt::info!(
-                "board: stack {=u32} bytes deep since the start, {=u32} while it started",
+                "board: {=u32} bytes of stack used since the start, {=u32} during it",
                 deepest,
                 starting
             );
@@ -196,7 +195,7 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
     }
 }
 
-/// What matters at a glance, in one line. What the ECU has not said is left out.
+/// State of an engine in one line. Values that the ECU does not report, or not lately, are left out.
 struct StatusLine<'a>(&'a Telemetry);
 
 impl defmt::Format for StatusLine<'_> {
@@ -204,7 +203,6 @@ impl defmt::Format for StatusLine<'_> {
         let Telemetry { link, state, report, ordered, active_source, waiting, loss, .. } = self.0;
         let Telemetry { limited, obeyed, stop_latched, in_doubt, transmitter_failed, counters, .. } = self.0;
         defmt::write!(f, "link {}, {}", link, state);
-        // What is old is left out, not shown as if it were so now.
         if let Some(rpm) = self.0.current(report.rpm) {
             defmt::write!(f, ", {=u32} rpm", rpm.get());
         }
@@ -220,20 +218,20 @@ impl defmt::Format for StatusLine<'_> {
             defmt::write!(f, ", faults {}", faults);
         }
         if in_doubt.is_some() {
-            defmt::write!(f, ", IN DOUBT whether it runs: the demand does not reach it");
+            defmt::write!(f, ", IN DOUBT whether it runs: the demand is withheld");
         }
         if *transmitter_failed {
-            defmt::write!(f, ", NOTHING GOES OUT: transmitter failed");
+            defmt::write!(f, ", TRANSMITTER FAILED: nothing is sent");
         }
-        defmt::write!(f, "; ordered {} by {}, {} in control", ordered.order, ordered.origin, active_source);
+        defmt::write!(f, "; order: {}; {} in control", ordered, active_source);
         if *loss != LossStage::None {
             defmt::write!(f, ", source lost: {}", loss);
         }
         if let Some(waiting) = waiting {
-            defmt::write!(f, ", {} takes over", waiting);
+            defmt::write!(f, ", {} waits to take over", waiting);
         }
         if *limited {
-            defmt::write!(f, ", held at the fail-safe throttle by a limit");
+            defmt::write!(f, ", limited to the fail-safe throttle");
         }
         if !obeyed {
             defmt::write!(f, ", NOT OBEYED by the ECU");
@@ -290,16 +288,16 @@ async fn supervisor(node: &'static Node<N>, mut watchdog: Watchdog) {
     let mut at_last_feed = node.handles().map(|handle| handle.progress());
     watchdog.start();
     loop {
-        // Not a ticker: after a stall it would catch up, and find runners stuck that had no time to move.
+        // Not a ticker: after a stall it would catch up, and report runners as stuck that had no time to progress.
         Timer::after(SUPERVISION).await;
-        let mut all_moved = true;
+        let mut all_progressed = true;
         for (handle, before) in node.handles().iter().zip(at_last_feed) {
             if handle.progress() == before {
                 defmt::error!("{=str}: its runner is stuck", handle.name());
-                all_moved = false;
+                all_progressed = false;
             }
         }
-        if all_moved {
+        if all_progressed {
             watchdog.feed();
             at_last_feed = node.handles().map(|handle| handle.progress());
         }

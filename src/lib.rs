@@ -1,4 +1,4 @@
-//! What the firmware and those who test it share: the table of engines of this aircraft.
+//! Table of engines of this aircraft, for the firmware and its tests.
 //!
 //! The library that does the work is `jetlink`; the tasks, boards and images are in the binary (`src/main.rs`).
 #![no_std]

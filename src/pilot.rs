@@ -1,4 +1,4 @@
-//! What the demonstration and the trial share: a source of commands that starts engines again after a refusal.
+//! Source of commands for the demonstration and the trial: it repeats a refused start.
 
 use jetlink::channel::Source;
 use jetlink::command::{Command, Origin, Rejected};
@@ -8,20 +8,20 @@ use jetlink::node::Node;
 pub struct Pilot<'a, const N: usize>([Source<'a>; N]);
 
 impl<'a, const N: usize> Pilot<'a, N> {
-    /// Nobody else on the board commands from the bench.
+    /// Claims the bench source of every engine, which nothing else on the board uses.
     pub fn new(node: &'a Node<N>) -> Self {
         Self(node.sources(Origin::Bench).map(|source| defmt::unwrap!(source)))
     }
 
     pub fn arm(&self) {
         for source in &self.0 {
-            // A latched stop refuses it: that is in the engine's events.
+            // A refusal is in the engine's events.
             let _ = source.command(Command::Arm);
         }
     }
 
-    /// Commands every engine. A start that an interlock refuses has used its permission up: standby, and the next command
-    /// asks again. What is refused is in the engine's events.
+    /// Commands every engine. A start that an interlock refuses has used up its permission: standby permits the next one.
+    /// Refusals are in the engine's events.
     pub fn command(&self, command: Command) {
         for source in &self.0 {
             if let Err(Rejected::Start(_)) = source.command(command) {

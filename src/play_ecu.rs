@@ -10,22 +10,22 @@ use jetlink::line::Line;
 /// The ECU's default.
 pub const LINE: Line = Line::new(2400);
 
-/// A byte on it: 10 bits.
+/// Duration of a byte on it: 10 bits.
 const BYTE: Duration = Duration::from_micros(4167);
 
 /// A normal set: no start clearance, auto stop, 0 rpm, 19 °C, 0 % (AMT-3, AMT-7).
 const FRAME: [u8; 6] = [0xFF, 0x02, 0x00, 0x0F, 0x00, 0x00];
 
-/// Between two frames (AMT-12).
+/// Interval of frames (AMT-12).
 const PERIOD: Duration = Duration::from_millis(125);
 
-/// From the end of a frame to the end of its reply (AMT-11).
+/// Reply window, from the end of a frame to the end of its reply (AMT-11).
 const WINDOW: Duration = Duration::from_millis(30);
 
 /// Bytes of a reply.
 const REPLY: usize = 5;
 
-/// Sends frames for ever, and reports each second what came back.
+/// Sends frames for ever, and logs the replies once a second.
 #[expect(clippy::disallowed_methods, reason = "an ECU keeps its own time")]
 pub async fn play(mut port: EcuPort) -> ! {
     let mut tick = Ticker::every(PERIOD);
@@ -34,7 +34,7 @@ pub async fn play(mut port: EcuPort) -> ! {
         let mut longest = Duration::MIN;
         for _ in 0..8 {
             tick.next().await;
-            // What came too late belongs to no frame.
+            // Discard late bytes: they belong to no frame.
             while with_timeout(Duration::MIN, port.rx.read(&mut [0; REPLY])).await.is_ok() {}
             if port.tx.write_all(&FRAME).await.is_err() || port.tx.flush().await.is_err() {
                 continue;
@@ -55,14 +55,14 @@ pub async fn play(mut port: EcuPort) -> ! {
     }
 }
 
-/// A whole reply; how long after `end` its first start bit came.
+/// Reads a whole reply. Returns the time from `end` to its first start bit.
 #[expect(clippy::disallowed_methods, reason = "an ECU keeps its own time")]
 async fn reply(port: &mut EcuPort, end: Instant) -> Duration {
     let mut bytes = [0; REPLY];
     let mut start = None;
     let mut count = 0;
     while count < REPLY {
-        // Errors of the line are counted by the port, and an empty read there is none.
+        // The port counts line errors; an empty read is no error.
         count += port.rx.read(&mut bytes[count..]).await.unwrap_or(0);
         start.get_or_insert_with(|| Instant::now().duration_since(end));
     }

@@ -1,7 +1,7 @@
-//! Test image only (feature `trial`, `cargo qemu-test`): every engine is started, run and shut down once, as a
-//! pilot would. Then the program ends, with exit status 0 if the engines' own reports say that all went well.
+//! Test image only (feature `trial`, `cargo qemu-test`): starts, runs and shuts down every engine once, as a pilot would.
+//! Then the program ends, with exit status 0 if the engines reported every step.
 //!
-//! It judges by telemetry alone. What the simulated ECUs have to say about it is the runner's business (`qemu/`).
+//! It judges by telemetry alone. `qemu/` judges by the simulated ECUs.
 
 use crate::board;
 use crate::pilot::Pilot;
@@ -13,31 +13,31 @@ use jetlink::report::{LinkState, Phase};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
-/// Between two commands; well within the 0.5 s for which a source may be silent.
+/// Interval of commands, 0.1 s; the source's timeout is 0.5 s.
 const PERIOD: Duration = Duration::from_millis(100);
-/// The throttle at which every engine runs for a while, and for how long at least.
+/// Throttle at which every engine runs, and the shortest time for it.
 const THROTTLE: Throttle = match Throttle::from_percent(30) {
     Ok(throttle) => throttle,
     Err(_) => panic!("the trial's throttle is above 100 %"),
 };
 const AT_THROTTLE: Duration = Duration::from_secs(3);
-/// An engine that is cool enough for the next start, in 0.1 °C.
+/// Exhaust temperature of an engine that may be started again, in 0.1 °C.
 const COOL: i16 = 1000;
 
-/// One step: what is commanded until all engines report something.
+/// One step: a command until all engines report its result.
 struct Step {
     name: &'static str,
     command: Command,
-    /// At least so long,
+    /// Shortest duration.
     hold: Duration,
-    /// and at most so long.
+    /// Timeout.
     limit: Duration,
     done: fn(&Telemetry) -> bool,
 }
 
 const STEPS: [Step; 4] = [
     Step {
-        name: "every ECU is heard and stands by",
+        name: "every link is up and every engine in standby",
         command: Command::Standby,
         hold: Duration::from_secs(1),
         limit: Duration::from_secs(20),
@@ -76,7 +76,7 @@ fn is_in(engine: &Telemetry, phase: Phase) -> bool {
     engine.report.phase.is_some_and(|reported| reported.value == phase)
 }
 
-/// Goes through the steps and ends the program.
+/// Performs the steps and ends the program.
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn run<const N: usize>(node: &Node<N>) -> ! {
     let mut tick = Ticker::every(PERIOD);
@@ -90,7 +90,7 @@ pub async fn run<const N: usize>(node: &Node<N>) -> ! {
             let engines = node.handles().map(|handle| handle.telemetry());
             let lost = |engine: &Telemetry| engine.link == LinkState::Lost || engine.loss != LossStage::None;
             if engines.iter().any(lost) {
-                fail(node, "an ECU or the source of commands was lost");
+                fail(node, "a link or the source of commands was lost");
             }
             if began.elapsed() >= step.hold && engines.iter().all(step.done) {
                 break;
@@ -108,7 +108,15 @@ pub async fn run<const N: usize>(node: &Node<N>) -> ! {
 fn fail<const N: usize>(node: &Node<N>, what: &str) -> ! {
     for handle in node.handles() {
         let engine = handle.telemetry();
-        defmt::error!("{=str}: {}, {}, {}", handle.name(), engine.link, engine.report.phase, engine.counters);
+        defmt::error!(
+            "{=str}: link {}, {}, {=u32} frames received, {=u32} sent, {=u32} replies missed",
+            handle.name(),
+            engine.link,
+            engine.state,
+            engine.counters.frames,
+            engine.counters.sent,
+            engine.counters.replies_missed
+        );
     }
     defmt::error!("trial: failed: {=str}", what);
     board::exit(1)

@@ -11,7 +11,7 @@
 //!     .at(2 * SECOND, |bench| bench.cut("SERIAL2", true))
 //!     .until(4 * SECOND)
 //!     .go();
-//! assert!(report.logged("left: LinkLost"));
+//! assert!(report.logged("left: ECU link lost"));
 //! ```
 //!
 //! The image runs instruction by instruction, in virtual time, and the same at every run. [`Run::go`] panics

@@ -1,9 +1,8 @@
-//! Between an engine's runner and everybody else: commands in, telemetry and events out.
+//! Connects an engine's runner with its users: commands in, telemetry and events out.
 //!
-//! A [`Channel`] is one engine and belongs to it alone: two engines share nothing. There is no queue of
-//! commands. A [`Handle`] puts a command straight into the engine's state, under a lock that is held for
-//! microseconds, and gets its answer at once. So an old throttle can never follow a new one, and a stop
-//! cannot stand behind anything.
+//! Each engine has its own [`Channel`]: two engines share nothing. There is no queue of commands. A [`Source`] changes the
+//! engine's state directly, under a lock held for microseconds, and returns its answer at once. So an old throttle never
+//! follows a new one, and nothing delays a stop.
 
 use crate::command::{Accepted, Command, Origin, Rejected};
 use crate::config::EngineConfig;
@@ -23,37 +22,37 @@ use embassy_sync::signal::Signal;
 use embassy_sync::watch::{self, Watch};
 use embassy_time::Instant;
 
-/// Events kept for a listener that is slow; older ones are lost to it, and it is told how many.
-pub const EVENTS_KEPT: usize = 32;
-/// Tasks that can listen to one engine's events, and as many again to its telemetry.
+/// Capacity of the queue of events. A slow subscriber loses the oldest ones and receives their number.
+pub const EVENT_CAPACITY: usize = 32;
+/// Subscribers to one engine's events, and receivers of its telemetry.
 pub const LISTENERS: usize = 4;
 
-/// Listens to one engine's events.
-pub type Events<'a> = Subscriber<'a, CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>;
-/// Waits for one engine's telemetry.
+/// Subscription to one engine's events.
+pub type Events<'a> = Subscriber<'a, CriticalSectionRawMutex, Event, EVENT_CAPACITY, LISTENERS, 0>;
+/// Receiver of one engine's telemetry.
 pub type TelemetryReceiver<'a> = watch::Receiver<'a, CriticalSectionRawMutex, Telemetry, LISTENERS>;
 
-/// One engine, and what its runner and its handles share.
+/// One engine, shared by its runner and its handles.
 pub struct Channel {
     name: &'static str,
     engine: Mutex<CriticalSectionRawMutex, RefCell<Engine>>,
-    /// The engine has something to say or to send that its runner has not seen.
+    /// Wakes the runner: the engine may have an output.
     pub(crate) wake: Signal<CriticalSectionRawMutex, ()>,
-    pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENTS_KEPT, LISTENERS, 0>,
+    pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENT_CAPACITY, LISTENERS, 0>,
     pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
     progress: AtomicU32,
-    /// The sources that somebody holds, a bit for each priority.
+    /// Claimed sources, a bit for each priority.
     claimed: AtomicU8,
-    /// Where what must survive a reset is retained.
+    /// Memory for the state that survives a reset.
     memory: Option<Retained>,
 }
 
-/// RetainedMemory that survives a reset, and what it holds may be believed.
+/// Memory that survives a reset, and which of its contents to use.
 struct Retained {
     memory: &'static RetainedMemory,
     fingerprint: u32,
     reset: Reset,
-    /// The number of the next write.
+    /// Sequence number of the next write.
     sequence: AtomicU32,
 }
 
@@ -64,10 +63,10 @@ impl core::fmt::Debug for Channel {
 }
 
 impl Channel {
-    /// For one engine. `retained` is memory that a reset leaves alone, with what the node comes out of: an engine that runs
-    /// goes on after a warm reset, and after a loss of power nothing is believed that could start or raise one.
+    /// A channel for one engine. `retained` is memory that survives a reset, with the kind of the last reset: a running engine
+    /// resumes after a warm reset; after a loss of power nothing is restored that could start an engine or raise its demand.
     ///
-    /// `None` forgets the order, the arming and a latched emergency stop at every reset. It is for tests and for programs
+    /// With `None` every reset clears the order, the arming and a latched emergency stop. It is for tests and for programs
     /// that never reset while an engine runs.
     pub fn new(config: &EngineConfig, retained: Option<(&'static RetainedMemory, Reset)>) -> Self {
         let mut engine = Engine::new(config);
@@ -88,53 +87,56 @@ impl Channel {
         }
     }
 
-    /// For whoever listens or holds a [`Source`]; as many as wanted.
+    /// A handle to the engine; any number.
     pub const fn handle(&self) -> Handle<'_> {
         Handle { channel: self, group: core::slice::from_ref(self) }
     }
 
-    /// The same, as one of a group of engines that start one after the other and tell each other of failures;
-    /// [`crate::node::Node`] makes one of a table.
+    /// A handle to the engine as one of a group, whose engines start one after the other and report failures to each other.
+    /// [`crate::node::Node`] makes a group of a table of engines.
     pub const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
         Handle { channel: self, group }
     }
 
-    /// The engine begins, with what was kept over the reset.
+    /// Starts the engine with its retained state.
     pub(crate) fn begin(&self, now: Instant) {
-        let kept = self.memory.as_ref().and_then(|kept| kept.memory.load(kept.fingerprint, kept.reset));
-        self.with(|engine| engine.start(now, kept));
+        let retained = self
+            .memory
+            .as_ref()
+            .and_then(|retained| retained.memory.load(retained.fingerprint, retained.reset));
+        self.with(|engine| engine.start(now, retained));
     }
 
-    /// Does something with the engine. Short: interrupts wait meanwhile.
+    /// Changes the engine. Interrupts wait meanwhile, so keep it short.
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Engine) -> T) -> T {
         self.engine.lock(|engine| {
             let engine = &mut *engine.borrow_mut();
             let result = act(engine);
-            if let Some(kept) = &self.memory
+            if let Some(retained) = &self.memory
                 && let Some(record) = engine.take_retained()
             {
-                // Not an add-and-fetch: whoever is here holds the lock.
-                let sequence = kept.sequence.load(Ordering::Relaxed);
-                kept.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
-                kept.memory.store_next(&record, kept.fingerprint, sequence);
+                // No atomic addition: the lock is held.
+                let sequence = retained.sequence.load(Ordering::Relaxed);
+                retained.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
+                retained.memory.store_next(&record, retained.fingerprint, sequence);
             }
             result
         })
     }
 
-    /// Looks at the engine. As short.
-    pub(crate) fn see<T>(&self, look: impl FnOnce(&Engine) -> T) -> T {
+    /// Inspects the engine. Interrupts wait meanwhile, so keep it short.
+    pub(crate) fn inspect<T>(&self, look: impl FnOnce(&Engine) -> T) -> T {
         self.engine.lock(|engine| look(&engine.borrow()))
     }
 
     pub(crate) fn made_progress(&self) {
-        // Not an add-and-fetch: only the runner writes.
+        // No atomic addition: only the runner writes.
         let count = self.progress.load(Ordering::Relaxed).wrapping_add(1);
         self.progress.store(count, Ordering::Relaxed);
     }
 }
 
-/// Listens to one engine, and claims sources of commands. Copies may be used from several tasks.
+/// Access to one engine: telemetry, events, and sources of commands. Copies may be used in several tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Handle<'a> {
     channel: &'a Channel,
@@ -142,8 +144,8 @@ pub struct Handle<'a> {
     group: &'a [Channel],
 }
 
-/// The right to command one engine as one source. There is one for each origin at a time, so nobody can speak for another:
-/// [`Handle::source`] hands it out, and dropping it gives it back.
+/// The right to command one engine as one source. There is one for each origin at a time, so that no task can command as
+/// another source. [`Handle::source`] claims it, and dropping it releases it.
 #[derive(Debug)]
 pub struct Source<'a> {
     handle: Handle<'a>,
@@ -155,11 +157,11 @@ pub struct Source<'a> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ClaimError {
-    /// Somebody holds it.
+    /// It is claimed already.
     Taken(Origin),
-    /// Nobody commands as the node itself.
+    /// The node itself is not a source.
     Node,
-    /// The highest source is claimed by [`Handle::emergency_source`] alone.
+    /// Only [`Handle::emergency_source`] claims the highest source.
     Emergency,
 }
 
@@ -167,9 +169,9 @@ impl core::fmt::Display for ClaimError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Taken(origin) => {
-                write!(f, "{} is held already: share that source, or drop it first", origin.name())
+                write!(f, "the source {} is claimed already: share it, or drop it first", origin.name())
             }
-            Self::Node => f.write_str("the node is no source: claim bench, mavlink or rc"),
+            Self::Node => f.write_str("the node is not a source: claim bench, mavlink or rc"),
             Self::Emergency => f.write_str("claim the emergency source with emergency_source()"),
         }
     }
@@ -178,22 +180,22 @@ impl core::fmt::Display for ClaimError {
 impl core::error::Error for ClaimError {}
 
 impl<'a> Source<'a> {
-    /// Which source it is.
+    /// The origin of its commands.
     pub const fn origin(&self) -> Origin {
         self.origin
     }
 
-    /// Of the engine that it commands.
+    /// A handle to the engine that it commands.
     pub const fn handle(&self) -> Handle<'a> {
         self.handle
     }
 
-    /// Commands the engine. The latest command of a source wins, the highest fresh source is in control, and a stop
-    /// pre-empts whatever is going on. A source has to repeat `Run` within its age limit
+    /// Commands the engine. The latest command of a source replaces its earlier one, the highest fresh source is in control,
+    /// and a stop pre-empts everything. A source has to repeat `Run` within its timeout
     /// ([`crate::engine::config::SourceTimeouts`]).
     ///
     /// # Errors
-    /// [`Rejected`] with the reason; what was commanded before stays in force.
+    /// [`Rejected`] with the reason. The order does not change.
     pub fn command(&self, command: Command) -> Result<Accepted, Rejected> {
         self.handle.command(command, self.origin)
     }
@@ -202,7 +204,7 @@ impl<'a> Source<'a> {
 impl Drop for Source<'_> {
     fn drop(&mut self) {
         let claimed = &self.handle.channel.claimed;
-        // Not a fetch-and-and: not every core has one.
+        // A critical section, because not every core has atomic read-modify-write.
         critical_section::with(|_| {
             let left = claimed.load(Ordering::Relaxed) & !(1 << self.origin.priority());
             claimed.store(left, Ordering::Relaxed);
@@ -216,10 +218,10 @@ impl<'a> Handle<'a> {
         self.channel.name
     }
 
-    /// Claims one of the sources `Bench`, `Mavlink` and `Rc`, as long as the result lives.
+    /// Claims the source `Bench`, `Mavlink` or `Rc` until the result is dropped.
     ///
     /// # Errors
-    /// [`ClaimError`] if somebody holds it, or it is none of these.
+    /// [`ClaimError`] if it is claimed already, or is none of these.
     pub fn source(&self, origin: Origin) -> Result<Source<'a>, ClaimError> {
         match origin {
             Origin::Node => Err(ClaimError::Node),
@@ -231,7 +233,7 @@ impl<'a> Handle<'a> {
     /// Claims the highest source: a local emergency input, which overrides every other one.
     ///
     /// # Errors
-    /// [`ClaimError::Taken`] if somebody holds it.
+    /// [`ClaimError::Taken`] if it is claimed already.
     pub fn emergency_source(&self) -> Result<Source<'a>, ClaimError> {
         self.claim(Origin::Emergency)
     }
@@ -249,22 +251,22 @@ impl<'a> Handle<'a> {
 
     fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
         let now = self.now();
-        // One source at a time, so that two engines cannot both find the other one standing.
+        // One command at a time, so that two engines cannot both find the other at rest.
         let answer = critical_section::with(|_| {
             let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
             let free = matches!(command, Command::Run(_) | Command::HandOverToPwm)
-                && others.all(|other| !other.see(|engine| engine.blocks_other_starts(now)));
+                && others.all(|other| !other.inspect(|engine| engine.blocks_other_starts(now)));
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });
         self.channel.wake.signal(());
         answer
     }
 
-    /// Gives new settings of the supervision to the running engine. They hold from the next frame, command or deadline on; the
+    /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on. The
     /// settings of a link ([`crate::setting::Effect::AtNextStart`]) are given to [`Channel::new`] at the next start.
     ///
     /// # Errors
-    /// The first setting that is out of its range ([`Supervision::row`]); nothing is changed then.
+    /// The first setting that is out of its range ([`Supervision::row`]), with nothing changed.
     pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
         let now = self.now();
         let done = self.channel.with(|engine| engine.configure(now, supervision));
@@ -272,30 +274,30 @@ impl<'a> Handle<'a> {
         done
     }
 
-    /// Tells the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.
+    /// Sets the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.
     pub fn pressure(&self, pressure: Hectopascals) {
         let now = self.now();
         self.channel.with(|engine| engine.pressure(now, pressure));
     }
 
-    /// What is known of the engine now.
+    /// A snapshot of the engine.
     pub fn telemetry(&self) -> Telemetry {
         let now = self.now();
-        self.channel.see(|engine| engine.telemetry(now))
+        self.channel.inspect(|engine| engine.telemetry(now))
     }
 
-    /// Waits for telemetry, one snapshot for each frame of the ECU or change of order.
-    /// `None` when [`LISTENERS`] tasks do so already.
+    /// Receives telemetry: a snapshot for each frame of the ECU or change of the order.
+    /// `None` if there are [`LISTENERS`] receivers already.
     pub fn telemetry_receiver(&self) -> Option<TelemetryReceiver<'a>> {
         self.channel.telemetry.receiver()
     }
 
-    /// Listens to events from now on. `None` when [`LISTENERS`] tasks do so already.
+    /// Subscribes to events from now on. `None` if there are [`LISTENERS`] subscribers already.
     pub fn events(&self) -> Option<Events<'a>> {
         self.channel.events.subscriber().ok()
     }
 
-    /// A number that changes at least every 0.1 s while the engine's runner works: for a watchdog.
+    /// A counter that changes at least every 0.1 s while the engine's runner works, for a watchdog.
     pub fn progress(&self) -> u32 {
         self.channel.progress.load(Ordering::Relaxed)
     }

@@ -1,12 +1,12 @@
-//! What can be asked of an engine, by whom, and why it may be refused.
+//! Commands, their sources, and the reasons for a refusal.
 
 use crate::ecu::Service;
 use crate::limit::LimitKind;
+use crate::sentence::{names, sentences};
 use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 
-/// What a running engine shall do.
+/// Demand for a running engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Demand {
     /// A throttle, on every ECU.
     Throttle(Throttle),
@@ -15,7 +15,7 @@ pub enum Demand {
 }
 
 impl Demand {
-    /// Whether it is less than another of its kind. Nothing says how the two kinds compare.
+    /// Whether it is less than another of its kind. The two kinds do not compare.
     pub(crate) fn is_below(self, other: Self) -> bool {
         match (self, other) {
             (Self::Throttle(a), Self::Throttle(b)) => a < b,
@@ -25,45 +25,43 @@ impl Demand {
     }
 }
 
-/// What somebody asks of an engine. The latest wins; nothing is queued.
+/// Command to an engine. The latest replaces the one before; nothing is queued.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
-    /// Stop at once, without cooling. Latched: it stays on the wire until [`Command::ReleaseStop`].
+    /// Stop at once, without cooling. Latched: sent until [`Command::ReleaseStop`].
     EmergencyStop,
     /// Release a latched emergency stop; the engine is then in standby. Accepted from the source that stopped it or a higher
-    /// one, with its demand at idle, the ECU heard, and no running engine reported in the last 3 s.
+    /// one, with its demand at idle, the link up, and no running engine reported in the last 3 s.
     ReleaseStop,
-    /// Standby, with cooling: a word of a stream. In standby it is the first step to a start, and permits the source's own
-    /// next `Run` to start the engine, once. An engine that has reached running is shut down by two of them within the
-    /// source's age limit, or within two of its own periods if those are longer: one stray word of a lost stream does not.
+    /// Standby, with cooling, as one command of a stream. In standby it is the first step to a start, and permits the
+    /// source's own next `Run` to start the engine, once. It takes two of them within the source's timeout, or within two of
+    /// its own periods if those are longer, to shut down a running engine: one stray command of a lost stream does not.
     Standby,
-    /// Standby, with cooling: the explicit order of a person, obeyed at the first word. Permits no start.
+    /// Standby, with cooling, as the explicit order of a person: obeyed at once. Permits no start.
     ShutDown,
-    /// Run. From standby it asks for a start, which needs the permission of the same source's own [`Command::Standby`] and
-    /// every interlock at that instant. A refusal uses the permission up, so that a source that keeps sending `Run` can
-    /// never start an engine later. A demand beyond the engine's maximum is clamped to it.
+    /// Run. From standby it starts the engine, with the permission of the same source's own [`Command::Standby`] and every
+    /// interlock satisfied at that instant. A refusal uses the permission up, so that a source that keeps sending `Run`
+    /// cannot start an engine later. A demand beyond the engine's maximum is clamped to it.
     Run(Demand),
-    /// The source is present and wants nothing. It is then not in control, holds no demand and means no standby.
+    /// The source is present without a command. It is then not in control, holds no demand and commands no standby.
     Present,
-    /// Allow a start. Running engines are not touched by it. Any source may arm and disarm. After an emergency stop a
-    /// source that has said `Arm` all along has to say `Disarm` first.
+    /// Allow a start. It does not affect running engines. Any source may arm and disarm. After an emergency stop a source
+    /// that keeps commanding `Arm` has to command `Disarm` first.
     Arm,
-    /// Allow no start, and end one that has not reached running. Running engines are not touched by it: a throttle dip at
+    /// Prevent starts, and end one that has not reached running. It does not affect running engines: a throttle dip at
     /// disarming would stop a turbine.
     Disarm,
-    /// Hand the engine to whatever is on the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise. Refused while a higher
-    /// source rules.
+    /// Hand the engine over to the ECU's PWM input (ZK SW 0, ZK-8). Never sent otherwise. Refused while a higher source is in
+    /// control.
     HandOverToPwm,
-    /// A service command of the ECU. Refused while a higher source rules.
+    /// Service command of the ECU. Refused while a higher source is in control.
     Service(Service),
 }
 
-/// Who gives a command.
+/// Origin of a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Origin {
-    /// The node itself: at power-up, and when a stage of loss is reached.
+    /// The node itself: at power-up, and in a stage of loss.
     Node,
     /// A test rig or bench program.
     Bench,
@@ -78,21 +76,10 @@ pub enum Origin {
 impl Origin {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Node, Self::Bench, Self::Mavlink, Self::Rc, Self::Emergency];
-    /// Those that command, highest priority first.
+    /// The sources of commands, highest priority first.
     pub const SOURCES: [Self; 4] = [Self::Emergency, Self::Rc, Self::Mavlink, Self::Bench];
 
-    /// Name in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Node => "node",
-            Self::Bench => "bench",
-            Self::Mavlink => "mavlink",
-            Self::Rc => "rc",
-            Self::Emergency => "emergency",
-        }
-    }
-
-    /// The higher rules.
+    /// Priority: the source with the higher number takes precedence.
     pub const fn priority(self) -> u8 {
         match self {
             Self::Node => 0,
@@ -104,36 +91,33 @@ impl Origin {
     }
 }
 
-/// What became of a command that was not refused.
+/// Effect of a command that was not refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Accepted {
     /// It is in force.
     InForce,
-    /// It waits: this source is held until its demand is close to the one in force, or has spoken for long enough
-    /// after it was lost.
+    /// It waits until its demand is close to the one in force or, after a loss, until its source has been received without a
+    /// gap for long enough.
     Held,
     /// It waits behind this source, which is in control.
     Behind(Origin),
     /// The start waits while another engine of the group starts; see [`crate::telemetry::Telemetry::start_waits_until`].
     StartWaits,
-    /// One word of standby to a running engine: the second within the source's age limit shuts it down.
-    OneMore,
+    /// First standby to a running engine: a second one within the source's timeout shuts it down.
+    RepeatStandby,
 }
 
-/// What is ordered of an engine now, and by whom.
+/// Order in force, and its origin.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ordered {
-    /// The order.
+    /// Order.
     pub order: Order,
-    /// Who gave it.
+    /// Its origin.
     pub origin: Origin,
 }
 
-/// What a link keeps on the wire.
+/// Order that a link keeps sending.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Order {
     /// Emergency stop.
     EmergencyStop,
@@ -141,36 +125,33 @@ pub enum Order {
     Standby,
     /// Run.
     Run(Demand),
-    /// The ECU's PWM input rules (ZK-8).
+    /// The ECU's PWM input is in control (ZK-8).
     Pwm,
-    /// Nothing, and nothing is in force: until the ECU has reported what its engine does. ZK: ID 0. AMT: replies are
-    /// withheld.
+    /// No order is in force until the ECU has reported the state of its engine. ZK: ID 0. AMT: no replies.
     Listen,
-    /// This demand stays in force, but whether it still belongs to a living engine is in doubt: nothing goes out that
-    /// could start one. ZK: ID 0, and in mode 3 ID 7 in turn with it, because an ECU that restarted ignores it (ZK-9).
-    /// AMT: replies are withheld.
+    /// This demand stays in force, but it is in doubt whether its engine still runs: nothing is sent that could start one.
+    /// ZK: ID 0, in mode 3 alternating with ID 7, which an ECU that restarted ignores (ZK-9). AMT: no replies.
     Doubt(Demand),
 }
 
-/// Why a command was refused. Nothing changes when one is.
+/// Reason for refusing a command. A refused command changes nothing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Rejected {
     /// An emergency stop is latched.
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
-    /// The source has said `Arm` since before the emergency stop was released: it has to say `Disarm` first.
+    /// The source has kept commanding `Arm` since the emergency stop: it has to command `Disarm` first.
     DisarmFirst,
     /// Only the source that commanded the emergency stop, or one above it, may release it.
     NotYours(Origin),
-    /// The node still listens to what the engine does after a reset.
+    /// No order is in force yet: the node waits for the report of the ECU.
     Listening,
     /// An interlock keeps the engine from a start.
     Start(Interlock),
-    /// A higher source rules, and this cannot wait for its silence.
+    /// A higher source is in control, and this command cannot wait for its silence.
     Behind(Origin),
-    /// The ECU is not heard: a stop cannot be released, nor a service command given, and after a reset nothing be ordered.
+    /// The link is not up: no release of a stop, no service command and, after a reset, no run.
     NoLink,
     /// The ECU does not report a stopped engine.
     NotStopped,
@@ -185,110 +166,135 @@ pub enum Rejected {
     },
     /// The ECU has no speed control: command a throttle.
     NoSpeedControl,
-    /// The governor cannot hold an rpm that the ECU does not report in units, or not lately.
+    /// The governor has no recent shaft speed in rpm.
     RpmNotKnown,
-    /// More than the engine's maximum rpm.
+    /// The demand is above the engine's maximum rpm.
     AboveMaxRpm {
-        /// The maximum as the ECU reports it.
+        /// Maximum reported by the ECU.
         max: Rpm,
     },
     /// The line cannot carry this status rate (ZK-11).
     RateTooFast,
-    /// The ECU of this engine has no such command.
+    /// The ECU does not support this command.
     NotSupported,
-    /// An earlier service command still waits for its confirmation.
+    /// An earlier service command is not confirmed yet.
     Busy,
 }
 
-/// What keeps an engine from a start.
+/// Interlock that keeps an engine from a start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Interlock {
-    /// It is not armed.
+    /// The engine is not armed.
     NotArmed,
     /// The demand is above idle.
     NotIdle,
-    /// The link is not up, or not for long enough.
+    /// The link is not up, or has not been for long enough.
     Link,
     /// The ECU does not report standby.
     NotStandby,
     /// The ECU reports a fault.
     Fault,
-    /// The exhaust temperature is not known.
+    /// The exhaust temperature is unknown.
     EgtUnknown,
     /// The exhaust is too hot: let it cool in standby.
     TooHot(Celsius),
     /// The supply voltage is too low.
     SupplyLow(Millivolts),
-    /// A limit whose action is more than to be told is passed.
+    /// A limit is violated whose action is more than a report.
     Limit(LimitKind),
-    /// A fuel pump that a service command opened is not closed yet.
+    /// The fuel pump that a service command opened is not closed yet.
     PumpOpen,
-    /// Another engine of the group starts, or was started less than the configured gap ago.
+    /// Another engine of the group is starting, or was started less than the configured gap ago.
     OtherStarting,
 }
 
-impl core::fmt::Display for Interlock {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::NotArmed => f.write_str("arm the engine before a start"),
-            Self::NotIdle => f.write_str("bring the demand to idle first"),
-            Self::Link => f.write_str("the ECU is not heard, or not for long enough"),
-            Self::NotStandby => f.write_str("the ECU does not report standby"),
-            Self::Fault => f.write_str("the ECU reports a fault"),
-            Self::EgtUnknown => f.write_str("the exhaust temperature is not known"),
-            Self::TooHot(egt) => {
-                write!(f, "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10)
-            }
-            Self::SupplyLow(supply) => write!(f, "the supply has only {} mV", supply.get()),
-            Self::Limit(watched) => write!(f, "a limit is passed: {}", watched.name()),
-            Self::PumpOpen => f.write_str("the fuel pump is open: it is being closed, command standby again"),
-            Self::OtherStarting => {
-                f.write_str("another engine of the group is starting, or was started just now")
-            }
-        }
-    }
-}
+sentences!(Demand {
+} {
+    Self::Throttle(throttle) => "throttle {}.{} %", throttle.tenths() / 10, throttle.tenths() % 10;
+    Self::Rpm(rpm) => "{} rpm", rpm.get();
+});
 
-impl core::fmt::Display for Rejected {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::StopLatched => {
-                f.write_str("an emergency stop is latched: release it when the engine has stopped")
-            }
-            Self::StandbyFirst => f.write_str("command standby before a start"),
-            Self::DisarmFirst => f.write_str("disarm, then arm: the emergency stop has ended the arming"),
-            Self::NotYours(origin) => {
-                write!(
-                    f,
-                    "the emergency stop came from {}, which has to release it, or a higher source",
-                    origin.name()
-                )
-            }
-            Self::Listening => f.write_str("the node has just started and listens to what the engine does"),
-            Self::Start(interlock) => interlock.fmt(f),
-            Self::NoLink => f.write_str("the ECU is not heard: check its power and wiring"),
-            Self::Behind(ruler) => write!(f, "{} rules: its silence cannot be waited for", ruler.name()),
-            Self::NotStopped => f.write_str("the engine has to be stopped for this"),
-            Self::NotOrderedToRun => f.write_str("the engine has to be ordered to run for this"),
-            Self::NeedsVersion { needed, known: Some(known) } => {
-                write!(f, "this needs protocol version {needed}, the ECU has version {known}")
-            }
-            Self::NeedsVersion { needed, known: None } => {
-                write!(f, "this needs protocol version {needed}, the ECU has not given its version yet")
-            }
-            Self::NoSpeedControl => {
-                f.write_str("this ECU has no speed control: command a throttle instead of an rpm")
-            }
-            Self::RpmNotKnown => f.write_str("the shaft speed is not known in rpm: command a throttle"),
-            Self::AboveMaxRpm { max } => {
-                write!(f, "the ECU gives {} rpm as the engine's maximum", max.get())
-            }
-            Self::RateTooFast => f.write_str("the line is too slow for this status rate"),
-            Self::NotSupported => f.write_str("the ECU of this engine has no such command"),
-            Self::Busy => f.write_str("an earlier service command still waits for its confirmation"),
-        }
-    }
-}
+sentences!(Command {
+    Self::EmergencyStop => "emergency stop";
+    Self::ReleaseStop => "release of the emergency stop";
+    Self::Standby => "standby";
+    Self::ShutDown => "shut down";
+    Self::Present => "present";
+    Self::Arm => "arm";
+    Self::Disarm => "disarm";
+    Self::HandOverToPwm => "hand-over to the PWM input";
+} {
+    Self::Run(demand) => "run, {}", demand;
+    Self::Service(service) => "service command: {}", service;
+});
+
+names!(Origin, "Name in lower case." {
+    Node => "node";
+    Bench => "bench";
+    Mavlink => "mavlink";
+    Rc => "rc";
+    Emergency => "emergency";
+});
+
+sentences!(Accepted {
+    Self::InForce => "in force";
+    Self::Held => "held until its demand is close to the one in force, or its source is in control again";
+    Self::StartWaits => "the start waits for another engine of the group";
+    Self::RepeatStandby => "repeat standby to shut the engine down";
+} {
+    Self::Behind(active) => "behind {}, which is in control", active;
+});
+
+sentences!(Ordered {
+} {
+    Self { order, origin } => "{}, from {}", order, origin;
+});
+
+sentences!(Order {
+    Self::EmergencyStop => "emergency stop";
+    Self::Standby => "standby";
+    Self::Pwm => "PWM input";
+    Self::Listen => "no order";
+} {
+    Self::Run(demand) => "run, {}", demand;
+    Self::Doubt(demand) => "run withheld, {}", demand;
+});
+
+sentences!(Interlock {
+    Self::NotArmed => "arm the engine before a start";
+    Self::NotIdle => "bring the demand to idle first";
+    Self::Link => "wait until the ECU has been received without a gap for a while";
+    Self::NotStandby => "wait until the ECU reports standby";
+    Self::Fault => "the ECU reports a fault: clear it first";
+    Self::EgtUnknown => "the exhaust temperature is unknown: check the thermocouple";
+    Self::PumpOpen => "the fuel pump is open and is being closed: command standby again";
+    Self::OtherStarting => "wait until another engine of the group has started";
+} {
+    Self::TooHot(egt) => "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10;
+    Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", supply.get();
+    Self::Limit(kind) => "a limit is violated: {}", kind;
+});
+
+sentences!(Rejected {
+    Self::StopLatched => "an emergency stop is latched: release it when the engine has stopped";
+    Self::StandbyFirst => "command standby before a start";
+    Self::DisarmFirst => "disarm, then arm again: the emergency stop has disarmed the engine";
+    Self::Listening => "the node has just started and waits for the ECU's report: try again";
+    Self::NoLink => "nothing is received from the ECU: check its power and wiring";
+    Self::NotStopped => "stop the engine first";
+    Self::NotOrderedToRun => "the engine is not ordered to run";
+    Self::NoSpeedControl => "this ECU has no speed control: command a throttle instead of an rpm";
+    Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
+    Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
+    Self::NotSupported => "the ECU of this engine does not support this command";
+    Self::Busy => "the ECU has not confirmed the previous service command yet: try again";
+} {
+    Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;
+    Self::Start(interlock) => "{}", interlock;
+    Self::Behind(active) => "{} is in control: try again when it has fallen silent", active;
+    Self::NeedsVersion { needed, known: Some(known) } => "this needs protocol version {}, the ECU has version {}", needed, known;
+    Self::NeedsVersion { needed, known: None } => "this needs protocol version {}, the ECU has not reported its version yet", needed;
+    Self::AboveMaxRpm { max } => "the maximum of this engine is {} rpm: command less", max.get();
+});
 
 impl core::error::Error for Rejected {}

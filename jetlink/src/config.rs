@@ -1,7 +1,7 @@
-//! The table of engines: which sits on which port, and how it is supervised.
+//! The table of engines: port, line, ECU and supervision of each.
 //!
-//! [`check`] checks it while it is compiled: a status rate that the line cannot carry, two engines on one
-//! port, a baud rate that no document prints or a reply that cannot fit its window do not build.
+//! [`check`] checks it at compile time: a status rate that the line cannot carry, two engines on one port, a baud rate that
+//! no document lists or a reply that cannot fit its window do not build.
 
 use crate::ecu::EcuConfig;
 use crate::ecu::amt::{self, codec::Engine as AmtEngine};
@@ -10,7 +10,7 @@ use crate::engine::config::Supervision;
 use crate::line::{Line, StopBits, Timing};
 use crate::setting::{Setting, SettingError, SettingId};
 
-/// One engine and the port it sits on.
+/// One engine and its port.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EngineConfig {
@@ -20,11 +20,11 @@ pub struct EngineConfig {
     pub port: u8,
     /// Baud rate and stop bits.
     pub line: Line,
-    /// The ECU and how it is spoken to.
+    /// ECU and its settings.
     pub ecu: EcuConfig,
-    /// When the ECU counts as heard and as lost.
+    /// Conditions for a link that is up or lost.
     pub timing: Timing,
-    /// How it is supervised.
+    /// Supervision.
     pub supervision: Supervision,
 }
 
@@ -57,8 +57,8 @@ impl EngineConfig {
 }
 
 impl EngineConfig {
-    /// Changes with the protocol, the port and the engine, and not with limits or other settings: what was retained of
-    /// another engine is not believed, and a changed setting must not cost an engine.
+    /// Identifies protocol, port and engine for the retained state: that of another engine is discarded. Settings do not
+    /// change it, because a changed setting must not cost a running engine.
     pub fn fingerprint(&self) -> u32 {
         let mut digest = FINGERPRINT.digest();
         let [protocol, engine] = self.ecu.identity();
@@ -74,12 +74,12 @@ impl EngineConfig {
         Supervision::TABLE.into_iter().chain([Timing::SETTINGS, self.ecu.settings()]).flatten()
     }
 
-    /// The number of a setting; [`crate::setting::OFF`] where it is off.
+    /// The value of a setting; [`crate::setting::OFF`] where it is off.
     pub fn number(&self, name: &str) -> Option<i32> {
         self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(|| self.ecu.number(name))
     }
 
-    /// Changes a setting. What it takes to make that effective stands in its row ([`Setting::effect`]).
+    /// Changes a setting. Its row says when it takes effect ([`Setting::effect`]).
     ///
     /// # Errors
     /// [`SettingError`], with nothing changed.
@@ -95,52 +95,50 @@ impl EngineConfig {
 
 const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// What is wrong with a table of engines, and in which of its rows (from 0).
+/// Mistake in a table of engines, with its row (from 0).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ConfigError {
     /// The baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200.
     BaudRate(usize),
-    /// Two rows name one port.
+    /// Two rows have the same port.
     SamePort(usize, usize),
     /// The status rate does not fit the line (ZK-11).
     RateTooFast(usize),
-    /// An AMT line has one stop bit (AMT-1).
+    /// An AMT line has two stop bits (AMT-1).
     AmtStopBits(usize),
     /// No reply fits the window: the guard is too long (AMT-11).
     NoReplyFits(usize),
-    /// The serial delay time is not 0.5 s to 60 s, or half of idle not 1 to 254 (AMT-12).
+    /// The serial delay time is not within 0.5 s to 60 s, or half of idle not within 1 to 254 (AMT-12).
     AmtEngine(usize),
-    /// A link would never be up, or would be lost at once or never.
+    /// A setting of the link is out of its range.
     Timing(usize),
     /// A setting of the supervision is out of its range.
     Supervision(usize, SettingId),
 }
 
 impl ConfigError {
-    /// A sentence without the row, for where nothing can be formatted.
+    /// A sentence without the row, for use in a constant.
     pub const fn message(self) -> &'static str {
         match self {
-            Self::BaudRate(_) => {
-                "an engine's baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200"
-            }
-            Self::SamePort(..) => "two engines sit on one port",
+            Self::BaudRate(_) => "invalid baud rate: use 2400, 4800, 9600, 19200, 38400, 57600 or 115200",
+            Self::SamePort(..) => "two engines on one port: give each its own",
             Self::RateTooFast(_) => {
-                "an engine's status rate does not fit its line: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
+                "the line is too slow for the status rate: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
             }
-            Self::AmtStopBits(_) => "an AMT line has one stop bit",
-            Self::NoReplyFits(_) => "an engine's reply guard leaves no time for a reply",
+            Self::AmtStopBits(_) => "invalid stop bits: an AMT line has one",
+            Self::NoReplyFits(_) => "the reply guard leaves no time for a reply: use a shorter one",
             Self::AmtEngine(_) => {
-                "an AMT engine has a serial delay of 0.5 s to 60 s, and half of idle of 1 to 254"
+                "invalid AMT settings: use a serial delay of 0.5 s to 60 s, and half of idle from 1 to 254"
             }
             Self::Supervision(_, id) => Supervision::row(id).message,
             Self::Timing(_) => {
-                "an engine's link needs at least one frame to be up, and 0.2 s to 60 s of silence to be lost"
+                "invalid link settings: use at least one frame until it is up, and 0.2 s to 60 s of silence until it is lost"
             }
         }
     }
 
-    /// The row it was found in.
+    /// The row of the mistake.
     pub const fn row(self) -> usize {
         match self {
             Self::BaudRate(row)
@@ -166,7 +164,7 @@ impl core::error::Error for ConfigError {}
 /// Checks a table of engines.
 ///
 /// # Errors
-/// The first thing that is wrong.
+/// The first mistake.
 pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
     let mut row = 0;
     while row < engines.len() {
@@ -210,7 +208,7 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
     Ok(())
 }
 
-/// Checks a table of engines while it is compiled.
+/// Checks a table of engines at compile time.
 ///
 /// ```
 /// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
@@ -238,7 +236,7 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
 /// ```
 ///
 /// # Panics
-/// With what is wrong. In a `const` that stops the build.
+/// With the mistake. In a `const` that stops the build.
 pub const fn check(engines: &[EngineConfig]) {
     if let Err(error) = validate(engines) {
         panic!("{}", error.message());

@@ -1,37 +1,37 @@
-//! What a node knows of its own board, beside what it knows of its engines.
+//! Health of a node's own board.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
-/// What the board's clocks are made from, and with them every baud rate and the node's own time.
+/// Source of the board's clocks, and so of every baud rate and of the node's time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum ClockSource {
-    /// Nobody has said.
+    /// Not set.
     #[default]
     Unknown,
-    /// The board's crystal, or the clock that comes in its place.
+    /// The board's crystal or external clock.
     Crystal,
-    /// The chip's own oscillator, because the crystal does not run: off by a percent or more, with the temperature.
+    /// The chip's own oscillator, because the crystal does not run: wrong by 1 % or more, depending on temperature.
     Internal,
 }
 
-/// The state of a node's board.
+/// Health of a node's board.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Health {
-    /// What the clocks are made from.
+    /// Source of the clocks.
     pub clock: ClockSource,
 }
 
 impl Health {
-    /// Whether a person should look at the board.
+    /// Whether the board needs attention.
     pub const fn needs_attention(&self) -> bool {
         matches!(self.clock, ClockSource::Internal)
     }
 }
 
-/// Holds a node's [`Health`]; the board's firmware writes it, telemetry reads it.
+/// Storage of a node's [`Health`], written by the firmware and read for telemetry.
 #[derive(Debug)]
 pub(crate) struct HealthCell {
     clock: AtomicU8,

@@ -1,8 +1,9 @@
-//! Limits of an engine, and what is reported when one is passed.
+//! Limits of an engine, and their violations.
 
+use crate::sentence::{names, sentences};
 use embassy_time::Instant;
 
-/// What is done when a limit is passed.
+/// Action on a violated limit.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Action {
@@ -15,13 +16,13 @@ pub enum Action {
     Standby = 2,
 }
 
-/// A limit and what is done when it is passed. `None` as the limit: not monitored; of the shaft speed: the ECU's own figure.
+/// Limit and its action. `None`: not monitored; for the shaft speed: the ECU's own figure.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limit<T> {
-    /// The limit.
+    /// Limit.
     pub at: Option<T>,
-    /// What is done.
+    /// Action.
     pub action: Action,
 }
 
@@ -31,13 +32,12 @@ impl<T> Limit<T> {
         Self { at: Some(at), action: Action::Report }
     }
 
-    /// Not monitored. Of the shaft speed: reported at the ECU's own figure.
+    /// Not monitored. For the shaft speed: reported at the ECU's own figure.
     pub const NONE: Self = Self { at: None, action: Action::Report };
 }
 
-/// What a limit is of.
+/// Kind of a limit, with the unit of its values.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LimitKind {
     /// Shaft speed above its limit, in rpm.
     OverSpeed,
@@ -59,40 +59,66 @@ pub enum LimitKind {
     StartTimeout,
 }
 
-impl LimitKind {
-    /// Name in plain words.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::OverSpeed => "shaft speed too high",
-            Self::OverTemperature => "exhaust too hot",
-            Self::LowRpm => "shaft speed too low",
-            Self::HotStart => "exhaust temperature rises too fast",
-            Self::FlameOut => "shaft speed lost",
-            Self::SupplyLow => "supply too low",
-            Self::Implausible => "shaft speed jumps",
-            Self::EcuFault => "the ECU reports a fault",
-            Self::StartTimeout => "the start took too long",
-        }
-    }
-}
-
-/// A limit that was passed.
+/// Violation of a limit.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LimitViolation {
-    /// Which.
-    pub what: LimitKind,
-    /// The value, in the unit named at [`LimitKind`].
+    /// Kind.
+    pub kind: LimitKind,
+    /// Value, in the unit named at [`LimitKind`].
     pub value: i32,
-    /// The limit, in the same unit.
+    /// Limit, in the same unit.
     pub limit: i32,
-    /// When.
+    /// Time of the value.
     pub at: Instant,
 }
 
 impl LimitViolation {
-    pub(crate) fn new(what: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
+    pub(crate) fn new(kind: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
-        Self { what, value: signed(value), limit: signed(limit), at }
+        Self { kind, value: signed(value), limit: signed(limit), at }
     }
 }
+
+names!(LimitKind, "Description in lower case." {
+    OverSpeed => "shaft speed too high";
+    OverTemperature => "exhaust too hot";
+    LowRpm => "shaft speed too low";
+    HotStart => "exhaust temperature rises too fast";
+    FlameOut => "shaft speed lost";
+    SupplyLow => "supply too low";
+    Implausible => "shaft speed jumps";
+    EcuFault => "the ECU reports a fault";
+    StartTimeout => "the start took too long";
+});
+
+/// Unit of the values of a limit, as text.
+#[derive(Clone, Copy)]
+struct UnitOf(LimitKind);
+
+sentences!(UnitOf {
+    Self(LimitKind::OverSpeed | LimitKind::LowRpm) => " rpm";
+    Self(LimitKind::OverTemperature) => " °C";
+    Self(LimitKind::HotStart) => " °C/s";
+    Self(LimitKind::FlameOut) => " %";
+    Self(LimitKind::SupplyLow) => " mV";
+    Self(LimitKind::Implausible) => " rpm/s";
+    Self(LimitKind::EcuFault) => "";
+    Self(LimitKind::StartTimeout) => " s";
+});
+
+impl LimitKind {
+    /// Steps of the value in one of the text's unit.
+    const fn steps(self) -> i32 {
+        match self {
+            Self::OverTemperature => 10,
+            Self::StartTimeout => 1000,
+            _ => 1,
+        }
+    }
+}
+
+sentences!(LimitViolation {
+} {
+    Self { kind: LimitKind::EcuFault, value, .. } => "{}: {}", LimitKind::EcuFault, value;
+    Self { kind, value, limit, .. } => "{}: {}{}, limit {}{}", kind, value / kind.steps(), UnitOf(kind), limit / kind.steps(), UnitOf(kind);
+});

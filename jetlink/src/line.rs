@@ -1,5 +1,6 @@
-//! The serial line: how long bytes take on it, and what goes wrong on it.
+//! The serial line: its settings, the time that bytes take, its errors.
 
+use crate::sentence::sentences;
 use crate::setting::settings;
 use embassy_time::Duration;
 
@@ -15,7 +16,6 @@ pub enum StopBits {
 
 /// A UART setting. Always 8 data bits and no parity (ZK-12, AMT-1).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Line {
     /// Bits a second.
     pub baud: u32,
@@ -66,26 +66,32 @@ impl Line {
     }
 }
 
-/// A fault that the UART saw.
+/// Error that the UART reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LineError {
-    /// No stop bit where one was due: a wrong baud rate, a broken or floating line.
+    /// Missing stop bit: a wrong baud rate, a broken or floating line.
     Framing,
     /// Samples of one bit differed.
     Noise,
-    /// A byte came before the last one was fetched.
+    /// A byte was received before the last one was read.
     Overrun,
-    /// Wrong parity (never expected: both protocols use none).
+    /// Wrong parity. Not expected: neither protocol uses parity.
     Parity,
-    /// The driver returned an error of another kind.
+    /// Any other error of the driver.
     Read,
 }
 
 settings! {
-    /// When the link to an ECU is up, and when it is lost.
+    /// Conditions for a link that is up, and for one that is lost.
     pub struct Timing, "timing.", AtNextStart {
         up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Consecutive good frames, each within `lost_after` of the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
         lost_after: ms "LINK_LOST" = 500 in 200..=60_000, "Silence until the link is lost: ten frames at 20 Hz. AMT: 1000, eight frames at 2400 baud.";
     }
 }
+
+sentences!(Line {
+} {
+    Self { baud, stop_bits: StopBits::One } => "{} baud, 8N1", baud;
+    Self { baud, stop_bits: StopBits::Two } => "{} baud, 8N2", baud;
+});

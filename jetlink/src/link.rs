@@ -358,7 +358,7 @@ pub struct Outbox {
     waiting: Option<Transmission>,
     busy: bool,
     events: Deque<Event, 16>,
-    events_lost: u32,
+    events_dropped: u32,
 }
 
 impl Outbox {
@@ -370,7 +370,7 @@ impl Outbox {
     /// Reports an event, or counts it as lost where too many wait.
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
-            bump(&mut self.events_lost);
+            bump(&mut self.events_dropped);
         }
     }
 
@@ -398,7 +398,7 @@ impl Outbox {
             self.busy = true;
             return Some(Output::Transmit(transmission));
         }
-        status.counters.events_lost = self.events_lost;
+        status.counters.events_dropped = self.events_dropped;
         self.events.pop_front().map(Output::Event)
     }
 }

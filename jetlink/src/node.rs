@@ -9,16 +9,16 @@ use crate::runner::Runner;
 use core::array::from_fn;
 use heapless::Vec;
 
-/// `N` engines, each on its own channel.
+/// `N` engines, each with its own channel.
 #[derive(Debug)]
 pub struct Node<const N: usize> {
-    /// All `N` of them: nobody gets hold of a node that is not whole.
+    /// Always `N` of them: an incomplete node is never handed out.
     channels: Vec<Channel, N>,
     health: HealthCell,
 }
 
-/// Place for a node, in which it is built channel by channel. A node is large, so a firmware has one of these in a static:
-/// [`Node::new`] needs as much stack as the node takes, and more.
+/// Memory in which a node is built channel by channel. Place it in a static of a firmware: [`Node::new`] needs more stack
+/// than the size of the node, which is large.
 #[derive(Debug)]
 pub struct NodePlace<const N: usize>(Node<N>);
 
@@ -40,7 +40,7 @@ impl<const N: usize> NodePlace<N> {
         validate(engines)?;
         self.0.channels.clear();
         for engine in engines {
-            // There is a place for each of them.
+            // There is space for each of them.
             let own =
                 retained.and_then(|(memory, reset)| Some((memory.get(usize::from(engine.port))?, reset)));
             let _ = self.0.channels.push(Channel::new(engine, own));
@@ -56,13 +56,12 @@ impl<const N: usize> Default for NodePlace<N> {
 }
 
 impl<const N: usize> Node<N> {
-    /// From a table of engines. `retained` is memory that a reset leaves alone, by port, with what the node comes out of:
-    /// engines that run go on after a reset. One on a port without memory goes on by what its ECU says; `None` is for
-    /// tests, see [`Channel::new`].
+    /// A node from a table of engines. `retained` is memory that survives a reset, by port, with the kind of the last reset:
+    /// running engines resume after a reset. An engine on a port without memory resumes by the reports of its ECU. `None` is
+    /// for tests, see [`Channel::new`].
     ///
     /// # Errors
-    /// [`ConfigError`], with what is wrong in the table. [`crate::config::check`] finds the same while
-    /// compiling.
+    /// [`ConfigError`] with the mistake in the table. [`crate::config::check`] finds the same at compile time.
     pub fn new(
         engines: &[EngineConfig; N],
         retained: Option<(&'static [RetainedMemory], Reset)>,
@@ -72,7 +71,7 @@ impl<const N: usize> Node<N> {
         Ok(place.0)
     }
 
-    /// The runner of each engine, in the order of the table. Each wants to run exactly once.
+    /// The runner of each engine, in the order of the table. Run each exactly once.
     pub fn runners(&self) -> [Runner<'_>; N] {
         from_fn(|i| self.channels[i].runner_in(&self.channels))
     }
@@ -87,7 +86,7 @@ impl<const N: usize> Node<N> {
         self.handles().map(|handle| handle.source(origin))
     }
 
-    /// Stores what the board's clocks are made from, for [`Node::health`].
+    /// Sets the source of the board's clocks, for [`Node::health`].
     pub fn set_clock(&self, clock: ClockSource) {
         self.health.set_clock(clock);
     }

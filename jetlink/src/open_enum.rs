@@ -41,6 +41,16 @@ macro_rules! open_enum {
                     Self::Unknown(_) => "unknown",
                 }
             }
+
+            /// The same, kept out of the image.
+            #[cfg(feature = "defmt")]
+            #[allow(dead_code, reason = "not every enumeration is logged by name")]
+            pub(crate) fn interned(self) -> defmt::Str {
+                match self {
+                    $( Self::$variant => defmt::intern!($text), )+
+                    Self::Unknown(_) => defmt::intern!("unknown"),
+                }
+            }
         }
     };
 }

@@ -1,8 +1,8 @@
-//! What an ECU has said: every value with the time it came, `None` where the ECU has not said; and what was counted on
-//! the line.
+//! Report of an ECU: each value with its time of reception, `None` until received; and the counters of its link.
 
 use crate::ecu::{Faults, amt, zk};
 use crate::line::LineError;
+use crate::sentence::{names, sentences};
 use crate::units::{
     Celsius, Grams, Milliamps, Millilitres, MillilitresPerMinute, Millivolts, Pascals, Rpm, Throttle,
 };
@@ -14,7 +14,7 @@ use embassy_time::{Duration, Instant};
 pub struct Timed<T> {
     /// The value.
     pub value: T,
-    /// When its frame was complete.
+    /// Time at which its frame was complete.
     pub at: Instant,
 }
 
@@ -24,29 +24,28 @@ impl<T> Timed<T> {
         Self { value, at }
     }
 
-    /// How old it is; zero if `now` is earlier.
+    /// Its age; zero if `now` is earlier.
     pub fn age(&self, now: Instant) -> Duration {
         now.saturating_duration_since(self.at)
     }
 }
 
-/// A byte whose scale depends on what else is known of the ECU.
+/// A byte whose scale depends on the ECU's version or engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
-    /// As it came.
+    /// As received.
     pub raw: u8,
-    /// The voltage, `None` while the scale is not known.
+    /// Voltage, `None` while the scale is unknown.
     pub voltage: Option<Millivolts>,
 }
 
-/// What an engine does, in plain words, as its ECU reports it. Never what was commanded.
+/// Phase of an engine as reported by its ECU, never as commanded.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
     /// Off.
     Stopped,
-    /// Standby: ready, or not yet cleared, for a start.
+    /// Standby: ready for a start, or not yet cleared for one.
     Standby,
     /// Shut down and still turning or hot.
     Cooling,
@@ -54,7 +53,7 @@ pub enum Phase {
     Starting,
     /// Running: it follows the demand.
     Running,
-    /// A test of the ECU's, with the engine stopped.
+    /// Test of the ECU, with the engine stopped.
     Service,
     /// A state without a name in the document.
     Unknown,
@@ -70,22 +69,9 @@ impl Phase {
     pub const fn is_alive(self) -> bool {
         matches!(self, Self::Starting | Self::Running)
     }
-
-    /// Name in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Stopped => "stopped",
-            Self::Standby => "standby",
-            Self::Cooling => "cooling",
-            Self::Starting => "starting",
-            Self::Running => "running",
-            Self::Service => "service",
-            Self::Unknown => "unknown",
-        }
-    }
 }
 
-/// The ECU's own state: its number and the name the document gives it.
+/// The ECU's own state: its number and its name in the protocol document.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EcuState {
@@ -95,7 +81,7 @@ pub struct EcuState {
     pub name: &'static str,
 }
 
-/// The switch position that the ECU says it obeys.
+/// Switch position that the ECU reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReportedSwitch {
@@ -105,11 +91,11 @@ pub enum ReportedSwitch {
     Standby,
     /// Run.
     Run,
-    /// A number without a name.
+    /// A number that the document does not name.
     Unknown(u8),
 }
 
-/// A frame of a kind the document does not name, as it came.
+/// A frame of a kind that the document does not name, as received.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RawFrame {
@@ -134,25 +120,25 @@ impl RawFrame {
     }
 }
 
-/// What the ECU has said. `None`: not yet, or not at all.
+/// Report of an ECU. `None`: not received yet, or never sent by this ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Report {
-    /// What the engine does.
+    /// Phase of the engine.
     pub phase: Option<Timed<Phase>>,
     /// The ECU's own state.
     pub state: Option<Timed<EcuState>>,
-    /// The switch position it obeys.
+    /// Switch position that it obeys.
     pub switch: Option<Timed<ReportedSwitch>>,
-    /// Its faults; present and empty when it reports none.
+    /// Faults; present and empty when it reports none.
     pub faults: Option<Timed<Faults>>,
     /// Shaft speed.
     pub rpm: Option<Timed<Rpm>>,
-    /// AMT: the rpm byte, also where its scale is not known (AMT-5).
+    /// AMT: rpm byte, also while its scale is unknown (AMT-5).
     pub rpm_raw: Option<Timed<u8>>,
     /// Exhaust gas temperature.
     pub egt: Option<Timed<Celsius>>,
-    /// Throttle that the ECU obeys. A number above 100 % is not taken over.
+    /// Throttle that the ECU obeys. A number above 100 % is ignored.
     pub throttle: Option<Timed<Throttle>>,
     /// Supply (ZK power voltage, AMT battery voltage).
     pub supply: Option<Timed<Reading>>,
@@ -198,42 +184,40 @@ pub struct Report {
     pub version: Option<Timed<zk::codec::Version>>,
     /// ZK status rate.
     pub rate: Option<Timed<zk::codec::Rate>>,
-    /// When the ECU last told that it had just been powered up (AMT set-up set).
+    /// Last report of a power-up (AMT set-up set).
     pub powered_up: Option<Instant>,
     /// AMT engine.
     pub amt_engine: Option<Timed<amt::codec::Engine>>,
     /// AMT set-up set.
     pub amt_setup: Option<Timed<amt::codec::Setup>>,
-    /// The last frame of an unknown kind.
+    /// Last frame of an unknown kind.
     pub unknown: Option<Timed<RawFrame>>,
 }
 
-/// Whether the ECU is heard.
+/// State of the link to an ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LinkState {
-    /// Not yet.
+    /// Nothing received yet.
     #[default]
     Silent,
-    /// Yes.
+    /// Frames are received.
     Up,
-    /// Not for the configured time.
+    /// Nothing received for the configured time.
     Lost,
 }
 
-/// Why a transmission did not happen.
+/// Reason why a transmission was not sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NotSent {
     /// It would have ended after the reply window (AMT-11).
     TooLate,
-    /// The UART did not take it or finish it in time.
-    GaveUp,
+    /// The UART did not accept or finish it in time.
+    TimedOut,
     /// The UART returned an error.
     Failed,
 }
 
-/// What was counted since the node started. All counts wrap.
+/// Counters since the node started. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
@@ -243,42 +227,42 @@ pub struct Counters {
     pub unknown_frames: u32,
     /// Wrong CRCs (ZK).
     pub crc_failures: u32,
-    /// Frames begun and not finished (AMT), set-up sets without an end among them.
+    /// Unfinished frames (AMT), including set-up sets without an end.
     pub truncated: u32,
-    /// Frames whose values were not believed, because the UART saw a fault while they came (AMT: no checksum).
+    /// Frames whose values were discarded, because the UART reported a fault during reception (AMT: no checksum).
     pub damaged_frames: u32,
     /// Bytes that belonged to no frame.
     pub bytes_skipped: u32,
-    /// Framing errors that the UART saw.
+    /// Framing errors of the UART.
     pub framing_errors: u32,
-    /// Noise errors that the UART saw.
+    /// Noise errors of the UART.
     pub noise_errors: u32,
-    /// Overruns that the UART saw.
+    /// Overruns of the UART.
     pub overruns: u32,
-    /// Parity errors that the UART saw.
+    /// Parity errors of the UART.
     pub parity_errors: u32,
-    /// Other errors that reading returned.
+    /// Other errors returned by reading.
     pub read_errors: u32,
-    /// Transmissions whose last stop bit is out.
+    /// Transmissions sent, up to the last stop bit.
     pub sent: u32,
-    /// Frames of the ECU that got no reply, because it would have ended late (AMT-11).
+    /// Frames without a reply, because it would have ended too late (AMT-11).
     pub replies_missed: u32,
-    /// Replies that ended late all the same, because the UART was slower than it should be.
+    /// Replies that ended too late, because the UART was slower than its line.
     pub replies_late: u32,
-    /// Turns of the keep-alive that were skipped, because the UART was still sending (ZK).
+    /// Send slots skipped, because the UART was still sending (ZK).
     pub send_slots_missed: u32,
-    /// Transmissions given up.
-    pub given_up: u32,
-    /// Transmissions that the UART refused.
+    /// Transmissions that the UART did not finish in time.
+    pub write_timeouts: u32,
+    /// Transmissions for which the UART returned an error.
     pub write_errors: u32,
     /// Commands refused.
     pub commands_rejected: u32,
-    /// Events that were not told, because too many came at once.
-    pub events_lost: u32,
-    /// Smallest time left between the end of a reply and the end of its window (AMT). Never negative: a
-    /// late one counts in `replies_late`.
+    /// Events dropped, because the queue was full.
+    pub events_dropped: u32,
+    /// Smallest margin between the end of a reply and the end of its window (AMT). Never negative: a late reply counts in
+    /// `replies_late`.
     pub worst_reply_margin: Option<Duration>,
-    /// Largest delay of a turn of the keep-alive (ZK).
+    /// Largest delay of a send slot (ZK).
     pub worst_slot_delay: Option<Duration>,
 }
 
@@ -297,7 +281,7 @@ impl Counters {
     pub(crate) fn not_sent(&mut self, why: NotSent) {
         match why {
             NotSent::TooLate => {}
-            NotSent::GaveUp => bump(&mut self.given_up),
+            NotSent::TimedOut => bump(&mut self.write_timeouts),
             NotSent::Failed => bump(&mut self.write_errors),
         }
     }
@@ -307,3 +291,25 @@ impl Counters {
 pub(crate) fn bump(count: &mut u32) {
     *count = count.wrapping_add(1);
 }
+
+names!(Phase, "Name in lower case." {
+    Stopped => "stopped";
+    Standby => "standby";
+    Cooling => "cooling";
+    Starting => "starting";
+    Running => "running";
+    Service => "service";
+    Unknown => "unknown";
+});
+
+sentences!(LinkState {
+    Self::Silent => "silent";
+    Self::Up => "up";
+    Self::Lost => "lost";
+});
+
+sentences!(NotSent {
+    Self::TooLate => "too late for the reply window";
+    Self::TimedOut => "the UART did not finish in time";
+    Self::Failed => "the UART returned an error";
+});

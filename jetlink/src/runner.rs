@@ -1,5 +1,5 @@
-//! Moves bytes and time between one engine and one UART. Beside [`crate::channel`] the only place that
-//! reads the clock, and the only one that waits.
+//! Moves bytes and time between one engine and one UART. Only this file and [`crate::channel`] read the clock, and only this
+//! one waits.
 
 use crate::channel::Channel;
 use crate::engine::TRANSMITTER_FAILED;
@@ -15,14 +15,14 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Error, ErrorKind, Read, Write};
 
-/// The runner shows progress at least this often.
+/// Longest interval between two signs of progress of the runner.
 const HEARTBEAT: Duration = Duration::from_millis(100);
-/// For a transmission, from the call to its last stop bit. Five bytes take 20.8 ms at 2400 baud.
+/// Timeout of a transmission, up to its last stop bit, 40 ms. Five bytes take 20.8 ms at 2400 baud.
 const WRITE_LIMIT: Duration = Duration::from_millis(40);
-/// After a read error, so that a UART that fails at once every time does not take the processor.
+/// Pause after a read error, so that a UART that fails at once does not occupy the processor.
 const READ_PAUSE: Duration = Duration::from_millis(1);
 
-/// Line errors of one UART, counted in its interrupt: some drivers keep them to themselves.
+/// Line errors of one UART, counted in its interrupt: some drivers do not return them.
 #[derive(Debug, Default)]
 pub struct LineErrors {
     framing: AtomicU32,
@@ -32,7 +32,7 @@ pub struct LineErrors {
 }
 
 impl LineErrors {
-    /// None yet.
+    /// No errors.
     pub const fn new() -> Self {
         Self {
             framing: AtomicU32::new(0),
@@ -59,7 +59,7 @@ impl LineErrors {
         }
     }
 
-    /// Takes what was counted since the last call.
+    /// Takes the errors counted since the last call.
     fn drain(&self, mut each: impl FnMut(LineError)) {
         for error in [LineError::Framing, LineError::Noise, LineError::Overrun, LineError::Parity] {
             let count = self.counter(error).map_or(0, |counter| counter.swap(0, Ordering::Relaxed));
@@ -75,27 +75,27 @@ pub struct Runner<'a> {
     channel: &'a Channel,
     /// All engines of the group, this one among them.
     group: &'a [Channel],
-    /// This engine had failed when the others were last told.
+    /// Failure of this engine, as last reported to the others.
     failed: Cell<bool>,
-    /// The transmission on its way to the writing half. A link hands out one at a time.
+    /// Transmission for the writing half. A link hands out one at a time.
     outgoing: Signal<NoopRawMutex, Transmission>,
-    /// The engine has begun.
-    begun: Cell<bool>,
-    /// The engine has handed one out, and was not told yet what became of it.
-    in_hand: Cell<bool>,
-    /// The last one was given up: its bytes may still wait in the driver, unless the UART was opened anew.
-    given_up: Cell<bool>,
-    /// Something happened since telemetry was last published.
+    /// The engine was started.
+    started: Cell<bool>,
+    /// The result of a transmission was not reported to the engine yet.
+    outstanding: Cell<bool>,
+    /// The last transmission timed out: its bytes may still wait in the driver, unless the UART was opened again.
+    timed_out: Cell<bool>,
+    /// The engine has changed since telemetry was last published.
     changed: Cell<bool>,
 }
 
 impl Channel {
-    /// For the task that owns the UART: one.
+    /// The runner of this engine, for the task that owns the UART. Run it once.
     pub const fn runner(&self) -> Runner<'_> {
         self.runner_in(core::slice::from_ref(self))
     }
 
-    /// The same, as one of a group.
+    /// The runner of this engine as one of a group.
     pub const fn runner_in<'a>(&'a self, group: &'a [Self]) -> Runner<'a> {
         Runner::new(self, group)
     }
@@ -114,38 +114,37 @@ impl<'a> Runner<'a> {
             group,
             failed: Cell::new(false),
             outgoing: Signal::new(),
-            begun: Cell::new(false),
-            in_hand: Cell::new(false),
-            given_up: Cell::new(false),
+            started: Cell::new(false),
+            outstanding: Cell::new(false),
+            timed_out: Cell::new(false),
             changed: Cell::new(true),
         }
     }
 
-    /// Runs for ever. `rx` and `tx` are the two halves of a UART that is set to the engine's line, for example
-    /// of an `embassy_stm32::usart::BufferedUart`; `errors` is what its interrupt counts, if it does.
+    /// Runs for ever. `rx` and `tx` are the two halves of a UART with the engine's line settings, for example of an
+    /// `embassy_stm32::usart::BufferedUart`; `errors` are the line errors that its interrupt counts, if it does.
     ///
-    /// They are two halves so that a transmission which hangs cannot hold up reception, and reception cannot
-    /// cut a transmission short: each half has its own loop.
+    /// Each half has its own loop, so that a transmission that hangs does not delay reception, and reception does not cut a
+    /// transmission short.
     ///
-    /// Read errors and failed writes are counted and survived. The reading half has to be cancel safe, as all
-    /// of Embassy's are: a read that is dropped loses no bytes.
+    /// Read errors and failed writes are counted. The reading half has to be cancel safe, as all of Embassy's are: a dropped
+    /// read loses no bytes.
     pub async fn run<R: Read, W: Write>(self, mut rx: R, mut tx: W, errors: &LineErrors) -> ! {
         loop {
             self.run_until_stuck(&mut rx, &mut tx, errors).await;
         }
     }
 
-    /// The same, until nothing has come out of the transmitter for 1 s although something was to go. Then it gives the halves
-    /// back, by dropping them: open the UART anew, so that what waits in it is gone, and call this again. The engine
-    /// goes on meanwhile as after a transmission that failed.
+    /// Runs until no transmission has succeeded for 1 s, then drops the halves: open the UART again, which discards the bytes
+    /// that wait in it, and call this again. To the engine it is a failed transmission.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     pub async fn run_until_stuck<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
-        if !self.begun.replace(true) {
+        if !self.started.replace(true) {
             self.channel.begin(Instant::now());
         }
         self.outgoing.reset();
-        if self.in_hand.take() {
-            self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::GaveUp));
+        if self.outstanding.take() {
+            self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::TimedOut));
         }
         select(self.receive(rx, errors), self.transmit(tx)).await;
     }
@@ -169,7 +168,7 @@ impl<'a> Runner<'a> {
                     Err(error) => self.read_failed(line_error(error.kind())).await,
                 }
             }
-            // After every wake, so that an ECU which babbles cannot put off a turn or hide a loss.
+            // After every wake, so that a babbling ECU cannot delay a send slot or hide a loss.
             let now = Instant::now();
             if deadline.is_some_and(|deadline| now >= deadline) {
                 self.channel.with(|engine| engine.timeout(now));
@@ -191,7 +190,7 @@ impl<'a> Runner<'a> {
             }
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();
         }
-        // So that an ECU which babbles leaves the processor to others.
+        // A babbling ECU must leave the processor to others.
         yield_now().await;
     }
 
@@ -207,26 +206,26 @@ impl<'a> Runner<'a> {
         loop {
             let transmission = self.outgoing.wait().await;
             let write = async {
-                if self.given_up.get() {
-                    // Nothing goes behind them: it would leave when nobody means it any more.
+                if self.timed_out.get() {
+                    // A command behind those bytes would be sent too late.
                     tx.flush().await.map_err(|_| NotSent::Failed)?;
                 }
                 if transmission.start_by.is_some_and(|start_by| Instant::now() > start_by) {
                     return Err(NotSent::TooLate);
                 }
                 tx.write_all(transmission.as_bytes()).await.map_err(|_| NotSent::Failed)?;
-                // Over when the last stop bit is out.
+                // Done when the last stop bit is out.
                 tx.flush().await.map_err(|_| NotSent::Failed)
             };
-            let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::GaveUp));
-            self.given_up.set(result == Err(NotSent::GaveUp));
+            let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::TimedOut));
+            self.timed_out.set(result == Err(NotSent::TimedOut));
             let now = Instant::now();
-            self.in_hand.set(false);
+            self.outstanding.set(false);
             self.channel.with(|engine| match result {
                 Ok(()) => engine.sent(now),
                 Err(why) => engine.not_sent(now, why),
             });
-            // The reading half drains: what comes next, and when to wake.
+            // The reading half drains the next output and deadline.
             self.channel.wake.signal(());
             match result {
                 Ok(()) => failing_since = None,
@@ -235,21 +234,21 @@ impl<'a> Runner<'a> {
                 Err(_) => {}
             }
             if result == Err(NotSent::Failed) {
-                // A writer that fails at once every time must not keep the reading half from its turn.
+                // A writer that fails at once must not starve the reading half.
                 yield_now().await;
             }
         }
     }
 
-    /// Does what the engine wants done now. Gives when it wants to be woken.
+    /// Performs the engine's outputs. Returns when to wake it.
     async fn drain(&self) -> Option<Instant> {
         loop {
             match self.channel.with(|engine| engine.poll()) {
                 Output::Transmit(transmission) => {
-                    self.in_hand.set(true);
+                    self.outstanding.set(true);
                     self.outgoing.signal(transmission);
-                    // The writing half gets its turn at once: a reply goes out before the engine is looked at, and
-                    // before anything is published.
+                    // Run the writing half at once: a reply is sent before the supervision, and before anything is
+                    // published.
                     yield_now().await;
                 }
                 Output::Event(event) => self.channel.events.immediate_publisher().publish_immediate(event),
@@ -259,10 +258,10 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Tells the other engines of the group when this one has failed, or no longer has.
+    /// Reports a failure of this engine, or its recovery, to the other engines of the group.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     fn report_failure(&self) {
-        let failed = self.channel.see(|engine| engine.failed());
+        let failed = self.channel.inspect(|engine| engine.failed());
         if self.failed.replace(failed) == failed {
             return;
         }
@@ -277,7 +276,7 @@ impl<'a> Runner<'a> {
     fn publish(&self) {
         if self.changed.take() {
             let now = Instant::now();
-            let telemetry = self.channel.see(|engine| engine.telemetry(now));
+            let telemetry = self.channel.inspect(|engine| engine.telemetry(now));
             self.channel.telemetry.sender().send(telemetry);
         }
     }
@@ -285,7 +284,7 @@ impl<'a> Runner<'a> {
 
 fn line_error(kind: ErrorKind) -> LineError {
     match kind {
-        // The closest that `embedded-io` has for a byte that came damaged.
+        // The closest kind of `embedded-io` for a damaged byte.
         ErrorKind::InvalidData => LineError::Framing,
         _ => LineError::Read,
     }

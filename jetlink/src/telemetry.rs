@@ -1,4 +1,4 @@
-//! A snapshot of one engine: what its ECU has said, what is commanded, and how the two stand to one another.
+//! Snapshot of one engine: the report of its ECU, its order and sources, and the state of its supervision.
 
 use crate::command::{Demand, Ordered, Origin};
 use crate::engine::state::EngineState;
@@ -6,67 +6,67 @@ use crate::event::LossStage;
 use crate::report::{Counters, LinkState, Report, Timed};
 use embassy_time::{Duration, Instant};
 
-/// Older values are not shown as current.
+/// Largest age of a current value, 3 s.
 const CURRENT: Duration = Duration::from_secs(3);
 
 /// A snapshot of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Telemetry {
-    /// When it was taken.
+    /// Time of the snapshot.
     pub at: Instant,
-    /// Whether the ECU is heard.
+    /// State of the link to the ECU.
     pub link: LinkState,
-    /// When the last good frame was complete.
+    /// Time at which the last good frame was complete.
     pub last_rx: Option<Instant>,
-    /// What the engine does, in plain words.
+    /// State of the engine.
     pub state: EngineState,
-    /// What the ECU has said.
+    /// Report of the ECU.
     pub report: Report,
-    /// What is ordered, and by whom.
+    /// Order in force, and its origin.
     pub ordered: Ordered,
-    /// The ECU reports what is ordered; see [`crate::event::Event::NotObeyed`].
+    /// Whether the reports of the ECU match the order; see [`crate::event::Event::NotObeyed`].
     pub obeyed: bool,
-    /// Who rules: of a running engine the source whose demand is in force, else the highest that is fresh, or whoever
-    /// ordered last when none is.
+    /// Active source: of a running engine the one whose demand is in force, otherwise the highest fresh one, or the origin of
+    /// the order if none is fresh.
     pub active_source: Origin,
-    /// When it last spoke.
+    /// Time of its last command.
     pub source_last_rx: Option<Instant>,
-    /// What it asked a running engine for, before ramps, slew and limits.
+    /// Its demand for a running engine, before ramps, slew and limits.
     pub commanded: Option<Demand>,
-    /// A source that is about to take over, or the one that was lost and speaks again: the demand is held meanwhile.
+    /// Source that waits to take over, or that has returned after a loss: the demand is held meanwhile.
     pub waiting: Option<Origin>,
-    /// How far the loss of that source has gone.
+    /// Stage of loss of the active source.
     pub loss: LossStage,
     /// A limit has lowered the demand to the fail-safe throttle, where it stays until standby is commanded.
     pub limited: bool,
-    /// Since when it is in doubt whether the engine that was ordered to run still lives: what is commanded does not reach it.
+    /// Time since which it has been in doubt whether the engine still runs: the demand is withheld.
     pub in_doubt: Option<Instant>,
-    /// A start waits while another engine of the group starts, until then at the latest.
+    /// End of the wait of a start for another engine of the group.
     pub start_waits_until: Option<Instant>,
-    /// For 1 s nothing that was to be sent went out.
+    /// No transmission has succeeded for 1 s.
     pub transmitter_failed: bool,
     /// The engine is armed.
     pub armed: bool,
     /// An emergency stop is latched.
     pub stop_latched: bool,
-    /// A start is under way: the engine has to run by then.
+    /// Latest time to reach running, while a start is under way.
     pub start_by: Option<Instant>,
-    /// It ran, and stopped or fell silent without a command.
+    /// The engine ran, and stopped or fell silent without a command.
     pub failed: bool,
-    /// So many other engines of the group have failed.
+    /// Number of other engines of the group that have failed.
     pub others_failed: u8,
-    /// What was counted.
+    /// Counters of the link and of commands.
     pub counters: Counters,
 }
 
 impl Telemetry {
-    /// A value, if it came within the last 3 s: what an ECU said before it fell silent is not what its engine does now.
+    /// A value, if it was received within the last 3 s: an older one does not describe the engine any more.
     pub fn current<T: Copy>(&self, value: Option<Timed<T>>) -> Option<T> {
         value.filter(|value| value.age(self.at) <= CURRENT).map(|value| value.value)
     }
 
-    /// Whether somebody has to look at this engine: what the status LED shows.
+    /// Whether the engine needs attention, as the status LED shows it.
     pub fn needs_attention(&self) -> bool {
         self.link != LinkState::Up
             || self.loss != LossStage::None

@@ -3,17 +3,17 @@
 use crate::image::Image;
 use clap::{Parser, Subcommand};
 
-/// What the program is called with.
+/// Arguments of the program.
 #[derive(Parser)]
 #[command(name = "cargo qemu", about = "Runs the firmware in QEMU, with simulated ECUs on its UARTs")]
 pub struct Arguments {
-    /// QEMU's program.
+    /// Program of QEMU.
     #[arg(long, default_value = "qemu-system-arm", global = true)]
     pub qemu: String,
-    /// More features of the firmware, for example `demo`: it then commands its engines by itself.
+    /// Further features of the firmware, for example `demo`, which commands the engines.
     #[arg(long, value_name = "FEATURES", global = true)]
     pub features: Option<String>,
-    /// What QEMU connects the fifth UART with, which is kept for MAVLink, in the words of QEMU's -serial.
+    /// Device for the fifth UART, which is reserved for MAVLink, as in QEMU's option -serial.
     #[arg(long, value_name = "DEVICE", default_value = "null", global = true)]
     pub telemetry: String,
     #[command(subcommand)]
@@ -28,15 +28,15 @@ impl Arguments {
     }
 }
 
-/// What to do in place of running until somebody ends it.
+/// Mode; by default it runs until Ctrl-C.
 #[derive(Subcommand)]
 pub enum Mode {
-    /// Starts every engine, runs it, shuts it down and ends, with exit status 0 if all went well.
+    /// Start, run and shut down every engine, then end; exit status 0 if the test passed.
     Test {
-        /// The most it may take, in seconds.
+        /// Timeout in seconds.
         #[arg(long, default_value_t = 180)]
         limit: u64,
     },
-    /// Counts instructions: for a received byte, a frame and a reply.
+    /// Count the instructions for a received byte, a frame and a reply.
     Count,
 }

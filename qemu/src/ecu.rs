@@ -1,8 +1,8 @@
 //! Simulated ECUs on QEMU's sockets.
 //!
-//! QEMU's UARTs have no baud rate: bytes move as fast as the socket takes them. So the line is here. Bytes to
-//! the firmware are sent one by one when their stop bits end; bytes from it are spaced as the line would have
-//! spaced them, and the ECU hears each at the end of its stop bit.
+//! QEMU's UARTs have no baud rate: bytes move as fast as the socket takes them. So this file simulates the line. Each byte to
+//! the firmware is sent at the end of its stop bit. Bytes from it are spaced as on the line, and the ECU receives each at the
+//! end of its stop bit.
 
 use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
@@ -19,36 +19,36 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The reply window of AMT ECUs with quick turbines, instead of 30 ms. QEMU's time is the host's, and a busy
-/// host stops it for longer than the 9 ms that are to spare.
+/// Reply window of AMT ECUs with quick turbines, 90 ms instead of 30 ms. QEMU's time is the host's, and a busy host stops it
+/// for longer than the margin of 9 ms.
 pub const WIDE_WINDOW: Nanos = 90 * MILLIS;
 
-/// How the turbines behave.
+/// Speed of the turbines.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Turbine {
-    /// A start takes half a minute, cooling a whole one.
+    /// A start takes 30 s, cooling 60 s.
     Real,
-    /// Both take seconds, and AMT ECUs wait longer for their replies: for a test.
+    /// A start and cooling take seconds, and AMT ECUs wait longer for their replies, for a test.
     Quick,
 }
 
-/// An ECU, the port it hangs on, and what became of it.
+/// A simulated ECU on a UART, and its observations.
 pub struct Attached {
-    /// The engine's row in the table of engines.
+    /// Row in the table of engines.
     pub engine: EngineConfig,
-    /// The ECU.
+    /// Simulated ECU.
     pub ecu: AnyEcu,
     line: Line,
     caption: String,
-    /// The turbine's phases, as they came.
+    /// Phases of the turbine, in order.
     pub phases: Vec<Phase>,
-    /// Broken frames and bytes outside of any, since the first good frame. An ECU that has just got power may
-    /// begin to listen in the middle of one.
+    /// Broken frames and bytes outside of frames since the first good one. After power-up an ECU may begin to receive in the
+    /// middle of a frame.
     pub odd: u64,
 }
 
 impl Attached {
-    /// The ECU that the table of engines says. ZK ECUs have protocol versions 5 and 4 in turn.
+    /// The ECU of a row in the table of engines. ZK ECUs alternate between protocol versions 5 and 4.
     pub fn new(row: usize, engine: &EngineConfig, turbine: Turbine) -> Self {
         let line = Line {
             baud: engine.line.baud,
@@ -78,12 +78,12 @@ impl Attached {
         Self { engine: *engine, ecu, line, caption, phases: Vec::new(), odd: 0 }
     }
 
-    /// The UART it hangs on.
+    /// Number of its UART.
     pub fn port(&self) -> usize {
         self.engine.port.into()
     }
 
-    /// Its name and what it is.
+    /// Its name, kind and baud rate.
     pub fn caption(&self) -> &str {
         &self.caption
     }
@@ -99,14 +99,14 @@ impl Attached {
         Ok(Served { thread, closer })
     }
 
-    fn hear(&mut self, now: Nanos, byte: u8) {
+    fn receive(&mut self, now: Nanos, byte: u8) {
         let (_, before) = self.ecu.received();
         self.ecu.heard(now, Ok::<u8, LineFault>(byte));
         let (good, after) = self.ecu.received();
         if good > 0 && after > before {
             self.odd += after - before;
             println!(
-                "{:>11.6} ECU   {}: {byte:#04x} is no part of a command",
+                "{:>11.6} ECU   {}: received {byte:#04x} outside of a command",
                 now as f64 / 1e9,
                 self.engine.name
             );
@@ -123,7 +123,7 @@ impl Attached {
     }
 }
 
-/// An engine of the table in the terms of the simulation.
+/// Converts an engine of the table into the simulation's type.
 fn amt_engine(engine: Option<AmtEngine>) -> sim::amt::Engine {
     match engine {
         Some(AmtEngine::Mercury) => sim::amt::Engine::Mercury,
@@ -135,7 +135,7 @@ fn amt_engine(engine: Option<AmtEngine>) -> sim::amt::Engine {
     }
 }
 
-/// The same turbine in a hurry.
+/// The same turbine with a quick start and cooling.
 fn quick(turbine: Parameters) -> Parameters {
     Parameters {
         ignition_s: 1.0,
@@ -149,24 +149,24 @@ fn quick(turbine: Parameters) -> Parameters {
     }
 }
 
-/// An ECU at work.
+/// An ECU served by a thread.
 pub struct Served {
     thread: JoinHandle<Attached>,
     closer: TcpStream,
 }
 
 impl Served {
-    /// Ends it.
+    /// Ends the thread and returns the ECU.
     ///
     /// # Panics
-    /// If it panicked.
+    /// If the thread panicked.
     pub fn finish(self) -> Attached {
         let _ = self.closer.shutdown(Shutdown::Both); // QEMU may have closed it already
         self.thread.join().expect("an ECU panicked")
     }
 }
 
-/// Notes when each byte came.
+/// Stamps each received byte.
 fn listen(mut socket: TcpStream, sender: &Sender<(Instant, u8)>) {
     let mut buffer = [0; 64];
     while let Ok(count @ 1..) = socket.read(&mut buffer) {
@@ -205,23 +205,23 @@ fn serve(mut wire: Wire, mut socket: TcpStream, began: Instant, bytes: &Receiver
 /// The two directions between the firmware and an ECU.
 struct Wire {
     attached: Attached,
-    /// When the stop bit of each byte ends.
+    /// Bytes, each with the end of its stop bit.
     to_firmware: VecDeque<(Nanos, u8)>,
     from_firmware: VecDeque<(Nanos, u8)>,
-    /// When the line from the firmware is free again.
+    /// Time at which the line from the firmware is free again.
     free: Nanos,
-    /// What the ECU was told last.
-    told: Nanos,
+    /// Last time given to the ECU.
+    ecu_time: Nanos,
 }
 
 impl Wire {
     /// An idle line.
     fn new(attached: Attached) -> Self {
         let (to_firmware, from_firmware) = (VecDeque::new(), VecDeque::new());
-        Self { attached, to_firmware, from_firmware, free: 0, told: 0 }
+        Self { attached, to_firmware, from_firmware, free: 0, ecu_time: 0 }
     }
 
-    /// When something is to happen.
+    /// Time of the next event.
     fn next(&mut self) -> Nanos {
         let queues = [self.to_firmware.front(), self.from_firmware.front()];
         let first = queues.into_iter().flatten().map(|(at, _)| *at).min().unwrap_or(Nanos::MAX);
@@ -234,25 +234,25 @@ impl Wire {
         self.from_firmware.push_back((self.free, byte));
     }
 
-    /// The ECU hears what has ended, and speaks if it wants to.
+    /// Gives the ECU the completed bytes and the time, and queues its frames.
     fn advance(&mut self, now: Nanos) {
         while let Some((end, byte)) = self.from_firmware.pop_front_if(|(end, _)| *end <= now) {
-            self.told = self.told.max(end);
-            self.attached.hear(self.told, byte);
+            self.ecu_time = self.ecu_time.max(end);
+            self.attached.receive(self.ecu_time, byte);
         }
         if self.attached.ecu.next_wake() > now {
             return;
         }
-        self.told = self.told.max(now);
+        self.ecu_time = self.ecu_time.max(now);
         let mut frame = Vec::new();
-        self.attached.ecu.advance(self.told, &mut frame);
-        self.attached.note_phase(self.told);
+        self.attached.ecu.advance(self.ecu_time, &mut frame);
+        self.attached.note_phase(self.ecu_time);
         for (count, byte) in (1..).zip(&frame) {
-            self.to_firmware.push_back((self.told + self.attached.line.byte_ns(count), *byte));
+            self.to_firmware.push_back((self.ecu_time + self.attached.line.byte_ns(count), *byte));
         }
     }
 
-    /// The next byte whose stop bit has ended at the firmware.
+    /// Takes the next byte whose stop bit has ended at the firmware.
     fn ended(&mut self, now: Nanos) -> Option<u8> {
         self.to_firmware.pop_front_if(|(end, _)| *end <= now).map(|(_, byte)| byte)
     }
@@ -263,7 +263,7 @@ mod tests {
     use super::*;
     use jetlink_fw::config::ENGINES;
 
-    /// The wire of an AMT ECU at 2400 baud, which speaks 500 ms after power.
+    /// The wire of an AMT ECU at 2400 baud, which sends 500 ms after power-up.
     fn wire() -> Wire {
         Wire::new(Attached::new(0, &ENGINES[0], Turbine::Real))
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// An image and where it lies.
+/// An image and its path.
 pub struct Image {
     pub path: PathBuf,
     pub elf: Vec<u8>,
@@ -18,16 +18,16 @@ impl Image {
             .args(["fw", &features.join(","), "--message-format", "json-render-diagnostics"])
             .stderr(Stdio::inherit())
             .output()
-            .map_err(|why| format!("cargo cannot be started: {why}"))?;
+            .map_err(|why| format!("cannot start cargo: {why}"))?;
         if !output.status.success() {
-            return Err("the firmware was not built: see above".into());
+            return Err("building the firmware failed, see above".into());
         }
         let path: PathBuf = String::from_utf8_lossy(&output.stdout)
             .lines()
             .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
             .filter_map(|message| Some(message.get("executable")?.as_str()?.into()))
             .next_back()
-            .ok_or("cargo built no firmware")?;
+            .ok_or("cargo reported no executable")?;
         let elf = std::fs::read(&path).map_err(|why| format!("{}: {why}", path.display()))?;
         Ok(Self { path, elf })
     }

@@ -1,4 +1,4 @@
-//! The firmware's log: decoded, shown, and kept.
+//! The firmware's log: decoded, printed, and collected.
 
 use crate::image::Image;
 use defmt_decoder::{DecodeError, Table};
@@ -12,7 +12,7 @@ pub struct Line {
     pub time: String,
     /// "INFO", "WARN", ...
     pub level: &'static str,
-    /// What the firmware said.
+    /// Text.
     pub message: String,
 }
 
@@ -26,26 +26,26 @@ impl Line {
 /// What came.
 #[derive(Default)]
 pub struct Lines {
-    /// In order.
+    /// Lines, in order.
     pub lines: Vec<Line>,
     /// Frames that could not be decoded.
     pub malformed: usize,
 }
 
-/// A log that is being followed.
+/// A log that a thread decodes.
 pub struct Log(JoinHandle<Lines>);
 
 impl Log {
-    /// Decodes what comes, and shows what is to be shown.
+    /// Decodes the log in a thread, and prints the lines that `show` selects.
     pub fn follow(
         image: &Image,
         source: Option<ChildStdout>,
         show: fn(&Line) -> bool,
     ) -> Result<Self, String> {
         let table = Table::parse(&image.elf)
-            .map_err(|why| format!("the image's log table: {why}"))?
+            .map_err(|why| format!("cannot read the image's log table: {why}"))?
             .ok_or("the image has no log table")?;
-        let source = source.ok_or("QEMU's output is followed already")?;
+        let source = source.ok_or("QEMU's output is in use already")?;
         Ok(Self(std::thread::spawn(move || follow(&table, source, show))))
     }
 

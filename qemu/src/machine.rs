@@ -1,4 +1,4 @@
-//! QEMU as a child: its arguments, its sockets, its end.
+//! QEMU as a child process: arguments, sockets, exit.
 
 use crate::arguments::Arguments;
 use crate::ecu::{Attached, Served};
@@ -7,12 +7,12 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// UARTs of the machine; the last is kept for MAVLink.
+/// Number of UARTs of the machine; the last is reserved for MAVLink.
 const UARTS: usize = 5;
-/// QEMU connects at once or never.
+/// Timeout for QEMU to connect to the sockets.
 const CONNECTS_WITHIN: Duration = Duration::from_secs(20);
 
-/// Asks QEMU for its version: what it says in its first line.
+/// Returns the first line of QEMU's version text.
 pub fn version(qemu: &str) -> Result<String, String> {
     let output = match Command::new(qemu).arg("--version").output() {
         Ok(output) => output,
@@ -23,18 +23,18 @@ pub fn version(qemu: &str) -> Result<String, String> {
                  If it is somewhere else: cargo qemu --qemu <path>"
             ));
         }
-        Err(why) => return Err(format!("{qemu} cannot be started: {why}")),
+        Err(why) => return Err(format!("cannot start {qemu}: {why}")),
     };
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(text.lines().next().unwrap_or_default().into())
 }
 
-/// A reset by the firmware is the end of QEMU.
+/// Makes QEMU exit at a reset by the firmware.
 pub const ENDS_AT_RESET: &str = "-no-reboot";
-/// A time that passes with the instructions (128 ns each), and jumps to the next timer when there are none.
+/// Makes time pass with the instructions, 128 ns each, and jump to the next timer while the processor sleeps.
 pub const COUNTING: [&str; 3] = ["-icount", "shift=7,sleep=off", ENDS_AT_RESET];
 
-/// QEMU with the firmware in it and ECUs on its UARTs.
+/// QEMU with the firmware, and simulated ECUs on its UARTs.
 pub struct Machine {
     child: Child,
     began: Instant,
@@ -42,7 +42,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Starts QEMU and the ECUs, with more arguments for QEMU. Time begins now.
+    /// Starts QEMU, with further arguments, and the ECUs. Their time begins now.
     pub fn start(
         arguments: &Arguments,
         image: &Image,
@@ -50,12 +50,12 @@ impl Machine {
         more: &[&str],
     ) -> Result<Self, String> {
         if let Some(ecu) = ecus.iter().find(|ecu| ecu.port() >= UARTS - 1) {
-            return Err(format!("{} sits on a port that the board does not have", ecu.caption()));
+            return Err(format!("{} is on a port that the board does not have", ecu.caption()));
         }
         let mut command = Command::new(&arguments.qemu);
         command
             .args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none"])
-            // The log comes by semihosting, to stdout in every version of QEMU.
+            // The log is sent by semihosting, which every version of QEMU can write to stdout.
             .args(["-chardev", "stdio,id=log,signal=off"])
             .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
             .args(more)
@@ -80,7 +80,7 @@ impl Machine {
         }
         command.args(["-serial", &arguments.telemetry]);
 
-        let child = command.spawn().map_err(|why| format!("{} cannot be started: {why}", arguments.qemu))?;
+        let child = command.spawn().map_err(|why| format!("cannot start {}: {why}", arguments.qemu))?;
         let mut machine = Self { child, began: Instant::now(), ecus: Vec::new() };
         for (ecu, socket) in ecus.into_iter().zip(sockets) {
             let socket = machine.accept(&socket)?;
@@ -90,7 +90,7 @@ impl Machine {
     }
 
     fn accept(&mut self, listener: &TcpListener) -> Result<TcpStream, String> {
-        let problem = |why: std::io::Error| format!("the socket of an ECU: {why}");
+        let problem = |why: std::io::Error| format!("socket of an ECU: {why}");
         listener.set_nonblocking(true).map_err(problem)?;
         loop {
             match listener.accept() {
@@ -103,41 +103,41 @@ impl Machine {
                 Err(_) => {}
             }
             if let Some(status) = self.child.try_wait().map_err(problem)? {
-                return Err(format!("QEMU ended before it began ({status}); what it said is above"));
+                return Err(format!("QEMU ended before it connected ({status}); see its output above"));
             }
             if self.began.elapsed() > CONNECTS_WITHIN {
-                return Err("QEMU does not open its sockets".into());
+                return Err("timeout: QEMU does not connect to its sockets".into());
             }
             std::thread::sleep(Duration::from_millis(2));
         }
     }
 
-    /// Its stdout, once: the firmware's log.
+    /// Takes QEMU's stdout, which carries the firmware's log.
     pub fn log(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
     }
 
-    /// Waits for its end.
+    /// Waits for QEMU to exit.
     pub fn wait(&mut self, limit: Option<Duration>) -> Result<ExitStatus, String> {
         loop {
             if let Some(status) = self.child.try_wait().map_err(|why| format!("QEMU: {why}"))? {
                 return Ok(status);
             }
             if limit.is_some_and(|limit| self.began.elapsed() > limit) {
-                return Err(format!("no end after {} s", self.began.elapsed().as_secs()));
+                return Err(format!("timeout: QEMU still runs after {} s", self.began.elapsed().as_secs()));
             }
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    /// Ends it, if it runs, and gives the ECUs back.
+    /// Ends QEMU if it runs, and returns the ECUs.
     pub fn stop(mut self) -> Vec<Attached> {
         self.end();
         std::mem::take(&mut self.ecus).into_iter().map(Served::finish).collect()
     }
 
     fn end(&mut self) {
-        let _ = self.child.kill(); // it may be gone already
+        let _ = self.child.kill(); // it may have exited already
         let _ = self.child.wait();
     }
 }
@@ -148,9 +148,9 @@ impl Drop for Machine {
     }
 }
 
-/// A socket to which QEMU will connect, and its port.
+/// Opens a socket for QEMU to connect to. Returns it with its port.
 fn socket() -> Result<(TcpListener, u16), String> {
-    let problem = |why: std::io::Error| format!("no socket: {why}");
+    let problem = |why: std::io::Error| format!("cannot open a socket: {why}");
     let listener = TcpListener::bind("127.0.0.1:0").map_err(problem)?;
     let port = listener.local_addr().map_err(problem)?.port();
     Ok((listener, port))

@@ -1,5 +1,5 @@
 //! Runs the firmware in QEMU, with simulated ECUs on its UARTs: `cargo qemu`, `cargo qemu-test`.
-//! `docs/qemu.md` says what can be seen there and what cannot.
+//! `docs/qemu.md` describes what it shows and what it does not.
 
 #![deny(unsafe_code)]
 
@@ -37,11 +37,11 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs until somebody ends it.
+/// Runs until Ctrl-C.
 fn run(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
     let image = arguments.build("board-qemu-mps2")?;
-    println!("{version}; Ctrl-C ends it");
+    println!("{version}; stop with Ctrl-C");
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Real));
     let mut machine = Machine::start(arguments, &image, ecus.collect(), &[])?;
     let log = Log::follow(&image, machine.log(), |_| true)?;
@@ -50,7 +50,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     Err(format!("QEMU ended ({status})"))
 }
 
-/// The bounded run.
+/// Runs the trial and judges it.
 fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
     let image = arguments.build("trial")?;
@@ -68,7 +68,7 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     let mut faults = Vec::new();
     match ended {
         Ok(status) if status.success() => {}
-        Ok(status) => faults.push(format!("the firmware: QEMU ended with {status}")),
+        Ok(status) => faults.push(format!("the firmware reported a failure: QEMU ended with {status}")),
         Err(why) => faults.push(why),
     }
     faults.extend(verdict::of_log(&log));
@@ -78,7 +78,7 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     }
     let seconds = began.elapsed().as_secs_f64();
     if faults.is_empty() {
-        println!("passed in {seconds:.1} s: {} log lines, {} engines", log.lines.len(), ecus.len());
+        println!("PASS in {seconds:.1} s: {} log lines, {} engines", log.lines.len(), ecus.len());
         Ok(())
     } else {
         for line in &log.lines {
@@ -87,11 +87,11 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
         for fault in &faults {
             println!("- {fault}");
         }
-        Err(format!("failed after {seconds:.1} s, for {} reasons", faults.len()))
+        Err(format!("FAIL after {seconds:.1} s, reasons: {}", faults.len()))
     }
 }
 
-/// Prints the instructions for a received byte, a frame and a reply. No ECU is needed: see the image's `count.rs`.
+/// Prints the instructions for a received byte, a frame and a reply. It needs no ECU: see the image's `count.rs`.
 fn count(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
     let image = arguments.build("count")?;
@@ -103,7 +103,7 @@ fn count(arguments: &Arguments) -> Result<(), String> {
     if first.lines.is_empty() || !same {
         return Err("a second run counted something else".into());
     }
-    println!("a second run counted the same");
+    println!("a second run counted the same numbers");
     Ok(())
 }
 

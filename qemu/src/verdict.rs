@@ -1,4 +1,4 @@
-//! Whether the trial went well, by the firmware's log and by what the ECUs counted themselves.
+//! Judges the trial by the firmware's log and by the ECUs' own counters.
 
 use crate::ecu::{Attached, WIDE_WINDOW};
 use crate::log::Lines;
@@ -7,11 +7,11 @@ use sim::any::AnyEcu;
 use sim::ecu::MILLIS;
 use sim::turbine::Phase;
 
-/// So many sets of an AMT ECU may go without an answer in time: QEMU's time is the host's, and a busy host may
-/// stop it for a while. Three in a row are far from the 2 s after which the ECU stops its engine.
+/// Largest number of sets of an AMT ECU without a reply in time: QEMU's time is the host's, and a busy host may stop it for a
+/// while. Three in a row are far from the 2 s after which the ECU stops its engine.
 const UNANSWERED: u64 = 3;
 
-/// What is wrong with the log.
+/// Faults in the log.
 pub fn of_log(log: &Lines) -> Vec<String> {
     let mut faults = Vec::new();
     let mut check = |good: bool, what: String| {
@@ -26,19 +26,28 @@ pub fn of_log(log: &Lines) -> Vec<String> {
         check(false, format!("{} {}", line.level, line.message));
     }
     for engine in &ENGINES {
-        let story = ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"];
+        let story = [
+            "ECU link up",
+            "ECU reports standby",
+            "ECU reports starting",
+            "ECU reports running",
+            "ECU reports standby",
+        ];
         let mut lines = log.lines.iter();
         for chapter in story {
             let wanted = format!("{}: {chapter}", engine.name);
             if !lines.any(|line| line.message == wanted) {
-                check(false, format!("no `{wanted}` in its place"));
+                check(false, format!("`{wanted}` is missing or out of order"));
                 break;
             }
         }
-        for unwanted in ["LinkLost", "RunCancelled"] {
-            // It may say why, as `RunCancelled(AtRest)` does.
+        for unwanted in ["ECU link lost", "run cancelled"] {
+            // The text may continue with a reason.
             let line = format!("{}: {unwanted}", engine.name);
-            check(log.lines.iter().all(|other| !other.message.starts_with(&line)), format!("`{line}`"));
+            check(
+                log.lines.iter().all(|other| !other.message.starts_with(&line)),
+                format!("unexpected: `{line}`"),
+            );
         }
     }
     check(
@@ -48,7 +57,7 @@ pub fn of_log(log: &Lines) -> Vec<String> {
     faults
 }
 
-/// What is wrong with an ECU's experience.
+/// Faults in the observations of an ECU.
 pub fn of_ecu(attached: &Attached) -> Vec<String> {
     let mut faults = Vec::new();
     let mut check = |good: bool, what: &str| {
@@ -56,29 +65,32 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
             faults.push(format!("{}: {what}", attached.engine.name));
         }
     };
-    check(attached.odd == 0, "bytes that are no part of a command");
+    check(attached.odd == 0, "it received bytes outside of commands");
     check(attached.phases.contains(&Phase::Running), "its turbine never ran");
     check(attached.phases.last() == Some(&Phase::Standby), "its turbine is not in standby at the end");
     match &attached.ecu {
         AnyEcu::Amt(ecu) => {
             let stats = &ecu.stats;
-            check(stats.unsolicited == 0, "replies that it did not ask for");
-            check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine by itself");
+            check(stats.unsolicited == 0, "it received unsolicited replies");
+            check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine without a command");
             check(stats.late + stats.none <= UNANSWERED, "too many sets without a reply in time");
-            check(stats.frames.total() > 100, "hardly any sets");
+            check(stats.frames.total() > 100, "it sent fewer than 100 sets");
         }
         AnyEcu::Zk(ecu) => {
             let stats = &ecu.stats;
-            check(stats.reserved_bits == 0, "reserved bits that are not 0");
-            check(stats.ignored == Default::default(), "commands that do not fit its version or state");
+            check(stats.reserved_bits == 0, "it received reserved bits other than 0");
+            check(
+                stats.ignored == Default::default(),
+                "it received commands that do not fit its version or state",
+            );
             check(stats.control_losses == 0, "it lost its control signal");
-            check(stats.frames_sent() > 100, "hardly any status");
+            check(stats.frames_sent() > 100, "it sent fewer than 100 status frames");
         }
     }
     faults
 }
 
-/// An ECU's experience in one line.
+/// Observations of an ECU in one line.
 pub fn summary(attached: &Attached) -> String {
     let name = attached.engine.name;
     match &attached.ecu {
@@ -86,7 +98,7 @@ pub fn summary(attached: &Attached) -> String {
             let stats = &ecu.stats;
             let slowest = stats.worst_margin.map_or(0, |margin| WIDE_WINDOW.saturating_sub(margin));
             format!(
-                "{name}: {} sets, {} replies, {} late, {} missing; the slowest ended after {:.1} ms (host and all)",
+                "{name}: {} sets, {} replies, {} late, {} missing; the slowest ended after {:.1} ms, including delays of the host",
                 stats.frames.total(),
                 stats.in_window,
                 stats.late,
@@ -97,7 +109,7 @@ pub fn summary(attached: &Attached) -> String {
         AnyEcu::Zk(ecu) => {
             let stats = &ecu.stats;
             format!(
-                "{name}: {} status frames, {} commands, {:.1} to {:.1} ms apart (host and all)",
+                "{name}: {} status frames, {} commands, {:.1} to {:.1} ms apart, including delays of the host",
                 stats.frames_sent(),
                 stats.accepted,
                 stats.intervals.min.unwrap_or(0) as f64 / MILLIS as f64,
@@ -114,7 +126,13 @@ mod tests {
 
     fn good() -> Lines {
         let mut lines = vec!["jetlink 0.1.0 on QEMU".to_owned()];
-        for chapter in ["LinkUp", "Phase(Standby)", "Phase(Starting)", "Phase(Running)", "Phase(Standby)"] {
+        for chapter in [
+            "ECU link up",
+            "ECU reports standby",
+            "ECU reports starting",
+            "ECU reports running",
+            "ECU reports standby",
+        ] {
             lines.extend(ENGINES.iter().map(|engine| format!("{}: {chapter}", engine.name)));
         }
         lines.push("trial: passed".into());
@@ -141,8 +159,8 @@ mod tests {
         for (level, message) in [
             ("WARN", "left: 3 events lost"),
             ("ERROR", "panic"),
-            ("INFO", "left: LinkLost"),
-            ("INFO", "left: RunCancelled(AtRest)"),
+            ("INFO", "left: ECU link lost"),
+            ("INFO", "left: run cancelled: the engine is at rest"),
             ("INFO", "jetlink "),
         ] {
             let mut log = good();

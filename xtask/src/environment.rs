@@ -1,14 +1,13 @@
-//! What is installed on this computer, and the environment of the `cargo` that is started.
+//! Checks of the installed tools, and the environment of the `cargo` that runs a task.
 
 use crate::pin;
 use std::io::ErrorKind;
 use std::process::{Command, Output, Stdio};
 
-/// What would make the pinned `cargo` use another compiler.
+/// Variables that would make the pinned `cargo` use another compiler.
 const OTHER_COMPILERS: [&str; 4] = ["RUSTC", "RUSTDOC", "CARGO_BUILD_RUSTC", "CARGO_BUILD_RUSTDOC"];
 
-/// What `cargo run` has set for this process and nobody has asked for: a build script that watches one of these
-/// would run again in each build.
+/// Variables that `cargo run` sets for this process: a build script that watches one would run again in each build.
 const OF_THIS_PACKAGE: [&str; 6] = [
     "CARGO",
     "CARGO_MANIFEST_DIR",
@@ -18,7 +17,7 @@ const OF_THIS_PACKAGE: [&str; 6] = [
     "CARGO_BIN_NAME",
 ];
 
-/// `cargo` with the pinned toolchain, by name: `$CARGO` is the caller's.
+/// `cargo` with the pinned toolchain, by name, because `$CARGO` is the caller's.
 pub fn cargo() -> Command {
     let mut cargo = Command::new("cargo");
     for (name, _) in std::env::vars_os() {
@@ -31,7 +30,7 @@ pub fn cargo() -> Command {
     cargo
 }
 
-/// Asks for the pinned toolchain with the firmware's target.
+/// Checks that the pinned toolchain and the firmware's target are installed.
 pub fn check_toolchain() -> Result<(), String> {
     let (version, target) = (pin::version(), pin::target());
     let toolchains = rustup(&["toolchain", "list"])?;
@@ -52,7 +51,7 @@ pub fn check_toolchain() -> Result<(), String> {
              rustup target add --toolchain {version} {target}"
         ));
     }
-    let named = run(cargo().arg("--version")).map_err(|error| format!("cargo cannot be started: {error}"))?;
+    let named = run(cargo().arg("--version")).map_err(|error| format!("cannot start cargo: {error}"))?;
     let named = String::from_utf8_lossy(&named.stdout).into_owned();
     if named.split_whitespace().nth(1) != Some(version) {
         return Err(format!(
@@ -67,27 +66,27 @@ pub fn check_toolchain() -> Result<(), String> {
 /// A program that a task needs besides Rust.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Program {
-    /// Its file.
+    /// Name of its file.
     pub name: &'static str,
-    /// The command that installs it.
+    /// Command that installs it.
     pub install: &'static str,
 }
 
-/// Looks whether a program is there.
+/// Checks that a program is installed.
 pub fn check_program(program: Program) -> Result<(), String> {
     match run(Command::new(program.name).arg("--version")) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             Err(format!("{} is not installed; install it with: {}", program.name, program.install))
         }
-        // What else may be wrong with it, its user sees.
+        // The task itself reports other errors.
         Ok(_) | Err(_) => Ok(()),
     }
 }
 
-/// What rustup answers.
+/// Runs rustup and returns its output.
 fn rustup(arguments: &[&str]) -> Result<String, String> {
-    let asked = format!("rustup {}", arguments.join(" "));
-    // Its answer must not depend on what the caller has chosen.
+    let command = format!("rustup {}", arguments.join(" "));
+    // The output must not depend on the caller's toolchain.
     let output = run(Command::new("rustup").args(arguments).env_remove("RUSTUP_TOOLCHAIN"));
     let output = output.map_err(|error| match error.kind() {
         ErrorKind::NotFound => format!(
@@ -95,11 +94,11 @@ fn rustup(arguments: &[&str]) -> Result<String, String> {
              https://rustup.rs",
             pin::version()
         ),
-        _ => format!("`{asked}` cannot be started: {error}"),
+        _ => format!("cannot start `{command}`: {error}"),
     })?;
     if !output.status.success() {
         let why = String::from_utf8_lossy(&output.stderr);
-        return Err(format!("`{asked}` failed: {}", why.trim()));
+        return Err(format!("`{command}` failed: {}", why.trim()));
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }

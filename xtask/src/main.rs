@@ -1,9 +1,8 @@
 //! The aliases of `.cargo/config.toml` that build a firmware image: `cargo fw`, `image`, `flash-*`, `emu`,
 //! `emu-run`, `emu-record`, `emu-compare`, `qemu` and `qemu-test`. And, for scripts, the list of boards: `cargo run --package xtask -- boards`.
 //!
-//! Every image is built with one pinned Rust, while everything else builds with the Rust that is there. So this
-//! asks for what is needed, reports what is missing and how to install it, and starts `cargo` with the pinned
-//! toolchain, whatever the caller has chosen.
+//! Every image is built with one pinned Rust; everything else builds with the installed one. This program checks the tools,
+//! reports how to install those that are missing, and starts `cargo` with the pinned toolchain instead of the caller's.
 #![forbid(unsafe_code)]
 
 mod environment;
@@ -38,7 +37,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The command, when all that it needs is installed.
+/// The command for these arguments, after checking its tools.
 fn prepare(arguments: &[String]) -> Result<Command, String> {
     let task = Task::parse(arguments)?;
     environment::check_toolchain()?;
@@ -50,7 +49,7 @@ fn prepare(arguments: &[String]) -> Result<Command, String> {
     Ok(cargo)
 }
 
-/// Becomes the command, so that a signal to this process reaches it.
+/// Replaces this process by the command, so that signals reach it.
 #[cfg(unix)]
 fn start(mut command: Command) -> ExitCode {
     use std::os::unix::process::CommandExt;
@@ -66,6 +65,6 @@ fn start(mut command: Command) -> ExitCode {
 }
 
 fn not_started(error: &std::io::Error) -> ExitCode {
-    eprintln!("error: cargo cannot be started: {error}");
+    eprintln!("error: cannot start cargo: {error}");
     ExitCode::FAILURE
 }

@@ -1,4 +1,4 @@
-//! The pinned toolchain, as `pinned-toolchain.toml` names it.
+//! The pinned toolchain of `pinned-toolchain.toml`.
 
 const FILE: &str = include_str!("../pinned-toolchain.toml");
 
@@ -12,7 +12,7 @@ pub fn target() -> &'static str {
     string("targets")
 }
 
-/// The first string that this key has; the tests see to it that there is one.
+/// The first string of a key. The tests check that there is one.
 fn string(key: &str) -> &'static str {
     let value = FILE.lines().find_map(|line| line.strip_prefix(key)?.trim_start().strip_prefix('='));
     value.and_then(|value| value.split('"').nth(1)).unwrap_or_default()
@@ -22,7 +22,7 @@ fn string(key: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// A file's lines but for its comments.
+    /// Lines of a file without comments.
     fn settings(file: &str) -> Vec<&str> {
         file.lines().filter(|line| !line.starts_with('#')).collect()
     }

@@ -15,7 +15,7 @@ const PROBE_RS: Program =
 /// The manifest of the emulator's workspace.
 const EMULATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml");
 
-/// What is asked for, with its further arguments.
+/// A task, with its further arguments.
 #[derive(Debug)]
 pub enum Task<'a> {
     /// `cargo fw FEATURES`: build for a board.
@@ -28,14 +28,14 @@ pub enum Task<'a> {
     Emu(&'a [String]),
     /// `cargo emu-run`: one image on an emulated board.
     EmuRun(&'a [String]),
-    /// `cargo emu-record`, or with true `cargo emu-compare`: what four runs send.
+    /// `cargo emu-record`, or with true `cargo emu-compare`: the bytes of four runs.
     EmuRecord(bool, &'a [String]),
     /// `cargo qemu`, or with true `cargo qemu-test`.
     Qemu(bool, &'a [String]),
 }
 
 impl<'a> Task<'a> {
-    /// What the arguments of this program ask for.
+    /// The task of these arguments.
     pub fn parse(arguments: &'a [String]) -> Result<Self, String> {
         let [task, rest @ ..] = arguments else { return Err(usage()) };
         Ok(match task.as_str() {
@@ -43,7 +43,7 @@ impl<'a> Task<'a> {
                 [features, more @ ..] if !features.starts_with('-') => Self::Fw(features, more),
                 _ => {
                     let boards = BOARDS.map(|board| format!("cargo fw board-{}", board.name)).join(", ");
-                    return Err(format!("name the board: {boards}, and further features behind a comma"));
+                    return Err(format!("name a board: {boards}; add further features after a comma"));
                 }
             },
             "image" => Self::Image(rest),
@@ -60,7 +60,7 @@ impl<'a> Task<'a> {
         })
     }
 
-    /// What it needs besides Rust.
+    /// Programs that it needs besides Rust.
     pub fn programs(&self) -> Vec<Program> {
         match self {
             Self::Flash(..) => vec![PROBE_RS],
@@ -106,13 +106,13 @@ fn strings(first: &[&str], more: &[String]) -> Vec<String> {
     first.iter().map(|&argument| argument.to_owned()).chain(more.iter().cloned()).collect()
 }
 
-/// What `boards` prints, one name a line: all boards, or those that CI treats in another way.
+/// Output of `boards`, one name a line: all boards, or those with this option.
 pub fn list(arguments: &[String]) -> Result<String, String> {
     let wanted: fn(&Board) -> bool = match arguments {
         [] => |_| true,
         [option] if option == "--with-bootloader" => |board| board.bootloader.is_some(),
         [option] if option == "--first-of-each-chip" => Board::is_first_of_its_chip,
-        _ => return Err("boards takes nothing, --with-bootloader or --first-of-each-chip".into()),
+        _ => return Err("invalid option: use none, --with-bootloader or --first-of-each-chip".into()),
     };
     Ok(BOARDS.into_iter().filter(|board| wanted(board)).map(|board| format!("{}\n", board.name)).collect())
 }
@@ -120,7 +120,7 @@ pub fn list(arguments: &[String]) -> Result<String, String> {
 fn usage() -> String {
     let flash = BOARDS.map(|board| format!("flash-{}", board.name)).join(", ");
     format!(
-        "this program stands behind cargo fw, image, {flash}, emu, emu-run, emu-record, emu-compare, qemu and \
-         qemu-test; call those; or let `boards` print the names of the boards"
+        "use one of the aliases cargo fw, image, {flash}, emu, emu-run, emu-record, emu-compare, qemu and \
+         qemu-test, or `boards` to list the boards"
     )
 }

@@ -12,7 +12,7 @@ fn the_engines_of_the_release_image_for_two_minutes() {
             well(&report, &engine);
             assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
         }
-        assert!(!report.logged("LinkLost") && !report.logged("NotSent"), "{}", report.log_text());
+        assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
     });
 }
 
@@ -26,7 +26,7 @@ fn an_engine_on_every_port_for_three_minutes() {
             well(&report, engine);
             assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
         }
-        assert!(!report.logged("LinkLost") && !report.logged("NotSent"), "{}", report.log_text());
+        assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
         println!("{}: {} engines load the core with {:.2} %", board.name, engines.len(), report.load());
     });
 }

@@ -28,8 +28,17 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
         no_window_missed(&report, &left);
         // What the ECU's first frames say, in the order in which they say it.
         let events: Vec<_> = report.events(left.name).into_iter().map(|(_, event)| event).collect();
-        let standby = "Ordered(Ordered { order: Standby, origin: Node })";
-        assert_eq!(events, ["EngineIdentified(Olympus)", "EcuStarted", standby, "LinkUp", "Phase(Standby)"]);
+        let standby = "standby, from node";
+        assert_eq!(
+            events,
+            [
+                "ECU identified the engine as olympus",
+                "ECU powered up",
+                standby,
+                "ECU link up",
+                "ECU reports standby"
+            ]
+        );
     });
 }
 
@@ -47,9 +56,12 @@ fn the_log_names_the_reset_and_every_port() {
             );
         }
         for engine in engines(&report) {
-            let stop_bits = engine.line.stop_bits;
-            let line =
-                format!(": {}, Line {{ baud: {}, stop_bits: {stop_bits:?}", engine.name, engine.line.baud);
+            let line = format!(
+                ": {}, {} baud, 8N{}",
+                engine.name,
+                engine.line.baud,
+                engine.line.bits_per_byte() - 9
+            );
             assert!(report.logged(&line), "{line}\n{}", report.log_text());
         }
     });

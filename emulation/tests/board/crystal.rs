@@ -30,7 +30,7 @@ fn a_crystal_that_is_dead_at_a_reset_costs_no_engine() {
         assert_eq!(report.lines(WITHOUT).count(), 1);
         // At most 0.1 s of trying, by the core's cycles.
         assert!(boots[1] - report.resets[0].0 < 105 * MILLIS, "{boots:?}");
-        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!((reset..reset + SECOND).contains(&again), "{again}");
     });
 }
@@ -71,7 +71,7 @@ fn a_crystal_that_stops_resets_a_plain_image() {
         let report = run.until(4 * SECOND).go();
         assert_eq!(report.lines("the crystal has stopped, resetting").count(), 1, "{}", report.log_text());
         assert!(report.logged("last reset: Software") && report.logged(WITHOUT));
-        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!(again > report.resets[0].0, "{}", report.log_text());
     });
 }
@@ -115,7 +115,7 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
                 assert!(later.count() > 20 && wrong.is_none(), "{task:?} {port} {wrong:?}");
             }
             assert!(report.resets.is_empty() && report.logged(WITHOUT));
-            let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+            let again = report.lines("left: ECU link up").next_back().expect("up again").at;
             assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
         }
     });
@@ -141,7 +141,7 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
             report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
         assert_eq!(causes, ["PowerOn", "Restart", "Restart"], "{}", report.log_text());
         let crashed = report.when("has no handler, resetting");
-        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!(again > crashed, "{}", report.log_text());
         assert!(report.faults.is_empty());
     });
@@ -173,7 +173,7 @@ fn crystal_that_stops_while_a_fault_is_handled_resets_no_image_behind_a_bootload
                 .map(|log| log.text.rsplit(' ').next().expect("a cause"))
                 .collect();
             assert_eq!(causes, ["PowerOn", "Restart"], "{task:?}\n{}", report.log_text());
-            let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+            let again = report.lines("left: ECU link up").next_back().expect("up again").at;
             assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
         }
     });

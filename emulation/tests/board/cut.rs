@@ -25,10 +25,10 @@ fn a_cut_wire_is_told_and_comes_back() {
             .until(10 * SECOND)
             .go();
         for (engine, limit) in [("left", 1000), ("booster", 500)] {
-            let lost = report.when(&format!("{engine}: LinkLost"));
+            let lost = report.when(&format!("{engine}: ECU link lost"));
             let silent = lost - 3 * SECOND;
             assert!(silent <= limit * MILLIS + 10 * MILLIS, "{engine}: told after {silent} ns");
-            let again = report.lines(&format!("{engine}: LinkUp")).next_back().expect("up again").at;
+            let again = report.lines(&format!("{engine}: ECU link up")).next_back().expect("up again").at;
             assert!((6 * SECOND..6500 * MILLIS).contains(&again), "{engine}: up again at {again}");
         }
         let stats = report.ecu::<AmtEcu>(AMT).stats;
@@ -46,7 +46,7 @@ fn a_cut_wire_is_told_and_comes_back() {
 fn without_a_cut_no_link_is_lost() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).engines().until(10 * SECOND).go();
-        assert!(!report.logged("LinkLost"), "{}", report.log_text());
+        assert!(!report.logged("ECU link lost"), "{}", report.log_text());
         others_are_well(&report, &[]);
     });
 }

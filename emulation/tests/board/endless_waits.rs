@@ -53,7 +53,7 @@ fn wait_that_never_ends_ends_in_a_reset_by_the_watchdog() {
             // It hung, so it said nothing; the next start is a good one.
             let first = &report.logs[0];
             assert!(first.at > *at && first.text.ends_with("last reset: Watchdog"), "{}", report.log_text());
-            assert!(report.logged("left: LinkUp"), "{name} {stuck:?}: {}", report.log_text());
+            assert!(report.logged("left: ECU link up"), "{name} {stuck:?}: {}", report.log_text());
         }
     });
 }

@@ -63,9 +63,9 @@ fn four_engines_start_one_after_the_other_and_run() {
         for engine in engines(&report) {
             assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
             assert_eq!(told(&report, &engine).last().expect("commands").1, Told::Run(0), "{}", engine.name);
-            let start = report.when(&format!("{}: Ordered(Ordered {{ order: Run", engine.name));
+            let start = report.when(&format!("{}: run, ", engine.name));
             assert!(start > running, "{} starts before the one before runs", engine.name);
-            running = report.when(&format!("{}: Phase(Running)", engine.name));
+            running = report.when(&format!("{}: ECU reports running", engine.name));
             println!(
                 "{}: {} starts at {:.1} s, runs at {:.1} s",
                 board.name,
@@ -164,7 +164,7 @@ fn engines_that_run_go_on_after_any_reset() {
             assert_eq!(*last, Told::Run(0), "{}", engine.name);
             assert!(told.iter().all(|(at, told)| *at < report.resets[0].0 || *told != Told::Standby));
             assert_eq!(
-                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("Resumed")).count(),
+                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("resumed")).count(),
                 3
             );
             if let Protocol::Amt(_) = engine.protocol {
@@ -186,7 +186,7 @@ fn after_a_reset_where_no_engine_runs_there_is_standby() {
             .resets(1)
             .until(6 * SECOND)
             .go();
-        assert!(report.logged("last reset: Watchdog") && !report.logged("Resumed"), "{}", report.log_text());
+        assert!(report.logged("last reset: Watchdog") && !report.logged("resumed"), "{}", report.log_text());
         for engine in engines(&report) {
             let told = told(&report, &engine);
             assert!(

@@ -213,7 +213,11 @@ fn the_expectations_of_the_first_flash() {
             "its reply: from the start bit to the last stop bit",
             time(5 * board.ports[0].byte_ns(Line::n1(2400)) as Nanos),
         );
-        row(18, "`left: LinkUp` after the first set", time(report.when("left: LinkUp") - 2 * SECOND));
+        row(
+            18,
+            "`left: ECU link up` after the first set",
+            time(report.when("left: ECU link up") - 2 * SECOND),
+        );
 
         // The reset pin, with engines' ECUs connected and none running.
         let at = 3 * SECOND;

@@ -70,7 +70,7 @@ fn every_byte_damaged_is_a_lost_link_and_no_more() {
             let (framing, ..) = errors_told(&report, engine);
             assert!(framing.abs_diff(damaged(port)) <= 1, "{engine}: {framing} of {}", damaged(port));
         }
-        assert!(report.logged("booster: LinkLost"));
+        assert!(report.logged("booster: ECU link lost"));
         others_are_well(&report, &[AMT, ZK]);
     });
 }
@@ -91,7 +91,7 @@ fn lost_bytes_and_what_the_ecu_does_not_understand_cost_single_frames() {
         assert!((1..=11).contains(&stats.none) && stats.late == 0 && stats.bad.total() == 0, "{stats:?}");
         let stats = report.ecu::<AmtEcu>("SERIAL3").stats;
         assert!(stats.framing_errors > 3 && stats.in_window > 80 && stats.late == 0, "{stats:?}");
-        assert!(!report.logged("LinkLost"), "{}", report.log_text());
+        assert!(!report.logged("ECU link lost"), "{}", report.log_text());
         others_are_well(&report, &[AMT, "SERIAL3", ZK]);
     });
 }

@@ -115,6 +115,6 @@ fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() 
             "{}",
             report.log_text()
         );
-        assert!(report.lines("left: LinkUp").next_back().expect("up again").at > report.resets[0].0);
+        assert!(report.lines("left: ECU link up").next_back().expect("up again").at > report.resets[0].0);
     });
 }

@@ -17,7 +17,7 @@ fn every_engine_of_the_release_image_is_served() {
         for engine in engines(&report) {
             assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
         }
-        assert!(!report.logged("LinkLost") && !report.logged("NotSent"), "{}", report.log_text());
+        assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
         let first = &report.logs[0].text;
         assert!(first.contains(&format!(" on {}, last reset: PowerOn", board.title)), "{first}");
     });

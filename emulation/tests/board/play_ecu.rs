@@ -50,7 +50,7 @@ fn the_played_ecu_is_answered_by_the_engine_on_the_crossed_port() {
         .ecu(last, line, end(1))
         .until(4 * SECOND)
         .go();
-    assert!(report.logged("left: LinkUp"), "{}", report.log_text());
+    assert!(report.logged("left: ECU link up"), "{}", report.log_text());
     // 8 frames a second; the first ones wait until two agree.
     let line = report.lines("played ECU: ").next_back().expect("a report").text.clone();
     println!("{line}");

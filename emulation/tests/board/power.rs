@@ -35,8 +35,8 @@ fn the_ecu_first() {
         let replies = turnaround::of(&report, AMT).len();
         assert!(frames == 24 && replies == frames - 1, "{replies} replies to {frames} frames, {stats:?}");
         assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{stats:?}");
-        assert!(report.when("left: LinkUp") < 250 * MILLIS, "{}", report.log_text());
-        assert!(report.when("booster: LinkUp") < 60 * MILLIS, "{}", report.log_text());
+        assert!(report.when("left: ECU link up") < 250 * MILLIS, "{}", report.log_text());
+        assert!(report.when("booster: ECU link up") < 60 * MILLIS, "{}", report.log_text());
         others_are_well(&report, &[AMT, ZK]);
     });
 }
@@ -57,9 +57,9 @@ fn the_board_first() {
             .until(6 * SECOND)
             .go();
         assert!(report.wire(AMT).tx[0].end > 3 * SECOND, "an AMT ECU is not spoken to before it speaks");
-        assert!(report.when("left: LinkLost") < 2 * SECOND);
-        assert!(report.when("left: LinkUp") > 3 * SECOND);
-        assert!(report.when("booster: LinkUp") > 3 * SECOND);
+        assert!(report.when("left: ECU link lost") < 2 * SECOND);
+        assert!(report.when("left: ECU link up") > 3 * SECOND);
+        assert!(report.when("booster: ECU link up") > 3 * SECOND);
         let stats = report.ecu::<AmtEcu>(AMT).stats;
         assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0), "{stats:?}");
         assert!(stats.frames.total() - stats.in_window <= 1, "{stats:?}");
@@ -84,12 +84,12 @@ fn an_ecu_restarts() {
             .until(9 * SECOND)
             .go();
         for engine in ["left", "booster"] {
-            let lost = report.when(&format!("{engine}: LinkLost"));
+            let lost = report.when(&format!("{engine}: ECU link lost"));
             assert!((3 * SECOND..4200 * MILLIS).contains(&lost), "{engine} lost at {lost}");
-            let again = report.lines(&format!("{engine}: LinkUp")).next_back().expect("up again").at;
+            let again = report.lines(&format!("{engine}: ECU link up")).next_back().expect("up again").at;
             assert!((5 * SECOND..6 * SECOND).contains(&again), "{engine} up again at {again}");
         }
-        assert_eq!(report.lines("left: EcuStarted").count(), 2);
+        assert_eq!(report.lines("left: ECU powered up").count(), 2);
         let stats = report.ecu::<AmtEcu>(AMT).stats;
         assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{stats:?}");
         assert!(stats.none <= 1 && stats.frames.total() - stats.in_window <= 2, "{stats:?}");

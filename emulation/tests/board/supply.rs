@@ -40,7 +40,7 @@ fn a_supply_that_falls_resets_and_the_next_start_waits() {
     assert_eq!(report.lines("the supply is below 2.84 V, resetting").count(), 1, "{}", report.log_text());
     let again = report.when("last reset: Software");
     assert!((2 * SECOND..2012 * MILLIS).contains(&again), "{again}");
-    assert!(report.lines("left: LinkUp").next_back().expect("up again").at > again);
+    assert!(report.lines("left: ECU link up").next_back().expect("up again").at > again);
 }
 
 /// No line leads from the emulator's detector to an interrupt, so the registers of that line are looked at: 2.84 V, rising, what

@@ -17,7 +17,7 @@ fn it_bites_when_an_engines_task_stands_still() {
         assert!(report.when("left: its runner is stuck") > 5 * SECOND);
         assert!(report.when("last reset: Watchdog") < at + 5 * MILLIS, "back at once");
         // And the engines are served again.
-        let again = report.lines("left: LinkUp").next_back().expect("up again").at;
+        let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!((at..at + SECOND).contains(&again), "{again}");
     });
 }
@@ -36,7 +36,7 @@ fn it_does_not_bite_while_all_is_well() {
 fn a_silent_line_is_no_reason_to_bite() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).until(5 * SECOND).go();
-        assert!(report.resets.is_empty() && report.logged("left: LinkLost"));
+        assert!(report.resets.is_empty() && report.logged("left: ECU link lost"));
     });
 }
 

@@ -246,7 +246,7 @@ impl<'a> Desk<'a> {
             // It takes effect when the rules of sources say so: see `standby_of`.
             (Ok(Accepted::Held), _) => {}
             // Refused, behind another source, a start that waits, the first of two words: nothing changes yet.
-            (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::OneMore) | Err(_), _) => {}
+            (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::RepeatStandby) | Err(_), _) => {}
         }
     }
 

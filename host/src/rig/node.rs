@@ -177,10 +177,10 @@ fn sum(before: &Counters, since: &Counters) -> Counters {
         replies_missed: before.replies_missed.saturating_add(since.replies_missed),
         replies_late: before.replies_late.saturating_add(since.replies_late),
         send_slots_missed: before.send_slots_missed.saturating_add(since.send_slots_missed),
-        given_up: before.given_up.saturating_add(since.given_up),
+        write_timeouts: before.write_timeouts.saturating_add(since.write_timeouts),
         write_errors: before.write_errors.saturating_add(since.write_errors),
         commands_rejected: before.commands_rejected.saturating_add(since.commands_rejected),
-        events_lost: before.events_lost.saturating_add(since.events_lost),
+        events_dropped: before.events_dropped.saturating_add(since.events_dropped),
         worst_reply_margin: before.worst_reply_margin.into_iter().chain(since.worst_reply_margin).min(),
         worst_slot_delay: before.worst_slot_delay.max(since.worst_slot_delay),
     }

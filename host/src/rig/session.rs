@@ -397,7 +397,7 @@ fn text(event: Event) -> Option<String> {
         Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
         Event::ActiveSource(origin) => format!("{} is in control", origin.name()),
         // The fault itself is told by its name.
-        Event::Limit(LimitViolation { what: LimitKind::EcuFault, .. }) => return None,
+        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => return None,
         Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
         Event::OtherFailed(0) => {
             "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
@@ -424,8 +424,8 @@ fn text(event: Event) -> Option<String> {
 
 /// A limit that was passed, for people.
 fn limit(passed: LimitViolation) -> String {
-    let LimitViolation { what, value, limit, .. } = passed;
-    match what {
+    let LimitViolation { kind, value, limit, .. } = passed;
+    match kind {
         LimitKind::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
         LimitKind::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
         LimitKind::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),

@@ -6,6 +6,7 @@ mod decoder;
 pub mod vendor;
 pub mod zk;
 
+use crate::sentence::sentences;
 use crate::setting::Setting;
 use vendor::{VendorFaults, VendorService};
 
@@ -64,7 +65,6 @@ macro_rules! vendor_types {
 
         /// A service command: done once, in the ECU's own terms.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Service {
             $($(#[$doc])* $name($service),)+
         }
@@ -94,7 +94,6 @@ macro_rules! vendor_types {
 
         /// The faults that an ECU reports.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Faults {
             $($(#[$doc])* $name($faults),)+
         }
@@ -123,3 +122,27 @@ macro_rules! vendor_types {
     };
 }
 protocols!(vendor_types);
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Faults {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            Self::Amt(bits) if bits.0 == 0 => defmt::write!(f, "none"),
+            Self::Amt(bits) => {
+                for (i, name) in bits.names().enumerate() {
+                    defmt::write!(f, "{=str}{=str}", if i > 0 { ", " } else { "" }, name);
+                }
+            }
+            Self::Zk(zk::codec::ErrorCode::Unknown(code)) => defmt::write!(f, "unknown error {=u8}", code),
+            Self::Zk(code) => defmt::write!(f, "{=istr}", code.interned()),
+        }
+    }
+}
+
+sentences!(Service {
+    Self::Amt(amt::config::Service::Ctf) => "CTF";
+    Self::Zk(zk::config::Service::IgnitionPump(_)) => "ignition pump voltage";
+    Self::Zk(zk::config::Service::Curve(_)) => "acceleration curve";
+} {
+    Self::Zk(zk::config::Service::Action(action)) => "action {}", action.parameter();
+});

@@ -121,7 +121,7 @@ impl Engine {
             return Err(Rejected::StopLatched);
         }
         if !outcome.counts {
-            return Ok(Accepted::OneMore);
+            return Ok(Accepted::RepeatStandby);
         }
         if outcome.changed {
             self.permitted = [false; Origin::ALL.len()];
@@ -458,7 +458,7 @@ impl Engine {
             return Err(Interlock::SupplyLow(supply));
         }
         if let Some((violation, _)) = self.limits.in_force() {
-            return Err(Interlock::Limit(violation.what));
+            return Err(Interlock::Limit(violation.kind));
         }
         if !others_allow_start {
             return Err(Interlock::OtherStarting);

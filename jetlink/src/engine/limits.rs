@@ -261,7 +261,7 @@ impl LimitMonitor {
         let value = egt.value.tenths();
         if let Some(limit) = self.limits.over_temperature.at {
             let violation = LimitViolation {
-                what: LimitKind::OverTemperature,
+                kind: LimitKind::OverTemperature,
                 value: value.into(),
                 limit: limit.tenths().into(),
                 at: now,
@@ -283,7 +283,7 @@ impl LimitMonitor {
             });
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
-            let violation = LimitViolation { what: LimitKind::HotStart, value, limit: limit.into(), at: now };
+            let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
             let confirmed = self.hot_start.observe(beyond.then_some(violation), self.limits.hot_start.action);
             self.push(confirmed);
         }

@@ -179,7 +179,7 @@ pub struct Engine {
     /// Time of a frame that [`Engine::supervise`] has not handled yet.
     pending_frame: Option<Instant>,
     events: Deque<Event, 12>,
-    events_lost: u32,
+    events_dropped: u32,
 }
 
 impl Engine {
@@ -223,7 +223,7 @@ impl Engine {
             record_stale: true,
             pending_frame: None,
             events: Deque::new(),
-            events_lost: 0,
+            events_dropped: 0,
         }
     }
 
@@ -397,7 +397,7 @@ impl Engine {
     pub fn telemetry(&self, now: Instant) -> Telemetry {
         let mut counters = self.link.status().counters;
         counters.commands_rejected = self.commands_rejected;
-        counters.events_lost = counters.events_lost.wrapping_add(self.events_lost);
+        counters.events_dropped = counters.events_dropped.wrapping_add(self.events_dropped);
         let run = match &self.mode {
             Mode::Run(run) => Some(run),
             _ => None,
@@ -736,7 +736,7 @@ impl Engine {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
             };
             let violation =
-                LimitViolation { what: LimitKind::StartTimeout, value: ms(now), limit: ms(by), at: now };
+                LimitViolation { kind: LimitKind::StartTimeout, value: ms(now), limit: ms(by), at: now };
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::Limit(violation));
@@ -1043,7 +1043,7 @@ impl Engine {
 
     fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
-            bump(&mut self.events_lost);
+            bump(&mut self.events_dropped);
         }
     }
 }

@@ -2,6 +2,7 @@
 //! protocol into a [`Phase`]; this adds age, switch and faults.
 
 use crate::report::{EcuState, LinkState, Phase, Report, ReportedSwitch};
+use crate::sentence::sentences;
 use embassy_time::{Duration, Instant};
 
 /// Largest age of a reported state that counts as current.
@@ -9,7 +10,6 @@ pub(super) const STATE_MAX_AGE: Duration = Duration::from_secs(3);
 
 /// State of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EngineState {
     /// Nothing is received from the ECU.
     Offline,
@@ -81,3 +81,18 @@ impl EngineState {
         }
     }
 }
+
+sentences!(EngineState {
+    Self::Offline => "offline";
+    Self::NotKnown => "not known";
+    Self::Stopped => "stopped";
+    Self::Standby => "standby";
+    Self::Cooling => "cooling";
+    Self::StartRequested => "start requested";
+    Self::Running => "running";
+    Self::ShuttingDown => "shutting down";
+    Self::Service => "service";
+    Self::Fault => "fault";
+} {
+    Self::Starting(state) => "starting ({})", state.name;
+});

@@ -319,13 +319,13 @@ fn every_field_has_a_range() {
 #[test]
 fn errors_name_their_row() {
     for (error, text) in [
-        (ConfigError::BaudRate(2), "engine 2: an engine's baud rate is none of"),
-        (ConfigError::SamePort(0, 3), "engine 3: two engines sit on one port"),
-        (ConfigError::RateTooFast(1), "engine 1: an engine's status rate does not fit"),
-        (ConfigError::AmtStopBits(0), "engine 0: an AMT line has one stop bit"),
-        (ConfigError::NoReplyFits(1), "engine 1: an engine's reply guard"),
-        (ConfigError::AmtEngine(3), "engine 3: an AMT engine has a serial delay of"),
-        (ConfigError::Timing(4), "engine 4: an engine's link needs"),
+        (ConfigError::BaudRate(2), "engine 2: invalid baud rate: use 2400, 4800"),
+        (ConfigError::SamePort(0, 3), "engine 3: two engines on one port"),
+        (ConfigError::RateTooFast(1), "engine 1: the line is too slow for the status rate"),
+        (ConfigError::AmtStopBits(0), "engine 0: invalid stop bits"),
+        (ConfigError::NoReplyFits(1), "engine 1: the reply guard"),
+        (ConfigError::AmtEngine(3), "engine 3: invalid AMT settings: use a serial delay of"),
+        (ConfigError::Timing(4), "engine 4: invalid link settings"),
         (ConfigError::Supervision(5, setting("LOSS_HOLD")), "engine 5: loss.hold: 0 to 60000"),
     ] {
         assert!(error.to_string().starts_with(text), "{error}");

@@ -36,7 +36,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
     scenario.fly_us(run(50), Origin::Rc, u64::from(frames) * FRAME_PERIOD_US);
     scenario.values = before;
     scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
-    scenario.passed().into_iter().map(|passed| (passed.what, passed.value, passed.limit)).collect()
+    scenario.passed().into_iter().map(|passed| (passed.kind, passed.value, passed.limit)).collect()
 }
 
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
@@ -165,7 +165,7 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
             let passed = scenario.passed();
             if told {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
-                assert_eq!((passed[0].what, passed[0].limit), (LimitKind::HotStart, 200));
+                assert_eq!((passed[0].kind, passed[0].limit), (LimitKind::HotStart, 200));
                 // Soon after it passed the limit.
                 assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {

@@ -531,7 +531,7 @@ fn a_start_has_its_time_to_the_tick() {
             let passed = scenario.passed();
             assert_eq!(passed.len(), 1, "{ecu:?}");
             assert_eq!(
-                (passed[0].what, passed[0].value, passed[0].limit),
+                (passed[0].kind, passed[0].value, passed[0].limit),
                 (LimitKind::StartTimeout, 20_000, 20_000)
             );
             assert_eq!(passed[0].at, at_us(start + 20 * SECOND));
@@ -567,7 +567,7 @@ fn the_ecus_own_start_up_time_counts_twice() {
     assert_eq!(scenario.order(), Order::Standby);
     let passed = scenario.passed();
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!((passed[0].what, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!((passed[0].kind, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
     assert_eq!(passed[0].at, at_us(start + twice));
 }
 
@@ -599,7 +599,7 @@ fn nobody_starts_while_the_node_listens() {
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
         scenario.pass_us(5 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::NoLink), "{ecu:?}");
-        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         assert_eq!(scenario.sent(), [], "nothing but ID 0");
         scenario.introduce();
         scenario.says(Says::Standby);
@@ -607,7 +607,7 @@ fn nobody_starts_while_the_node_listens() {
         scenario.command(Command::Standby).unwrap();
 
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
-        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+        assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         scenario.fly_us(Command::Standby, Origin::Rc, SECOND - 1);
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));

@@ -496,7 +496,7 @@ impl<'a> Cockpit<'a> {
             Some(Ok(Accepted::InForce)) => "in force".to_owned(),
             Some(Ok(Accepted::Held)) => "held".to_owned(),
             Some(Ok(Accepted::StartWaits)) => "waits for another engine's start".to_owned(),
-            Some(Ok(Accepted::OneMore)) => "one more word".to_owned(),
+            Some(Ok(Accepted::RepeatStandby)) => "one more word".to_owned(),
             Some(Ok(Accepted::Behind(other))) => format!("behind {}", other.name()),
             Some(Err(why)) => why.to_string(),
         }

@@ -98,7 +98,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.event();
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
-    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::HotStart));
+    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::HotStart));
     c.must(told, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
@@ -173,7 +173,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     let end = c.now();
     c.look();
     let told =
-        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
+        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("left: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
@@ -213,7 +213,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     let end = c.now();
     c.look();
     let told =
-        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.what == LimitKind::FlameOut));
+        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut));
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("right: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),

@@ -131,8 +131,8 @@ fn amt_11_of_several_frames_during_a_transmission_the_last_is_answered() {
 /// AMT-11: what the UART did not send is counted, told, and the next frame is answered.
 #[test]
 fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
-    for (why, given_up, write_errors) in
-        [(NotSent::TooLate, 0, 0), (NotSent::GaveUp, 1, 0), (NotSent::Failed, 0, 1)]
+    for (why, write_timeouts, write_errors) in
+        [(NotSent::TooLate, 0, 0), (NotSent::TimedOut, 1, 0), (NotSent::Failed, 0, 1)]
     {
         let mut bench = default().by_hand();
         bench.rx_at_us(100_000, &normal(CLEARANCE, AUTO_STOP, 0));
@@ -142,7 +142,7 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
         assert_eq!(bench.event_kinds(), [Event::NotSent(why)]);
         let counters = bench.machine.status().counters;
         assert_eq!((counters.sent, counters.replies_missed), (0, 1));
-        assert_eq!((counters.given_up, counters.write_errors), (given_up, write_errors));
+        assert_eq!((counters.write_timeouts, counters.write_errors), (write_timeouts, write_errors));
         bench.rx_at_us(225_000, &normal(CLEARANCE, AUTO_STOP, 0));
         assert_eq!(bench.frames(), [(225_000, control(AUTO_OPS, 0).to_vec())]);
         bench.sent_at_us(246_000);

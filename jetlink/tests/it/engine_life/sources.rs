@@ -29,11 +29,11 @@ fn two_standbys_of_a_slow_source_count_within_two_of_its_periods() {
             fly(&mut scenario, run(50), 6);
             assert_eq!(scenario.tenths(), 500, "{ecu:?}");
             let first = scenario.command_from(Command::Standby, Origin::Mavlink);
-            assert_eq!(first, Ok(Accepted::OneMore));
+            assert_eq!(first, Ok(Accepted::RepeatStandby));
             scenario.pass_us(between);
             assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: a word that stays alone is none");
             let answer = scenario.command_from(Command::Standby, Origin::Mavlink);
-            let expected = if counts { Accepted::InForce } else { Accepted::OneMore };
+            let expected = if counts { Accepted::InForce } else { Accepted::RepeatStandby };
             assert_eq!(answer, Ok(expected), "{ecu:?} {period} {between}");
             assert_eq!(scenario.order() == Order::Standby, counts);
         }

@@ -10,7 +10,7 @@ fn the_highest_fresh_source_is_in_control() {
             let mut scenario = Scenario::started(ecu, percent(50));
             for (command, answer) in [
                 (run(20), Accepted::Behind(Origin::Rc)),
-                (Command::Standby, Accepted::OneMore),
+                (Command::Standby, Accepted::RepeatStandby),
                 (Command::Standby, Accepted::Behind(Origin::Rc)),
             ] {
                 assert_eq!(scenario.command_from(command, lower), Ok(answer), "{command:?}");
@@ -228,11 +228,11 @@ fn standby_is_obeyed_at_the_second_command() {
             [(0, true), (COMMAND_PERIOD_US, true), (SOURCE_TIMEOUT_US, true), (SOURCE_TIMEOUT_US + 1, false)]
         {
             let mut scenario = Scenario::started(ecu, percent(50));
-            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
             assert_eq!(scenario.order(), Order::Run(percent(50)));
             scenario.pass_us(between);
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {between}");
-            let expected = if obeyed { Accepted::InForce } else { Accepted::OneMore };
+            let expected = if obeyed { Accepted::InForce } else { Accepted::RepeatStandby };
             assert_eq!(scenario.command(Command::Standby), Ok(expected), "{between}");
             let ordered = scenario.telemetry().ordered;
             if obeyed {
@@ -245,7 +245,7 @@ fn standby_is_obeyed_at_the_second_command() {
         // Another word between the two takes the first back.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
-            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::OneMore));
+            assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
             scenario.command(run(50)).unwrap();
             scenario.pass_us(COMMAND_PERIOD_US);
         }
@@ -265,7 +265,10 @@ fn two_standbys_of_a_higher_source_shut_down() {
                     scenario.command_from(command, Origin::Emergency).unwrap();
                 }
                 let ruler = scenario.telemetry().active_source;
-                assert_eq!(scenario.command_from(Command::Standby, Origin::Emergency), Ok(Accepted::OneMore));
+                assert_eq!(
+                    scenario.command_from(Command::Standby, Origin::Emergency),
+                    Ok(Accepted::RepeatStandby)
+                );
                 assert_eq!(
                     (scenario.order(), scenario.telemetry().active_source),
                     (Order::Run(percent(50)), ruler)

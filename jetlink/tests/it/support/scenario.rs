@@ -301,7 +301,7 @@ impl Scenario {
     }
 
     pub fn shut_down_from(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
-        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::OneMore));
+        assert_eq!(self.command_from(Command::Standby, origin), Ok(Accepted::RepeatStandby));
         self.pass_us(COMMAND_PERIOD_US);
         self.command_from(Command::Standby, origin)
     }
@@ -345,7 +345,7 @@ impl Scenario {
 
     /// The limits that were told since the last call; other events are dropped.
     pub fn limits(&mut self) -> Vec<LimitKind> {
-        self.passed().into_iter().map(|passed| passed.what).collect()
+        self.passed().into_iter().map(|passed| passed.kind).collect()
     }
 
     pub fn passed(&mut self) -> Vec<LimitViolation> {

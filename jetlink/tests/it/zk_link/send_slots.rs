@@ -64,11 +64,11 @@ fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     bench.run_to_us(120_000); // the frame of turn 0 hangs
     assert_eq!(bench.frames().len(), 1);
     assert_eq!(bench.machine.status().counters.send_slots_missed, 2);
-    bench.not_sent_at_us(125_000, NotSent::GaveUp);
+    bench.not_sent_at_us(125_000, NotSent::TimedOut);
     assert_eq!(bench.frames(), [], "not out of turn");
     bench.run_to_us(150_000);
     assert_eq!(bench.frames(), [(150_000, zk::keep_alive().to_vec())]);
-    assert_eq!(bench.machine.status().counters.given_up, 1);
+    assert_eq!(bench.machine.status().counters.write_timeouts, 1);
 }
 
 /// ZK-12: at the slowest line a frame is over before the next turn.

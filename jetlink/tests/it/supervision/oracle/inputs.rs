@@ -177,7 +177,7 @@ impl Oracle {
         let before = self.sources[slot(origin)];
         let fresh = before.filter(|before| at < before.silent_from);
         let second = before.and_then(|before| before.standby_at);
-        if answer == Ok(Accepted::OneMore) {
+        if answer == Ok(Accepted::RepeatStandby) {
             // Two words within the age limit are an order.
             if second.is_some_and(|second| at + TOL <= second + self.age(origin)) {
                 return Err(format!("(1) {origin:?} has said standby twice, and that is not enough"));
