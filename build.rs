@@ -33,6 +33,8 @@ fn main() {
     let map = match Board::by_name(name) {
         Some(board) => {
             write("board.rs", &code(board));
+            let id = board.bootloader.map_or(0, |bootloader| bootloader.board_id);
+            write("apj_board_id.rs", &id.to_string());
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             let flash = board.flash(behind_bootloader);
             map(board, flash.unwrap_or_else(|| panic!("{} has no bootloader to keep", board.title)))
@@ -78,7 +80,6 @@ fn code(board: &Board) -> String {
     let mut code = String::from("board! {\n");
     let mut line = |text: String| writeln!(code, "    {text}").unwrap();
     line(format!("name: {:?},", board.title));
-    line(format!("apj_board_id: {},", board.bootloader.map_or(0, |bootloader| bootloader.board_id)));
     line(format!("clock: {mhz} {mode},"));
     line("ports: [".into());
     for port in board.ports {

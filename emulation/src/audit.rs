@@ -7,7 +7,7 @@
 //! - The pins of every port in use are given to their UART. The emulated UART does not look at them.
 
 use crate::board::{Board, Pin};
-use crate::run::Report;
+use crate::report::Report;
 use crate::wire::{Fate, Tx, Wire};
 
 /// What belongs to a run.

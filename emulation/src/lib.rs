@@ -20,7 +20,8 @@
 //! - [`board`]: the boards, their ports, pins and clocks.
 //! - [`bootloader`]: what stands before an image that keeps its board's bootloader.
 //! - [`image`]: which images there are, and where.
-//! - [`run`]: one run, from what it is made of to what it leaves behind.
+//! - [`run`]: one run, from what it is made of to how it goes.
+//! - [`report`]: what it leaves behind.
 //! - [`audit`]: what is checked at every run.
 //! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
@@ -38,6 +39,7 @@ pub mod image;
 mod log;
 mod quirks;
 pub mod recording;
+pub mod report;
 pub mod run;
 pub mod turnaround;
 mod wire;
@@ -47,5 +49,6 @@ pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;
 pub use quirks::Stuck;
-pub use run::{Bench, Report, Run, Tap, Written};
+pub use report::{Report, Tap, Written};
+pub use run::{Bench, Run};
 pub use wire::{Far, Fate, Rx, Tx, Wire};

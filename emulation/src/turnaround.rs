@@ -1,6 +1,6 @@
 //! How long a reply takes: from the last stop bit of an AMT frame to the first start bit of the reply.
 
-use crate::run::Report;
+use crate::report::Report;
 use crate::wire::Fate;
 use sim::ecu::{MILLIS, Nanos};
 

@@ -2,7 +2,9 @@
 //! and what it wants to be told afterwards.
 
 use super::chip;
-use super::table::APJ_BOARD_ID;
+
+/// What the bootloader calls the board (APJ_BOARD_ID), from its table (build.rs).
+const APJ_BOARD_ID: u16 = include!(concat!(env!("OUT_DIR"), "/apj_board_id.rs"));
 
 /// ArduPilot's `app_descriptor` (libraries/AP_CheckFirmware/AP_CheckFirmware.h). Bootloaders that check their
 /// application find it by its first eight bytes. `cargo image` fills in the two checksums and the size.

@@ -4,16 +4,16 @@
 //! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
 //! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
 
-use super::chip;
 use super::retained::RetainedWord;
 use super::state::{Oscillator, ResetCause};
+use super::{chip, watchdog};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::pac::{
     gpio::{
         Gpio,
         vals::{Moder, Pupdr},
     },
-    iwdg::vals::{Key, Pr},
+    iwdg::vals::Pr,
 };
 
 /// What is known before the clocks run.
@@ -48,7 +48,7 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
     // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 136). The start takes some milliseconds, and
     // 0.1 s more without a crystal.
-    watch(Pr::from_bits(2), 0xFFF);
+    watchdog::watch(Pr::from_bits(2), 0xFFF);
     super::stack::paint();
     let cause = chip::reset_cause();
     #[cfg(feature = "ardupilot-bootloader")]
@@ -59,7 +59,7 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     let oscillator = if crystal { Oscillator::Crystal } else { Oscillator::Internal };
     WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
     // Still on the chip's own oscillator, whose speed the flash allows at any voltage.
-    chip::wait_for_supply(feed);
+    chip::wait_for_supply(watchdog::feed);
     chip::before_init();
     Early { cause, oscillator }
 }
@@ -76,41 +76,6 @@ pub fn finish(early: Early) {
     chip::watch_supply();
 }
 
-/// Starts the watchdog, or gives the one that runs another time: so many counts down from `reload`, each of 4, 8, 16 …
-/// periods of its oscillator.
-pub fn watch(prescaler: Pr, reload: u16) {
-    let watchdog = chip::WATCHDOG;
-    watchdog.kr().write(|w| w.set_key(Key::START));
-    settled();
-    watchdog.kr().write(|w| w.set_key(Key::ENABLE));
-    watchdog.pr().write(|w| w.set_pr(prescaler));
-    watchdog.rlr().write(|w| w.set_rl(reload));
-    settled();
-    feed();
-}
-
-/// Gives the firmware the watchdog's whole time again.
-pub fn feed() {
-    chip::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
-}
-
-/// Waits until a new prescaler and reload value have crossed over into the watchdog's own clock; before that, others are
-/// ignored, and a feed may load the old ones.
-///
-/// The manuals say five periods of the LSI (RM0433, 45.4.4; RM0090, 21.4.4). ST's HAL allows six, times the prescaler
-/// (HAL_IWDG_DEFAULT_TIMEOUT in `stm32h7xx_hal_iwdg.c` and `stm32f4xx_hal_iwdg.c`), and so does this: 90 ms with the
-/// largest prescaler, 256, which a bootloader may have chosen, and the slowest LSI, 17 kHz; 5.6 ms with the largest that this
-/// firmware chooses. It ends, because a watchdog whose LSI does not run never answers.
-fn settled() {
-    let step = chip::core_hz() / 100_000; // 10 µs
-    for _ in 0..10_000 {
-        if chip::WATCHDOG.sr().read().0 == 0 {
-            return;
-        }
-        cortex_m::asm::delay(step);
-    }
-}
-
 /// Ends the firmware. A plain image by a reset.
 #[cfg(not(feature = "ardupilot-bootloader"))]
 pub fn end() -> ! {
@@ -125,7 +90,7 @@ pub fn end() -> ! {
         restart();
     }
     super::ardupilot::start_at_once();
-    watch(Pr::from_bits(0), 0);
+    watchdog::watch(Pr::from_bits(0), 0);
     loop {
         cortex_m::asm::nop();
     }
@@ -152,7 +117,7 @@ fn take_restart() -> bool {
 
 /// Goes back to the image's first instruction, from wherever this is called.
 #[cfg(feature = "ardupilot-bootloader")]
-fn restart() -> ! {
+pub fn restart() -> ! {
     RESTART.set(RESTARTED);
     // SAFETY: `Reset` and `__pre_init` (start.rs) rely on nothing: they leave the handler that this may be called in,
     // set the stack and initialise the memory. Nothing runs on after this.
@@ -176,14 +141,8 @@ fn has_stopped(cause: ResetCause) -> bool {
     STOPPED.get() == Some(HAS_STOPPED)
 }
 
-/// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
-#[cortex_m_rt::exception]
-unsafe fn NonMaskableInt() -> ! {
+/// Notes for the next start that the crystal has stopped: it then does without.
+pub fn crystal_has_stopped() {
     chip::clear_crystal_alarm();
     STOPPED.set(HAS_STOPPED);
-    // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
-    #[cfg(feature = "ardupilot-bootloader")]
-    restart();
-    #[cfg(not(feature = "ardupilot-bootloader"))]
-    super::crash::crash(|| defmt::error!("the crystal has stopped, resetting"))
 }

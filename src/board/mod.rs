@@ -9,6 +9,8 @@
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with another chip than an STM32 brings all of them (`qemu_mps2.rs`).
 
+#[cfg(feature = "stm32")]
+mod alarms;
 #[cfg(feature = "ardupilot-bootloader")]
 mod ardupilot;
 #[cfg(feature = "stm32")]
@@ -39,6 +41,8 @@ mod stm32f4;
 mod stm32h7;
 #[cfg(feature = "stm32")]
 mod table;
+#[cfg(feature = "stm32")]
+mod watchdog;
 
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;

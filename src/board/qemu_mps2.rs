@@ -10,12 +10,16 @@ mod clock;
 #[cfg(feature = "count")]
 pub mod count;
 mod executor;
+mod hardware;
+#[cfg(feature = "count")]
+mod memory_uart;
 mod semihosting;
 mod uart;
 
+pub use self::hardware::PORTS;
+use self::hardware::{CLOCK_HZ, Handler, Irq, Register};
 use self::uart::Port;
 use super::state::{ENGINE_EXECUTOR, Oscillator, Ready, ResetCause};
-use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 use cortex_m_rt::exception;
 use embassy_executor::SendSpawner;
 use jetlink::line::Line;
@@ -27,63 +31,17 @@ pub use self::{executor::Executor, uart::EcuPort};
 /// The board's name.
 pub const NAME: &str = "QEMU mps2-an500";
 
-/// The ECU ports by number, from 0. QEMU's n-th `-serial` is UARTn.
-pub const PORTS: [&str; 4] = ["UART0", "UART1", "UART2", "UART3"];
-
 /// Kept free for MAVLink.
 pub const TELEMETRY_PORT: &str = "UART4";
 
-/// Of the core and of everything on its buses.
-const CLOCK_HZ: u32 = 25_000_000;
-
-/// A register of 32 bits.
-#[derive(Clone, Copy)]
-struct Register(*mut u32);
-
 // SAFETY: a register may be read and written from anywhere; it is not Rust's memory.
 unsafe impl Sync for Register {}
-
-impl Register {
-    const fn at(address: usize) -> Self {
-        Self(address as *mut u32)
-    }
-
-    /// The register so many bytes further on.
-    const fn next(self, offset: usize) -> Self {
-        Self(self.0.wrapping_byte_add(offset))
-    }
-
-    fn read(self) -> u32 {
-        // SAFETY: private to this board, whose files make registers from its memory map only; each
-        // is 32 bits wide, aligned, and never the address of anything that Rust knows of.
-        unsafe { self.0.read_volatile() }
-    }
-
-    fn write(self, value: u32) {
-        // SAFETY: as in `read`; no register used here makes the hardware touch memory.
-        unsafe { self.0.write_volatile(value) }
-    }
-}
-
-/// An interrupt of this board.
-#[derive(Clone, Copy)]
-struct Irq(u16);
-
-// SAFETY: all are made in this board's files, below 32, which is what the board has.
-unsafe impl InterruptNumber for Irq {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
 
 /// The audio interface's, which nothing here uses: it carries the engines' executor.
 const EXECUTOR_INTERRUPT: Irq = Irq(14);
 
 /// Below the UARTs and SysTick, which keep the 0 they have after a reset.
 const EXECUTOR_PRIORITY: u8 = 0x60;
-
-/// An interrupt's handler.
-type Handler = unsafe extern "C" fn();
 
 unsafe extern "C" {
     /// The handler in `crash.rs`, by the name that cortex-m-rt gives it.
@@ -181,15 +139,4 @@ impl Watchdog {
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     super::crash::crash(|| defmt::error!("the watchdog was not fed, resetting"))
-}
-
-/// Has an interrupt taken.
-fn pend(irq: Irq) {
-    NVIC::pend(irq);
-}
-
-/// Turns an interrupt on.
-fn unmask(irq: Irq) {
-    // SAFETY: no critical section relies on masks of single interrupts.
-    unsafe { NVIC::unmask(irq) }
 }

@@ -11,7 +11,7 @@
 
 use super::retained::RetainedWord;
 use super::state::{Oscillator, ResetCause};
-use super::{chip, early};
+use super::{chip, watchdog};
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::{DWT, MPU, SCB};
 use embassy_stm32::pac::{gpio::Gpio, iwdg::vals::Pr};
@@ -89,7 +89,7 @@ pub fn measure(cause: ResetCause) {
 fn run_out(round: u32) -> ! {
     defmt::info!("selftest: round {=u32}, the watchdog is left to run out", round);
     RECORD.round.set(MAGIC + round);
-    early::watch(Pr::from_bits(0), RELOAD);
+    watchdog::watch(Pr::from_bits(0), RELOAD);
     let begun = Instant::now();
     let reached = &RECORD.reached[usize::from(round == 2)];
     loop {

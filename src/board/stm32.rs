@@ -1,7 +1,7 @@
 //! What boards with an STM32 share: LED, watchdog, the engines' executor. They log over RTT.
 
 use super::state::ENGINE_EXECUTOR;
-use super::{chip, early};
+use super::{chip, watchdog};
 use defmt_rtt as _; // the logger
 use embassy_executor::SendSpawner;
 use embassy_stm32::{
@@ -62,13 +62,13 @@ impl Watchdog {
 
     /// From here on, 1.0 s by the nominal oscillator without a feed mean a reset.
     pub fn start(&mut self) {
-        early::watch(Pr::from_bits(1), 3999);
+        watchdog::watch(Pr::from_bits(1), 3999);
     }
 
     /// Gives the firmware another second.
     pub fn feed(&mut self) {
         let _only_one = &mut self.0;
-        early::feed();
+        watchdog::feed();
     }
 }
 

@@ -196,7 +196,7 @@ pub fn watch_supply() {
     // What it has seen until now, while it settled too, is looked at below.
     EXTI.pr(0).write(|w| w.set_line(DETECTOR_LINE, true));
     EXTI.imr(0).modify(|w| w.set_line(DETECTOR_LINE, true));
-    // SAFETY: no critical section relies on masks of single interrupts, and the handler below is there.
+    // SAFETY: no critical section relies on masks of single interrupts, and the handler is there (`alarms.rs`).
     unsafe { cortex_m::peripheral::NVIC::unmask(Interrupt::PVD) };
     if PWR.csr1().read().pvdo() {
         cortex_m::peripheral::NVIC::pend(Interrupt::PVD); // it fell before the line could see it
@@ -208,11 +208,6 @@ const DETECTOR_SETTLES: u32 = 10_000;
 
 /// The detector's line of the EXTI (RM0090, 12.2.5).
 const DETECTOR_LINE: usize = 16;
-
-#[interrupt]
-unsafe fn PVD() {
-    super::crash::crash(|| defmt::error!("the supply is below 2.84 V, resetting"))
-}
 
 /// Turns the clock security system on: a crystal that stops raises the NMI.
 pub fn watch_crystal() {

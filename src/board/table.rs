@@ -6,7 +6,6 @@
 macro_rules! board {
     (
         name: $name:literal,
-        apj_board_id: $apj_board_id:literal,
         clock: $mhz:literal $mode:ident,
         ports: [$($port:literal $uart:ident $rx:ident $tx:ident $gpio:ident $number:literal $rx_gpio:ident $rx_number:literal,)*],
         telemetry: $telemetry:literal,
@@ -23,10 +22,6 @@ macro_rules! board {
 
         /// The board's name.
         pub const NAME: &str = $name;
-
-        /// What its bootloader calls the board (APJ_BOARD_ID).
-        #[cfg(feature = "ardupilot-bootloader")]
-        pub const APJ_BOARD_ID: u16 = $apj_board_id;
 
         /// The ECU ports by number, from 0.
         pub const PORTS: [&str; [$($port),*].len()] = [$($port),*];

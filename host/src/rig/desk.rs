@@ -3,7 +3,6 @@
 use super::audit::Audit;
 use super::engines::Engine;
 use super::limiter::Limiter;
-use super::sample::Message;
 use super::tap::Tap;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -121,24 +120,38 @@ pub struct Note {
     pub text: String,
 }
 
+/// What a task has written down.
+#[derive(Debug)]
+pub enum Entry {
+    /// Something happened.
+    Note(Note),
+    /// A moment to be found again in the plot.
+    Mark {
+        /// When.
+        at: Instant,
+        /// What.
+        label: String,
+    },
+}
+
 /// Where all tasks put their notes.
 #[derive(Debug, Default)]
-pub struct Notes(RefCell<Vec<Message>>);
+pub struct Notes(RefCell<Vec<Entry>>);
 
 impl Notes {
     /// Adds one.
     pub fn add(&self, engine: Option<usize>, text: impl Into<String>) {
-        self.0.borrow_mut().push(Message::Note(Note { at: Instant::now(), engine, text: text.into() }));
+        self.0.borrow_mut().push(Entry::Note(Note { at: Instant::now(), engine, text: text.into() }));
     }
 
     /// Adds one that is marked in the plot.
     pub fn mark(&self, label: &str) {
         self.add(None, format!("=== {label}"));
-        self.0.borrow_mut().push(Message::Mark { at: Instant::now(), label: label.to_owned() });
+        self.0.borrow_mut().push(Entry::Mark { at: Instant::now(), label: label.to_owned() });
     }
 
     /// Takes what is there.
-    pub fn take(&self) -> Vec<Message> {
+    pub fn take(&self) -> Vec<Entry> {
         self.0.take()
     }
 }

@@ -1,9 +1,7 @@
 //! What goes wrong in a run and when: `--faults`.
 
 use super::engines::Engine;
-use super::plan::Plan;
-use super::quantity::{duration, seconds, share};
-use super::simulated::parameters;
+use super::quantity::{duration, share};
 use embassy_time::{Duration, Instant};
 use sim::wire::Faults as LineFaults;
 
@@ -46,7 +44,7 @@ pub enum Failure {
 
 impl Failure {
     /// As it is written.
-    const fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::HotStart => "hot-start",
             Self::NoLight => "no-light",
@@ -109,45 +107,6 @@ impl Faults {
             };
             if self.cuts.iter().take(i).any(|other| overlaps(&other)) {
                 return Err(format!("two cuts of {} overlap", name(cut.engine)));
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether each of them can act in this run.
-    pub fn check(&self, plan: &Plan, engines: &[Engine]) -> Result<(), String> {
-        let length = seconds(plan.length);
-        let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
-        if let Some(cut) = self.cuts.iter().find(|cut| cut.at >= plan.length) {
-            let at = seconds(cut.at);
-            return Err(format!(
-                "--faults: the cut of {} at {at} s comes after the end of the run at {length} s",
-                name(cut.engine)
-            ));
-        }
-        for &(engine, failure) in &self.failures {
-            if plan.standby_only {
-                return Err(format!(
-                    "--faults: {} cannot act with --standby: no engine is started",
-                    failure.name()
-                ));
-            }
-            let (Failure::FlameOut(at), Some(times), Some(config)) =
-                (failure, plan.engines.get(engine), engines.get(engine))
-            else {
-                continue;
-            };
-            let p = parameters(config);
-            let lit = times.start_at + Duration::from_millis(((p.ignition_s + p.preheat_s) * 1000.0) as u64);
-            let (lit, out) = (lit - Instant::MIN, times.shutdown_at - Instant::MIN);
-            if !(lit..out).contains(&at) {
-                return Err(format!(
-                    "--faults: flame-out of {} at {} s: its flame burns from about {:.0} s to {:.0} s in this run",
-                    name(engine),
-                    seconds(at),
-                    seconds(lit),
-                    seconds(out)
-                ));
             }
         }
         Ok(())
@@ -267,6 +226,7 @@ fn cut_form(value: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::engines::engines;
+    use super::super::plan::Plan;
     use super::*;
 
     #[test]

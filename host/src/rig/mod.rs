@@ -12,6 +12,7 @@ mod faults;
 mod frames;
 mod limiter;
 mod lines;
+mod message;
 mod node;
 mod options;
 mod out;

@@ -1,7 +1,7 @@
 //! When each engine is started and shut down, reckoned from its turbine's own times.
 
 use super::engines::Engine;
-use super::faults::Faults;
+use super::faults::{Failure, Faults};
 use super::quantity::seconds;
 use super::simulated::parameters;
 use embassy_time::{Duration, Instant};
@@ -150,6 +150,47 @@ fn end_of_faults(faults: &mut Faults, latest: Duration) -> Result<(), String> {
 
 fn text(time: Duration) -> String {
     format!("{}s", seconds(time))
+}
+
+impl Faults {
+    /// Whether each of them can act in this run.
+    pub fn check(&self, plan: &Plan, engines: &[Engine]) -> Result<(), String> {
+        let length = seconds(plan.length);
+        let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
+        if let Some(cut) = self.cuts.iter().find(|cut| cut.at >= plan.length) {
+            let at = seconds(cut.at);
+            return Err(format!(
+                "--faults: the cut of {} at {at} s comes after the end of the run at {length} s",
+                name(cut.engine)
+            ));
+        }
+        for &(engine, failure) in &self.failures {
+            if plan.standby_only {
+                return Err(format!(
+                    "--faults: {} cannot act with --standby: no engine is started",
+                    failure.name()
+                ));
+            }
+            let (Failure::FlameOut(at), Some(times), Some(config)) =
+                (failure, plan.engines.get(engine), engines.get(engine))
+            else {
+                continue;
+            };
+            let p = parameters(config);
+            let lit = times.start_at + Duration::from_millis(((p.ignition_s + p.preheat_s) * 1000.0) as u64);
+            let (lit, out) = (lit - Instant::MIN, times.shutdown_at - Instant::MIN);
+            if !(lit..out).contains(&at) {
+                return Err(format!(
+                    "--faults: flame-out of {} at {} s: its flame burns from about {:.0} s to {:.0} s in this run",
+                    name(engine),
+                    seconds(at),
+                    seconds(lit),
+                    seconds(out)
+                ));
+            }
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,13 @@
 mod palette;
 mod panel;
 mod scale;
+mod subject;
 mod svg;
 
 use self::palette::Palette;
 use self::panel::Panel;
 use self::scale::Scale;
+pub use self::subject::{Happening, Subject};
 use self::svg::{Anchor, Svg, width};
 use super::desk::Note;
 use super::output::Whole;
@@ -25,30 +27,6 @@ const SIDES: (f64, f64) = (100.0, 1220.0);
 const BEFORE_FIRST_MARK: f64 = 15.0;
 /// Points of a curve: more would not be seen.
 const MOST_POINTS: usize = 2400;
-
-/// What is drawn of one engine.
-#[derive(Debug)]
-pub struct Subject {
-    /// What it is.
-    pub caption: String,
-    /// Shaft speed at full throttle.
-    pub max_rpm: f64,
-    /// Above this EGT in °C the node reports a limit.
-    pub egt_limit: Option<f64>,
-    /// It is commanded by rpm.
-    pub by_rpm: bool,
-}
-
-/// Something that happened.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Happening {
-    /// When, in seconds.
-    pub t: f64,
-    /// To which engine; `None`: to all.
-    engine: Option<usize>,
-    /// What.
-    pub text: String,
-}
 
 /// What is needed to draw, gathered while the run goes on.
 #[derive(Debug)]

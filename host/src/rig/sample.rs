@@ -1,9 +1,7 @@
 //! What one engine looks like at one moment, for the table, the lines, the CSV file and the plot.
 
 use super::audit::Said;
-use super::desk::{Desk, Lever, Note, Stage};
-use super::outcome::Outcomes;
-use super::passing::Passing;
+use super::desk::{Desk, Lever, Stage};
 use super::play::action::Fault;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
@@ -196,31 +194,4 @@ pub struct Detail {
     pub entries: Vec<Entry>,
     /// Faults that were set by hand and last.
     pub faults: Vec<Fault>,
-}
-
-/// From the engines to whatever shows them.
-#[derive(Clone, Debug)]
-pub enum Message {
-    /// Every [`SAMPLE_EVERY`]: all engines.
-    Samples {
-        /// When.
-        at: Instant,
-        /// In the order of the list of engines.
-        samples: Vec<Sample>,
-        /// In the same order, or none, if nobody looks at them.
-        details: Vec<Detail>,
-    },
-    /// How the run passes from now on.
-    Passing(Passing),
-    /// All was done; the run may still be played on.
-    Complete(Box<Outcomes>),
-    /// Something happened.
-    Note(Note),
-    /// A moment to be found again in the plot.
-    Mark {
-        /// When.
-        at: Instant,
-        /// What.
-        label: String,
-    },
 }

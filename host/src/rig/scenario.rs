@@ -1,6 +1,7 @@
 //! What can go wrong, played: `--scenario`. Each says what has to happen, and judges by what was on the wires and
 //! what the simulated engines did whether it did. The node's own telemetry is only asked what it told.
 
+mod check;
 mod cockpit;
 mod faults;
 mod known;
@@ -9,9 +10,7 @@ mod sources;
 mod wires;
 
 pub use self::cockpit::Cockpit;
-use super::audit::{Said, Spoken};
 use embassy_time::Duration;
-use sim::ecu::{MILLIS, Nanos, SECOND};
 use std::pin::Pin;
 
 /// An AMT engine and a ZK engine whose ECU goes on by itself.
@@ -30,17 +29,6 @@ const THREE: &[&str] = &[
 const ONE_AMT: &[&str] = &["name=left,ecu=amt,engine=olympus,baud=2400"];
 /// One ZK engine.
 const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
-
-/// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
-/// the answer takes 20.8 ms.
-const ON_WIRE: Nanos = 175 * MILLIS;
-/// What a node takes to see that an engine stopped: two reports that agree. A ZK ECU at 20 Hz says its state every
-/// 0.4 s.
-const SEES_STOP: Nanos = 1500 * MILLIS;
-/// Between two words of the pilot.
-const WORDS: Nanos = 100 * MILLIS;
-/// Steps of the wire in the throttle, in tenths of a percent.
-const GRAIN: u16 = 10;
 
 type Script<'a> = Pin<Box<dyn Future<Output = Result<(), String>> + 'a>>;
 
@@ -232,42 +220,3 @@ pub static ALL: &[Scenario] = &[
         script: |c| Box::pin(sources::one_word_start(c)),
     },
 ];
-
-/// All frames say this, but for those that say nothing of switch and demand, and there are some.
-fn all(frames: &[Spoken], said: Said) -> bool {
-    frames.iter().any(|frame| frame.said == said)
-        && frames.iter().all(|frame| frame.said == said || frame.said == Said::Nothing)
-}
-
-/// At least so many frames, and all of them say this.
-fn only(frames: &[Spoken], least: usize, allowed: impl Fn(Said) -> bool) -> bool {
-    frames.len() >= least && frames.iter().all(|frame| allowed(frame.said))
-}
-
-const fn is_run(said: Said) -> bool {
-    matches!(said, Said::Run(_) | Said::RunRpm(_))
-}
-
-/// Standby, or what says nothing of switch and demand.
-const fn is_standby(said: Said) -> bool {
-    matches!(said, Said::Standby | Said::Nothing)
-}
-
-/// No throttle on the wire rises by more than 50 % a second.
-fn rises_slowly(frames: &[Spoken]) -> bool {
-    let mut runs = frames.iter().filter_map(|frame| match frame.said {
-        Said::Run(tenths) => Some((frame.from, tenths)),
-        _ => None,
-    });
-    let Some(mut last) = runs.next() else { return false };
-    runs.all(|now| {
-        let before = core::mem::replace(&mut last, now);
-        // The demand moves every 20 ms, and a step of the wire is up to half a percent.
-        let most = (now.0 - before.0 + 20 * MILLIS) * 500 / SECOND + 5;
-        u64::from(now.1.saturating_sub(before.1)) <= most
-    })
-}
-
-fn seconds(nanos: Nanos) -> f64 {
-    nanos as f64 / 1e9
-}

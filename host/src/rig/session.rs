@@ -5,12 +5,13 @@ use super::control::{Control, Situation};
 use super::desk::{Desk, Notes, look};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
+use super::message::Message;
 use super::node::Node;
 use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
 use super::plan::Plan;
 use super::play::player::Player;
-use super::sample::{Detail, Message, SAMPLE_EVERY, Sample};
+use super::sample::{Detail, SAMPLE_EVERY, Sample};
 use super::scenario::{Cockpit, Scenario};
 use super::simulated::{counts, ecu, line};
 use embassy_futures::select::{Either, select};
@@ -185,7 +186,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             // A played run has no time of its own.
             let ended =
                 |complete| if complete || player.is_played() { End::Complete } else { End::Interrupted };
-            if !notes.take().into_iter().chain([message]).all(&mut show) {
+            if !notes.take().into_iter().map(Message::from).chain([message]).all(&mut show) {
                 end.replace(ended(told_complete));
                 return;
             }
@@ -211,7 +212,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 }
                 turn.wishes.into_iter().for_each(|(engine, wish)| player.wish(engine, wish));
                 let passing = turn.passing.map(Message::Passing);
-                let go_on = notes.take().into_iter().chain(passing).all(&mut show);
+                let go_on = notes.take().into_iter().map(Message::from).chain(passing).all(&mut show);
                 if turn.end || !go_on {
                     end.replace(ended(complete));
                     return;
@@ -233,7 +234,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     }
     look(&desks, &plugs);
     desks.iter().for_each(|desk| desk.note_hidden(true));
-    for message in notes.take() {
+    for message in notes.take().into_iter().map(Message::from) {
         show(message);
     }
 

@@ -4,8 +4,8 @@
 use super::capture::Capture;
 use super::csv::Csv;
 use super::lines::Lines;
+use super::message::Message;
 use super::plot::Plot;
-use super::sample::Message;
 use super::view::terminal::Screen;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -24,7 +24,7 @@ fn source_is_held_by_one_until_it_is_dropped() {
 }
 
 #[test]
-fn node_and_emergency_are_not_to_be_had_by_accident() {
+fn node_and_emergency_are_no_ordinary_sources() {
     let channel = Channel::new(&config(0), None);
     let handle = channel.handle();
     assert_eq!(handle.source(Origin::Node).err(), Some(ClaimError::Node));
@@ -36,7 +36,7 @@ fn node_and_emergency_are_not_to_be_had_by_accident() {
 }
 
 #[test]
-fn sources_of_two_engines_are_two() {
+fn each_engine_has_its_own_sources() {
     let node = Node::new(&[config(0), config(1)], None).unwrap();
     let held = node.sources(Origin::Mavlink);
     assert!(held.iter().all(Result::is_ok));

@@ -142,7 +142,7 @@ fn chunks(stream: &[u8], cuts: &[prop::sample::Index]) -> Vec<Vec<u8>> {
 proptest! {
     /// ZK-16: whatever comes, in whatever chunks: the frames are those that the document's rule finds.
     #[test]
-    fn zk_16_any_stream_in_any_chunks(
+    fn zk_16_chunks_of_a_stream_change_nothing(
         stream in stream_of(zk_frame()),
         cuts in vec(any::<prop::sample::Index>(), 0..20),
     ) {
@@ -166,7 +166,7 @@ proptest! {
 
     /// Frames back to back are all found, and nothing is skipped.
     #[test]
-    fn zk_frames_back_to_back(frames in vec(zk_frame(), 1..30)) {
+    fn zk_frames_back_to_back_are_all_found(frames in vec(zk_frame(), 1..30)) {
         let mut decoder = zk::Decoder::new();
         let mut found = Vec::new();
         zk_decode(&mut decoder, &frames.concat(), &mut found);
@@ -214,7 +214,7 @@ proptest! {
 
     /// AMT-1: whatever comes, in whatever chunks: the frames are those between two leaders.
     #[test]
-    fn amt_1_any_stream_in_any_chunks(
+    fn amt_1_chunks_of_a_stream_change_nothing(
         stream in stream_of(amt_frame()),
         cuts in vec(any::<prop::sample::Index>(), 0..20),
     ) {
@@ -312,7 +312,7 @@ fn zk_payload_is_defined(byte1: u8, byte2: u8) -> bool {
 /// ZK-2, ZK-3, ZK-4: over all 65 536 payloads, decode and encode are each other's inverse, and what the
 /// document does not define is refused.
 #[test]
-fn zk_2_round_trip_over_every_payload() {
+fn zk_2_every_payload_survives_the_round_trip() {
     let mut defined = 0;
     for payload in 0..=u16::MAX {
         let [byte1, byte2] = payload.to_be_bytes();
@@ -358,7 +358,7 @@ fn zk_1_a_wrong_crc_never_passes() {
 
 /// AMT-10: all 4 × 201 control messages; no byte behind the first is ever 0xFF, and the copies agree.
 #[test]
-fn amt_10_round_trip_over_every_control() {
+fn amt_10_every_control_survives_the_round_trip() {
     for ops in amt::Ops::ALL {
         for half_percents in 0..=200u8 {
             let throttle = Throttle::from_tenths(u16::from(half_percents) * 5).unwrap();

@@ -34,7 +34,7 @@ fn an_empty_table_is_valid() {
 
 /// AMT-1, ZK-12: the printed baud rates, and no other (the field's 230 400 among them).
 #[test]
-fn amt_1_zk_12_baud_rates() {
+fn amt_1_zk_12_only_the_printed_baud_rates_are_valid() {
     for baud in Line::BAUD_RATES {
         assert_eq!(
             validate(&[amt(0, Line::new(baud)), zk(1, Line::new(baud), Rate::Hz20)]),
@@ -50,7 +50,7 @@ fn amt_1_zk_12_baud_rates() {
 
 /// AMT-1: an AMT line has one stop bit. ZK-12: a ZK line has one or two.
 #[test]
-fn amt_1_zk_12_stop_bits() {
+fn amt_1_zk_12_only_a_zk_line_may_have_two_stop_bits() {
     let two = Line::with_two_stop_bits(9600);
     assert_eq!(two.stop_bits, StopBits::Two);
     assert_eq!(validate(&[amt(0, two)]), Err(ConfigError::AmtStopBits(0)));
@@ -59,7 +59,7 @@ fn amt_1_zk_12_stop_bits() {
 
 /// ZK-11: a status rate that the line cannot carry.
 #[test]
-fn zk_11_rate_and_line() {
+fn zk_11_a_rate_that_the_line_cannot_carry_is_refused() {
     for (baud, rate, fits) in [
         (2400, Rate::Hz20, true),
         (2400, Rate::Hz50, false),
@@ -76,7 +76,7 @@ fn zk_11_rate_and_line() {
 
 /// AMT-11: a guard that leaves no time for a reply.
 #[test]
-fn amt_11_guard_and_window() {
+fn amt_11_a_guard_that_leaves_no_time_for_a_reply_is_refused() {
     // At 2400 baud five bytes take 20.834 ms of the 30.
     for (guard, fits) in [
         (0, true),
@@ -97,7 +97,7 @@ fn amt_11_guard_and_window() {
 
 /// AMT-12: the serial delay time, and the raw shaft speed below which an engine does not run.
 #[test]
-fn amt_12_serial_delay_and_half_idle() {
+fn amt_12_serial_delay_and_half_idle_have_ranges() {
     for (delay_ms, half_idle, fits) in [
         (499, 20, false),
         (500, 20, true),
@@ -152,7 +152,7 @@ fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
 }
 
 #[test]
-fn two_engines_on_one_port() {
+fn two_engines_on_one_port_are_refused() {
     let line = Line::new(9600);
     let table = [amt(0, line), zk(1, line, Rate::Hz20), zk(2, line, Rate::Hz20), amt(1, line)];
     assert_eq!(validate(&table), Err(ConfigError::SamePort(1, 3)));
@@ -161,7 +161,7 @@ fn two_engines_on_one_port() {
 }
 
 #[test]
-fn a_link_that_could_never_be_up() {
+fn a_link_that_could_never_be_up_is_refused() {
     let mut never_up = amt(0, Line::new(2400));
     never_up.timing.up_after = 0;
     let mut lost_at_once = amt(0, Line::new(2400));

@@ -35,7 +35,7 @@ fn action(action: Action) -> Command {
 
 /// AMT-13: CTF is a deliberate act: neither the source's further demands nor its loss call it off.
 #[test]
-fn amt_13_loss_does_not_call_off_ctf() {
+fn amt_13_a_lost_source_does_not_cancel_ctf() {
     let mut scenario = Scenario::started(Ecu::Amt, percent(50));
     scenario.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
     assert_eq!(scenario.wire(), Wire::Ctf);
@@ -50,7 +50,7 @@ fn amt_13_loss_does_not_call_off_ctf() {
 /// ZK-8: a hand-over to the PWM input counts as a start, and lasts for the engine's life: no stage of loss takes the engine
 /// back from whoever flies it.
 #[test]
-fn zk_8_a_hand_over_lasts() {
+fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(80));
     assert_eq!(
         scenario.command(Command::HandOverToPwm),
@@ -216,7 +216,7 @@ fn an_open_pump_can_be_closed() {
 
 /// A command to the wrong kind of ECU.
 #[test]
-fn a_service_command_of_the_other_ecu() {
+fn a_service_command_of_the_other_ecu_is_refused() {
     let mut zk = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
     assert_eq!(zk.command(ctf), Err(Rejected::NotSupported));
@@ -257,7 +257,7 @@ fn refusals_change_nothing() {
 
 /// The order is told when it changes in kind or hands, not at every new throttle.
 #[test]
-fn orders_are_told_when_they_change_in_kind() {
+fn orders_are_reported_when_they_change_in_kind() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(5));
         for percent in 0..10 {
@@ -325,7 +325,7 @@ proptest! {
     /// for it, armed and from standby, what is refused changes nothing but for a demand that moves by itself, no
     /// demand outlives its hold, and the bench finds no deadline that is over. From an engine in standby, or one that runs.
     #[test]
-    fn any_schedule(
+    fn in_any_schedule_a_run_begins_only_by_a_command_for_it(
         is_zk in any::<bool>(),
         runs in any::<bool>(),
         steps in prop::collection::vec((0..1_500_000u64, step()), 1..60),

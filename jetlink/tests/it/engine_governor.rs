@@ -65,7 +65,7 @@ fn target(target: u32) -> Command {
 
 /// Off by default; refused where no scale makes an rpm of the byte, or where it is old. The control: it is taken.
 #[test]
-fn it_is_refused_while_no_speed_is_known() {
+fn an_rpm_is_refused_while_no_speed_is_known() {
     let mut scenario = at(Ecu::Amt.config(), 30, 50_000);
     assert_eq!(scenario.command(target(50_000)), Err(Rejected::NoSpeedControl), "off by default");
     assert_eq!(scenario.wire(), Wire::Run(300));
@@ -89,7 +89,7 @@ fn it_is_refused_while_no_speed_is_known() {
 
 /// It takes over at the throttle in force, and falls back to a throttle without a jump to idle.
 #[test]
-fn it_takes_over_without_a_bump() {
+fn the_governor_takes_over_without_a_bump() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
     scenario.sent();
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
@@ -101,7 +101,7 @@ fn it_takes_over_without_a_bump() {
 
 /// Its output rises no faster than its slew and no higher than its authority, and comes back from there at once.
 #[test]
-fn it_is_limited_in_slew_and_authority() {
+fn the_governor_is_limited_in_slew_and_authority() {
     let authority = Throttle::from_percent(70).unwrap();
     let mut scenario = at(governed(|g| (g.slew, g.authority) = (100, authority)), 30, 40_000);
     let mut before = 300;
@@ -123,7 +123,7 @@ fn it_is_limited_in_slew_and_authority() {
 /// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself. While faults
 /// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
 #[test]
-fn it_never_holds_throttle_up_on_old_telemetry() {
+fn the_governor_never_holds_throttle_up_on_old_telemetry() {
     for exhaust in [Exhaust::Burns, Exhaust::Broken] {
         let mut scenario = at(governed(|_| {}), 60, 80_000);
         scenario.fly_us(target(85_000), Origin::Rc, 2 * SECOND);
@@ -162,7 +162,7 @@ fn it_never_holds_throttle_up_on_old_telemetry() {
 
 /// On a line that is cut nothing goes out. When it is mended the governor goes on from the throttle that the ECU reports.
 #[test]
-fn it_goes_on_where_it_was_when_a_cut_line_is_mended() {
+fn the_governor_resumes_where_it_was_when_a_cut_line_is_mended() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     scenario.silent().fly_us(target(80_000), Origin::Rc, FRAME_PERIOD_US);
@@ -201,7 +201,7 @@ fn a_lost_source_brings_the_governors_throttle_down() {
 
 /// After a reset it goes on at the throttle that the ECU obeys.
 #[test]
-fn it_goes_on_after_a_reset() {
+fn the_governor_resumes_after_a_reset() {
     let kept = jetlink::engine::retained::RetainedState {
         armed: true,
         ..jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
@@ -218,7 +218,7 @@ fn it_goes_on_after_a_reset() {
 /// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: nothing goes out or idle,
 /// and nothing shuts the engine down.
 #[test]
-fn a_lost_line_is_no_lost_source() {
+fn a_lost_line_is_not_a_lost_source() {
     for fault in [false, true] {
         let mut config = governed(|_| {});
         config.supervision.loss.standby_after = Some(Duration::from_secs(2));
@@ -262,7 +262,7 @@ fn a_speed_is_as_old_as_its_own_setting_says() {
 
 /// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is asked.
 #[test]
-fn a_limit_brings_it_to_idle() {
+fn a_limit_brings_a_governed_engine_to_idle() {
     let mut config = governed(|_| {});
     config.supervision.loss.throttle = Throttle::from_percent(50).unwrap();
     config.supervision.limits.over_temperature =

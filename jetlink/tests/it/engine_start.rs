@@ -28,7 +28,7 @@ fn starting(code: u8, name: &'static str) -> EngineState {
 
 /// AMT-3: each state with each switch and a shaft that turns or not. Not what was commanded: nothing was.
 #[test]
-fn amt_3_states_in_plain_words() {
+fn amt_3_each_state_is_reported_as_its_phase() {
     use EngineState::*;
     use amt_frames::{AUTO_STOP, EMERGENCY, RUN};
     let table = [
@@ -75,7 +75,7 @@ fn amt_3_states_in_plain_words() {
 
 /// Every code of a ZK ECU, the unknown ones included, with each switch that it can report.
 #[test]
-fn zk_states_in_plain_words() {
+fn zk_each_state_is_reported_as_its_phase() {
     for code in 0..32u8 {
         for switch in 0..4u8 {
             let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
@@ -188,7 +188,7 @@ fn a_stream_of_run_alone_starts_nothing() {
 }
 
 #[test]
-fn it_has_to_be_armed() {
+fn a_start_needs_arming() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(Command::Disarm).unwrap();
@@ -214,7 +214,7 @@ fn it_has_to_be_armed() {
 
 /// From standby only, as the ECU reports it.
 #[test]
-fn it_has_to_be_in_standby() {
+fn a_start_needs_standby() {
     for ecu in BOTH {
         for says in ALL {
             let mut scenario = Scenario::ready(ecu, ecu.config());
@@ -233,7 +233,7 @@ fn it_has_to_be_in_standby() {
 
 /// The band for idle, to its edge; an rpm up to the idle rpm that the ECU gives.
 #[test]
-fn the_demand_has_to_be_at_idle() {
+fn a_start_needs_a_demand_at_idle() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.start.idle_band = Throttle::from_tenths(35).unwrap());
         for (tenths, starts) in [(0, true), (35, true), (36, false), (1000, false)] {
@@ -252,7 +252,7 @@ fn the_demand_has_to_be_at_idle() {
 
 /// Up for the configured time without a gap, to the tick.
 #[test]
-fn the_link_has_to_be_up_for_long_enough() {
+fn a_start_needs_a_link_that_is_up_for_long_enough() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.start.link_stable = Duration::from_millis(1500));
         let mut scenario = Scenario::with(ecu, config);
@@ -276,7 +276,7 @@ fn the_link_has_to_be_up_for_long_enough() {
 }
 
 #[test]
-fn the_ecu_has_to_report_no_fault() {
+fn a_start_needs_an_ecu_without_a_fault() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.values.fault = 1;
@@ -291,7 +291,7 @@ fn the_ecu_has_to_report_no_fault() {
 
 /// To the degree on ZK; AMT counts in steps of 4.6 °C.
 #[test]
-fn the_exhaust_has_to_be_cool() {
+fn a_start_needs_a_cool_exhaust() {
     for (ecu, cool, hot, shown) in [(Ecu::Zk, 100, 101, 1010), (Ecu::Amt, 97, 101, 1018)] {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.values.egt_celsius = if ecu == Ecu::Amt { 102 } else { hot };
@@ -317,7 +317,7 @@ fn the_exhaust_has_to_be_cool() {
 
 /// Where it is known: an AMT ECU says it in its alternate set, a ZK ECU in status ID 2.
 #[test]
-fn the_supply_has_to_suffice_where_it_is_known() {
+fn a_start_needs_a_sufficient_supply_where_it_is_known() {
     for ecu in BOTH {
         let mut scenario =
             Scenario::ready(ecu, ecu.with(|s| s.start.supply_min = Some(Millivolts::new(u32::MAX >> 8))));
@@ -376,7 +376,7 @@ fn one_engine_of_a_group_starts_at_a_time() {
 
 /// Whoever is refused is told why, once, and nothing has changed but its permission to start, which is gone.
 #[test]
-fn a_refusal_is_typed_counted_and_told_once() {
+fn a_refusal_is_typed_counted_and_reported_once() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.bench.events();
@@ -422,7 +422,7 @@ fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
 
 /// Two reports in a row, not one: on a noisy line a damaged frame can say so of an engine that runs.
 #[test]
-fn one_odd_report_does_not_withdraw_a_run() {
+fn one_odd_report_does_not_cancel_a_run() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..10 {
@@ -448,7 +448,7 @@ fn one_odd_report_does_not_withdraw_a_run() {
 
 /// A start that the ECU has not begun is not withdrawn by the standby that it still reports, only when it is lost.
 #[test]
-fn a_start_waits_for_the_ecu() {
+fn a_start_waits_for_the_ecu_to_report_it() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.fly_us(run(0), Origin::Rc, 4 * SECOND);
@@ -593,7 +593,7 @@ fn the_ecus_own_start_up_time_has_bounds() {
 /// Sources that ask for a start while the node still listens are told so, or that there is nothing to be heard. A stream
 /// of standby is obeyed after the second in which a higher source could have spoken.
 #[test]
-fn nobody_starts_while_it_listens() {
+fn nobody_starts_while_the_node_listens() {
     for ecu in BOTH {
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
@@ -659,7 +659,7 @@ fn one_odd_report_does_not_end_a_start() {
 
 /// A loss that ends in the moment it is found makes the link new all the same.
 #[test]
-fn a_loss_that_ends_at_once_is_a_loss() {
+fn a_link_loss_that_ends_at_once_makes_the_link_new() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.silent();
@@ -679,7 +679,7 @@ fn a_loss_that_ends_at_once_is_a_loss() {
 
 /// Arming and disarming are told, once for each change.
 #[test]
-fn arming_is_told() {
+fn arming_is_reported() {
     let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
     scenario.bench.events();
     for command in [Command::Arm, Command::Arm, Command::Disarm, Command::Disarm] {

@@ -106,7 +106,7 @@ fn a_stop_is_latched() {
 
 /// A stop of any source wins over any other, that source's own stream included.
 #[test]
-fn a_stop_needs_no_priority() {
+fn a_stop_of_any_source_wins_over_any_other() {
     for ecu in BOTH {
         for origin in Origin::ALL {
             let mut scenario = Scenario::started(ecu, percent(50));
@@ -121,7 +121,7 @@ fn a_stop_needs_no_priority() {
 
 /// By the source that commanded it or a higher one; of several, the highest holds it.
 #[test]
-fn a_stop_is_released_by_the_source_that_may() {
+fn a_stop_is_released_by_its_source_or_a_higher_one() {
     for ecu in BOTH {
         for by in Origin::SOURCES {
             for releases in Origin::SOURCES {
@@ -149,7 +149,7 @@ fn a_stop_is_released_by_the_source_that_may() {
 
 /// Where the ECU is heard and reports an engine that does not run.
 #[test]
-fn a_stop_is_released_when_the_engine_has_stopped() {
+fn a_stop_is_released_only_when_the_engine_has_stopped() {
     for ecu in BOTH {
         for says in ALL {
             let mut scenario = Scenario::started(ecu, percent(0));
@@ -193,7 +193,7 @@ fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
 
 /// At idle: a stick that still stands at 80 % keeps the stop.
 #[test]
-fn a_stop_is_released_at_idle() {
+fn a_stop_is_released_only_at_idle() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(80));
         scenario.command(Command::EmergencyStop).unwrap();
@@ -237,7 +237,7 @@ fn a_release_allows_no_start() {
 
 /// A stop comes while the node listens, too.
 #[test]
-fn a_stop_while_it_listens() {
+fn a_stop_goes_out_while_the_node_listens() {
     for ecu in BOTH {
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
@@ -267,7 +267,7 @@ fn start_cut_short() -> Option<RetainedState> {
 /// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is heard. Only a standby that was
 /// in force goes on at once, because it can start nothing.
 #[test]
-fn after_a_reset_it_listens() {
+fn after_a_reset_the_node_listens_first() {
     for (kept, order) in [
         (None, Order::Listen),
         (kept_run(percent(60)), Order::Doubt(percent(60))),
@@ -297,7 +297,7 @@ fn after_a_reset_it_listens() {
 /// An engine that runs goes on with what was kept, without a change on the wire, under the source that ruled: from the
 /// second report that says so. One is not enough.
 #[test]
-fn a_running_engine_goes_on_with_what_was_kept() {
+fn a_running_engine_resumes_with_its_retained_order() {
     for ecu in BOTH {
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
         scenario.introduce();
@@ -375,7 +375,7 @@ fn a_reset_ends_a_start() {
 /// Nothing was kept, as after a power-up: what the ECU says it obeys, under the stages of loss until a source speaks. Two
 /// reports have to agree, on an AMT ECU's throttle too.
 #[test]
-fn a_running_engine_goes_on_with_what_its_ecu_says() {
+fn a_running_engine_resumes_with_what_its_ecu_reports() {
     for ecu in BOTH {
         for kept in [None, record(Order::Listen, Origin::Node)] {
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
@@ -441,7 +441,7 @@ fn a_running_engine_goes_on_with_what_its_ecu_says() {
 
 /// A kept rpm waits for what says that the ECU knows speed control; else it would fall to a throttle.
 #[test]
-fn a_kept_rpm_goes_on_as_an_rpm() {
+fn a_retained_rpm_resumes_as_an_rpm() {
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(rpm(90_000)));
     scenario.says(Says::Running);
     assert_eq!(scenario.order(), Order::Doubt(rpm(90_000)), "the version is not known");
@@ -456,7 +456,7 @@ fn a_kept_rpm_goes_on_as_an_rpm() {
 
 /// Where no engine runs it is standby, whatever was kept; and no start follows from a stream of run.
 #[test]
-fn an_engine_that_does_not_run_is_in_standby() {
+fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
     for ecu in BOTH {
         for says in [Says::Stopped, Says::Standby, Says::Cooling] {
             for kept in [None, kept_run(percent(60)), record(Order::Standby, Origin::Rc)] {
@@ -484,7 +484,7 @@ fn an_engine_that_does_not_run_is_in_standby() {
 
 /// Standby that was under way is taken up again, not undone.
 #[test]
-fn a_shutdown_goes_on() {
+fn a_shutdown_resumes_after_a_reset() {
     for ecu in BOTH {
         let kept = record(Order::Standby, Origin::Rc);
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
@@ -521,7 +521,7 @@ fn a_latched_stop_survives_a_reset() {
 /// An AMT ECU with a fault sends, and does not say what its engine does: what was kept counts for as much as the exhaust
 /// says. Without a record nothing is in force, until the stages of loss have run out.
 #[test]
-fn amt_8_an_ecu_with_a_fault_after_a_reset() {
+fn amt_8_after_a_reset_the_exhaust_decides_where_the_ecu_has_a_fault() {
     let run = kept_run(percent(60));
     for (kept, egt, order, sent) in [
         (run, 500, Order::Doubt(percent(60)), vec![Wire::Run(600); 3]),
@@ -547,7 +547,7 @@ fn amt_8_an_ecu_with_a_fault_after_a_reset() {
 
 /// What is kept is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
 #[test]
-fn what_is_kept_is_what_is_in_force() {
+fn the_retained_order_is_the_one_in_force() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(60));
         scenario.fly_us(run(60), Origin::Rc, 4 * FRAME_PERIOD_US);
@@ -625,7 +625,7 @@ fn one_odd_report_after_a_reset_stops_nothing() {
 /// Whoever stopped the engine before a reset still holds the stop if a lower source stops it again before the node's
 /// tasks have begun.
 #[test]
-fn a_kept_stop_stays_with_the_higher_source() {
+fn a_retained_stop_stays_with_the_higher_source() {
     for (kept, again, holds) in [
         (Origin::Emergency, Origin::Bench, Origin::Emergency),
         (Origin::Bench, Origin::Emergency, Origin::Emergency),
@@ -641,7 +641,7 @@ fn a_kept_stop_stays_with_the_higher_source() {
 
 /// AMT-13: a reset while CTF is in force does not call the shutdown off; it ends as a normal one.
 #[test]
-fn a_reset_does_not_call_ctf_off() {
+fn a_reset_does_not_cancel_ctf() {
     let mut before = Scenario::started(Ecu::Amt, percent(50));
     before.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
     assert_eq!(before.wire(), Wire::Ctf);

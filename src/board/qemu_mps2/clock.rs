@@ -2,7 +2,7 @@
 //! for the next timer: SysTick alone would lose time at every new alarm, or ring thousands of times
 //! a second.
 
-use super::{CLOCK_HZ, Register};
+use super::hardware::{CLOCK_HZ, Register};
 use core::cell::RefCell;
 use core::task::Waker;
 use cortex_m_rt::exception;

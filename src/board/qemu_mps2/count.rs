@@ -6,29 +6,17 @@
 //! the ECU's bytes there, and has the receiver's interrupt taken. From there on the firmware is the same to the
 //! last instruction.
 
-use super::{PORTS, Port, Register, semihosting::exit};
-use core::sync::atomic::{AtomicU32, Ordering};
+use super::hardware::Register;
+use super::memory_uart::{SPOKE, TIMER_VALUE, now};
+use super::semihosting::exit;
+use super::uart::Port;
+use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Ticker};
 use jetlink::ecu::EcuConfig;
 use jetlink_fw::config::ENGINES;
 
-/// In place of each UART's registers.
-static REGISTERS: [[AtomicU32; 5]; PORTS.len()] = [const { [const { AtomicU32::new(0) }; 5] }; PORTS.len()];
-
-/// Where they are. (The only registers that Rust knows of: as atomics, which anybody may write.)
-pub(super) const BASES: [Register; PORTS.len()] = [
-    Register(REGISTERS[0][0].as_ptr()),
-    Register(REGISTERS[1][0].as_ptr()),
-    Register(REGISTERS[2][0].as_ptr()),
-    Register(REGISTERS[3][0].as_ptr()),
-];
-
-/// When the transmitter was given a byte for the first time since somebody set this to 0.
-static SPOKE: AtomicU32 = AtomicU32::new(0);
-
 /// A timer that counts down at 25 MHz, which nothing else uses.
 const TIMER_CONTROL: Register = Register::at(0x4000_0000);
-const TIMER_VALUE: Register = Register::at(0x4000_0004);
 const TIMER_RELOAD: Register = Register::at(0x4000_0008);
 
 /// `-icount shift=7`: an instruction takes 128 ns, a tick of the timer 40 ns.
@@ -44,15 +32,6 @@ const PERIOD: Duration = Duration::from_millis(125);
 const AMT: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
 /// The first status example of the ZK document.
 const ZK: [u8; 7] = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
-
-fn now() -> u32 {
-    !TIMER_VALUE.read()
-}
-
-/// The transmitter was given a byte.
-pub fn spoke() {
-    let _ = SPOKE.compare_exchange(0, now(), Ordering::Relaxed, Ordering::Relaxed);
-}
 
 fn instructions(from: u32, to: u32) -> u32 {
     (to.wrapping_sub(from) * TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS

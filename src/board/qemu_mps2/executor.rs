@@ -1,7 +1,7 @@
 //! The executor of thread mode. Embassy's own sleeps with WFE, at which QEMU does not sleep: it would take a
 //! core of the host for nothing, and count every turn of an idle loop as work. This one sleeps with WFI.
 
-use super::{Handler, Irq, unmask};
+use super::hardware::{Handler, Irq, unmask};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_executor::{Spawner, raw};
 

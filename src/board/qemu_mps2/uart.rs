@@ -5,7 +5,7 @@
 //! [`EcuTx::flush`] waits until the last stop bit would be out at the port's baud rate, which is
 //! right on the board too: its UART does not tell when its shift register is empty.
 
-use super::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
+use super::hardware::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
 use core::cell::Cell;
 use core::convert::Infallible;
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
@@ -83,7 +83,7 @@ const BASES: [Register; PORTS.len()] = [
     Register::at(0x4000_7000),
 ];
 #[cfg(feature = "count")]
-use super::count::BASES;
+use super::memory_uart::BASES;
 
 static UARTS: [Port; PORTS.len()] =
     [Port::new(BASES[0], 0), Port::new(BASES[1], 2), Port::new(BASES[2], 4), Port::new(BASES[3], 18)];
@@ -169,7 +169,7 @@ impl Port {
             }
             self.register(DATA).write(byte[0].into());
             #[cfg(feature = "count")]
-            super::count::spoke();
+            super::memory_uart::spoke();
             self.line.lock(|line| {
                 let (byte_time, free) = line.get();
                 line.set((byte_time, free.max(Instant::now()) + byte_time));

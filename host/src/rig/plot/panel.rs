@@ -4,8 +4,8 @@ use super::super::audit::Said;
 use super::super::record::{Band, Point};
 use super::palette::Palette;
 use super::scale::{Scale, thousands};
+use super::subject::{Happening, Subject};
 use super::svg::{Anchor, Svg, width};
-use super::{Happening, Subject};
 
 /// Lines of text for what happened.
 const LANES: usize = 4;

@@ -2,8 +2,8 @@
 
 use super::super::audit::Said;
 use super::super::desk::Stage;
+use super::check::{ON_WIRE, all, is_run};
 use super::cockpit::Cockpit;
-use super::{ON_WIRE, all, is_run};
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
 use sim::amt::{AmtConfig, AmtEcu, Engine};

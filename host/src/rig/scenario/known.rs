@@ -3,8 +3,8 @@
 use super::super::audit::Said;
 use super::super::desk::Stage;
 use super::super::node::{Cause, Reset};
+use super::check::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
 use super::cockpit::{Cockpit, Seat};
-use super::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::event::{End, Event, LossStage};

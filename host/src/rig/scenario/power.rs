@@ -2,8 +2,8 @@
 
 use super::super::audit::Said;
 use super::super::node::{Cause, Reset};
+use super::check::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use super::cockpit::{Cockpit, Seat};
-use super::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;

@@ -2,8 +2,8 @@
 
 use super::super::audit::Said;
 use super::super::desk::{Lever, Stage};
+use super::check::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use super::cockpit::{Cockpit, Seat, percent};
-use super::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::event::Event;
 use sim::ecu::{MILLIS, SECOND};

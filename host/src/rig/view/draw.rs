@@ -3,7 +3,7 @@
 use super::super::quantity::seconds;
 use super::super::story;
 use super::model::{Model, Page, Popup, Verdict};
-use super::theme::{Theme, Tone};
+use super::theme::{Theme, Tone, cut};
 use super::{charts, panels, popup, rows, why, wire};
 use embassy_time::Instant;
 use ratatui::Frame;
@@ -170,13 +170,4 @@ fn tone_of(text: &str) -> Tone {
         None if text.starts_with("played") => Tone::Busy,
         None => Tone::Plain,
     }
-}
-
-/// A text of at most this width; what is cut off is marked.
-pub fn cut(text: &str, width: usize, theme: Theme) -> String {
-    if text.chars().count() <= width {
-        return text.to_owned();
-    }
-    let mark = if theme.ascii { '~' } else { '…' };
-    text.chars().take(width.saturating_sub(1)).chain([mark]).collect()
 }

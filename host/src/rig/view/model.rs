@@ -3,11 +3,12 @@
 use super::super::desk::Note;
 use super::super::engines::Engine;
 use super::super::frames::Frames;
+use super::super::message::Message;
 use super::super::outcome::Outcomes;
 use super::super::passing::Passing;
 use super::super::play::action::Wish;
 use super::super::record::Record;
-use super::super::sample::{Detail, Message, Sample};
+use super::super::sample::{Detail, Sample};
 use super::super::simulated::parameters;
 use super::super::summary;
 use super::keys::{Does, FAULTS, KEYS, Key, RELEASE, does};

@@ -2,10 +2,9 @@
 
 use super::super::row::millis;
 use super::super::sample::Sample;
-use super::draw::cut;
 use super::model::{Model, Subject};
 use super::rows;
-use super::theme::{Theme, Tone};
+use super::theme::{Theme, Tone, cut};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};

@@ -1,9 +1,8 @@
 //! All engines as a table, a row each.
 
 use super::super::sample::Sample;
-use super::draw::cut;
 use super::model::Model;
-use super::theme::{Theme, Tone};
+use super::theme::{Theme, Tone, cut};
 use jetlink::command::Order;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;

@@ -3,7 +3,7 @@
 
 use super::super::control::Request;
 use super::super::ending::{EndRequest, EndedBy};
-use super::super::sample::Message;
+use super::super::message::Message;
 use super::draw::draw;
 use super::keys::Does;
 use super::model::{Asked, Model};

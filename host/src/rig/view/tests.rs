@@ -77,8 +77,8 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
     let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
     let mut bytes = Vec::new();
     let (actions, over) = order.script.take().unwrap();
-    let show = |message: super::super::sample::Message| {
-        if let super::super::sample::Message::Samples { details, .. } = &message {
+    let show = |message: super::super::message::Message| {
+        if let super::super::message::Message::Samples { details, .. } = &message {
             for (i, detail) in details.iter().enumerate() {
                 let of_entry = |entry: &sim::wire::Entry| {
                     (i, entry.start, entry.direction == sim::wire::Direction::ToNode, entry.byte)

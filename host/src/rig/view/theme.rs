@@ -138,6 +138,15 @@ impl Theme {
     }
 }
 
+/// A text of at most this width; what is cut off is marked.
+pub fn cut(text: &str, width: usize, theme: Theme) -> String {
+    if text.chars().count() <= width {
+        return text.to_owned();
+    }
+    let mark = if theme.ascii { '~' } else { '…' };
+    text.chars().take(width.saturating_sub(1)).chain([mark]).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

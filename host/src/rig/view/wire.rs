@@ -2,9 +2,8 @@
 
 use super::super::engines::Ecu;
 use super::super::frames::{Frame as WireFrame, last_window};
-use super::draw::cut;
 use super::model::Model;
-use super::theme::{Theme, Tone};
+use super::theme::{Theme, Tone, cut};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};

@@ -86,7 +86,7 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
 
 /// An ECU that is never heard is lost once, too.
 #[test]
-fn an_ecu_never_heard_is_lost_once() {
+fn an_ecu_that_was_never_received_is_lost_once() {
     let mut bench = default();
     bench.run_to_us(100_000_000);
     assert_eq!(bench.events(), [(1_000_000, Event::LinkLost)]);
@@ -95,7 +95,7 @@ fn an_ecu_never_heard_is_lost_once() {
 
 /// AMT-9: the set-up set says that the ECU came out of its power-up.
 #[test]
-fn amt_9_a_restart_of_the_ecu_is_told() {
+fn amt_9_a_restart_of_the_ecu_is_reported() {
     let mut bench = running();
     reply_to(&mut bench, &setup("9.35 140617 "));
     let events = bench.event_kinds();

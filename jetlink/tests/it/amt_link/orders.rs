@@ -4,7 +4,7 @@ use super::*;
 
 /// AMT-10: each order on the wire.
 #[test]
-fn amt_10_orders_and_their_switch() {
+fn amt_10_each_order_has_its_switch_on_the_wire() {
     let mut bench = running();
     let frame = normal(FULL_OPERATION, RUN, 100);
     for (order, ops, half_percents) in [
@@ -58,7 +58,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
 /// With no order in force an engine that two sets report running, with its shaft turning, goes on at the throttle on which
 /// they agree. The switch that the ECU says it obeys starts nothing.
 #[test]
-fn an_engine_found_running_goes_on_at_its_own_throttle() {
+fn an_engine_found_running_resumes_at_its_own_throttle() {
     let at = |frame: [u8; 6], half_percents: u8| {
         let mut frame = hot(frame);
         frame[4] = half_percents;
@@ -128,7 +128,7 @@ fn one_odd_set_withholds_one_reply() {
 
 /// An AMT ECU has no speed control.
 #[test]
-fn it_has_no_speed_control() {
+fn an_amt_ecu_refuses_an_rpm() {
     assert_eq!(default().machine.speed_control(), Err(Rejected::NoSpeedControl));
 }
 
@@ -172,7 +172,7 @@ fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
 /// AMT-13: CTF goes out when asked for by name, told once, until standby or a stop; where nothing is ordered to run it is
 /// refused.
 #[test]
-fn amt_13_ctf_only_by_its_name() {
+fn amt_13_only_the_service_command_sends_ctf() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = running();
     assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS);
@@ -228,7 +228,7 @@ fn amt_14_the_demand_waits_for_its_release() {
 
 /// AMT-14: "run" with the start throttle until two sets of full operation, then the demand, at its rate.
 #[test]
-fn amt_14_start_throttle_until_full_operation() {
+fn amt_14_the_start_throttle_goes_out_until_full_operation() {
     for start_percent in [0, 100] {
         let start_throttle = Throttle::from_percent(start_percent).unwrap();
         let mut bench = started(Config { start_throttle, ..Config::DEFAULT }, 250);
@@ -400,7 +400,7 @@ fn amt_12_a_gap_is_doubt() {
 
 /// AMT-3: what each kind of set says about the life of the engine.
 #[test]
-fn every_set_is_a_sign() {
+fn each_set_is_a_sign_of_the_life_that_its_state_means() {
     let state = |stage, rpm: u8| Sign::State {
         stage,
         turning: Some(rpm >= 20),

@@ -21,7 +21,7 @@ proptest! {
     /// counts as missed, a reply is handed out in time to end within its window, an emergency stop rules all
     /// replies behind it, and silence yields "lost" exactly once.
     #[test]
-    fn amt_11_any_schedule(
+    fn amt_11_in_any_schedule_each_frame_gets_at_most_one_reply_in_time(
         baud in prop::sample::select(&Line::BAUD_RATES[..]),
         steps in prop::collection::vec((0..60_000u64, step()), 1..60),
     ) {
@@ -66,7 +66,7 @@ proptest! {
 
     /// Any timing of a link: up after exactly so many frames, lost to the tick.
     #[test]
-    fn any_presence_timing(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
+    fn any_link_timing_is_kept_to_the_tick(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
         let timing = Timing { up_after, lost_after: micros(lost_after) };
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, Line::new(115_200), timing), Line::new(115_200));
         for i in 1..=u64::from(up_after) {
@@ -102,7 +102,7 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
 /// AMT-14, AMT-8: going on after a reset with an ECU that sends nothing but error sets does not dip its throttle, as long
 /// as its exhaust burns. The control: with a cold one nothing goes out.
 #[test]
-fn amt_14_going_on_among_error_sets_keeps_the_throttle() {
+fn amt_14_a_run_resumed_among_error_sets_keeps_the_throttle() {
     let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle(640), Origin::Rc)));
     let mut bench = reset();
     assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not believed");

@@ -48,7 +48,7 @@ fn amt_11_nothing_is_sent_without_a_frame() {
 /// AMT-11: the last stop bit is out within 30 ms, less the guard, at every baud rate. At 2400 baud the first
 /// start bit has 9.1 ms.
 #[test]
-fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
+fn amt_11_the_first_start_bit_leaves_time_for_the_last_stop_bit() {
     assert_eq!(REPLY_WINDOW.as_micros(), 30_000);
     // baud, guard, five bytes on the line rounded up, slack
     for (baud, guard, five_bytes, slack) in [
@@ -82,7 +82,7 @@ fn amt_11_first_start_bit_leaves_time_for_the_last_stop_bit() {
 
 /// AMT-11: a frame that comes while a reply is still going out is answered behind it, if that is in time.
 #[test]
-fn amt_11_a_frame_during_a_transmission() {
+fn amt_11_a_frame_during_a_transmission_is_answered_behind_it() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     // baud, second frame, its reply or None if missed, and the reply's `start_by`
     for (baud, second, reply) in [
@@ -114,7 +114,7 @@ fn amt_11_a_frame_during_a_transmission() {
 
 /// AMT-11: of several frames during one transmission the last is answered, the others count as missed.
 #[test]
-fn amt_11_several_frames_during_a_transmission() {
+fn amt_11_of_several_frames_during_a_transmission_the_last_is_answered() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = amt(Config::DEFAULT, SLOW);
     for t in [0, 5_000, 10_000, 15_000] {
@@ -152,7 +152,7 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
 
 /// AMT-11: the smallest time left in the window is kept; a reply that ended late is counted.
 #[test]
-fn amt_11_margin_of_the_window() {
+fn amt_11_the_smallest_margin_of_the_window_is_counted() {
     let mut bench = default().by_hand();
     // frame, last stop bit of its reply; worst margin so far, late ones so far
     for (frame, sent, worst, late) in [

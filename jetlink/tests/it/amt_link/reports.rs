@@ -4,7 +4,7 @@ use super::*;
 
 /// AMT-5, AMT-6: values with a scale for engines that have one, raw bytes for all others.
 #[test]
-fn amt_5_amt_6_rpm_and_voltages_by_engine() {
+fn amt_5_amt_6_the_engine_sets_the_scales_of_rpm_and_voltages() {
     // engine, rpm of 100, mV of 51 idle, 102 maximum, 204 battery, 153 external, 255-step Vout of 51
     for (engine, rpm, idle, max, battery, external) in [
         (Engine::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
@@ -55,7 +55,7 @@ fn amt_5_no_rpm_without_a_scale() {
 
 /// AMT-4, AMT-9: who names the engine. An ID without a checksum changes a known engine only when it comes twice.
 #[test]
-fn amt_4_identity_rules() {
+fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
     let named = |bench: &mut Bench<AmtLink>, frame: &[u8]| {
         reply_to(bench, frame);
         let told: Vec<_> = bench
@@ -114,7 +114,7 @@ fn amt_4_identity_rules() {
 
 /// AMT-3: the ECU's state in plain words.
 #[test]
-fn amt_3_phases() {
+fn amt_3_each_state_has_its_phase() {
     for (state, switch, rpm, phase) in [
         (NO_CLEARANCE, EMERGENCY, 0, Phase::Stopped),
         (NO_CLEARANCE, AUTO_STOP, 0, Phase::Standby),
@@ -178,7 +178,7 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
 /// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault, changes none
 /// and does not end one.
 #[test]
-fn amt_8_faults_are_told_when_they_change() {
+fn amt_8_faults_are_reported_when_they_change() {
     let mut bench = default();
     for (frame, told) in [
         (normal(CLEARANCE, AUTO_STOP, 0), None),
@@ -228,7 +228,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
 
 /// AMT-2: a frame of an unknown kind is counted, and its bytes are kept.
 #[test]
-fn amt_2_unknown_kinds_are_kept() {
+fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
     let mut bench = default();
     let unknown = [0xFF, 0b0101_1101, 1, 2, 3, 4];
     reply_to(&mut bench, &unknown);

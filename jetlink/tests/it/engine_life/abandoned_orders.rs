@@ -20,7 +20,7 @@ fn given_up(ecu: Ecu, rc_for: u64, lower: Option<Command>) -> (Scenario, u64) {
 /// When the order is given up in doubt, the run was still RC's: a lower source's stream of standby waits for the loss of RC
 /// and its time, as it does while the order is in force. RC's own counts at once.
 #[test]
-fn standby_of_a_lower_source_waits_where_the_order_was_given_up() {
+fn standby_of_a_lower_source_waits_after_an_order_was_abandoned() {
     for ecu in [Ecu::Amt] {
         let (mut scenario, last) = given_up(ecu, 11 * SECOND, Some(Command::Standby));
         assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");

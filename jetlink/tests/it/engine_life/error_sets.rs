@@ -44,7 +44,7 @@ fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
 
 /// A fall within 5 s after a lower demand is what was asked for; after that it is not.
 #[test]
-fn amt_8_a_fall_after_a_lower_demand_was_asked_for() {
+fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
     let fall = |t: u64| 700 - (t / 50_000) as i32;
     for (demand, time, over) in [
         (run(20), 4_900_000, false),
@@ -61,7 +61,7 @@ fn amt_8_a_fall_after_a_lower_demand_was_asked_for() {
 /// Where the exhaust is not known the order goes on under the stages of loss, and ends in standby when they have run out, to
 /// the tick. Where it burns it goes on at the fail-safe throttle.
 #[test]
-fn amt_8_without_a_source_only_a_burning_engine_goes_on() {
+fn amt_8_without_a_source_only_a_burning_engine_stays_in_run() {
     // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
     let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
     for (fault, egt, burns) in table {
@@ -101,7 +101,7 @@ fn amt_8_one_odd_error_set_ends_no_life() {
 
 /// When the fault clears, the reply to the first normal sets is run only where they say running, with a shaft that turns.
 #[test]
-fn amt_8_after_a_fault_run_is_said_to_a_running_engine_only() {
+fn amt_8_after_a_fault_run_goes_to_a_running_engine_only() {
     for (state, rpm, answered) in [
         (0b01100, TURNING, true),
         (0b00100, TURNING, false),
@@ -127,7 +127,7 @@ fn amt_8_after_a_fault_run_is_said_to_a_running_engine_only() {
 
 /// Whose life is in doubt has reached running all the same: its demand shows, and the others of its group may start.
 #[test]
-fn an_engine_in_doubt_keeps_no_other_from_a_start() {
+fn an_engine_in_doubt_blocks_no_other_start() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
         assert!(matches!(scenario.telemetry().commanded, Some(Demand::Throttle(_))));
@@ -158,7 +158,7 @@ fn one_odd_report_of_starting_begins_nothing() {
 
 /// Every end says something of its own.
 #[test]
-fn ends_have_names() {
+fn each_end_of_a_run_has_its_name() {
     let ends = [
         End::PowerUp,
         End::AtRest,
@@ -175,7 +175,7 @@ fn ends_have_names() {
 
 /// A source whose rpm waits for the ECU's version is there: its run goes on, and the stages of loss do not begin.
 #[test]
-fn a_source_whose_rpm_waits_for_the_version_is_heard() {
+fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
     // The line is cut for long enough that the version is forgotten, and comes back without it.

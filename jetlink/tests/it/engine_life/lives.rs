@@ -46,7 +46,7 @@ fn check(ecu: Ecu, scenario: &mut Scenario, frame: &[u8], means: Means, name: &s
 
 /// AMT-3: what each state means for an engine that has reached running, with a shaft that turns and one that does not.
 #[test]
-fn amt_3_reports_of_a_running_engine() {
+fn amt_3_each_state_means_what_the_table_says_for_a_running_engine() {
     use End::{AtRest, StartsAgain};
     use Means::{Answered, Confirms, Doubt, Ends, GoesOn};
     // State, then without a gap (turning, slow), then after one (turning, slow).
@@ -68,7 +68,7 @@ fn amt_3_reports_of_a_running_engine() {
 
 /// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither.
 #[test]
-fn zk_reports_of_a_running_engine() {
+fn zk_each_state_means_what_the_table_says_for_a_running_engine() {
     use End::{AtRest, StartsAgain};
     use Means::{Confirms, Doubt, Ends, GoesOn};
     for state in 0..32 {
@@ -97,7 +97,7 @@ fn reports_mean(ecu: Ecu, state: u8, without: (Means, Means), after: (Means, Mea
 
 /// AMT: sets without a state are answered as the set before, and after a gap not at all.
 #[test]
-fn amt_sets_without_a_state_are_answered_as_the_set_before() {
+fn amt_sets_without_a_state_are_answered_as_the_set_before_them() {
     const GAP: u8 = u8::MAX;
     let table: [(&[u8], bool); 5] = [
         (&[], true),
@@ -293,7 +293,7 @@ fn a_shaft_alone_neither_ends_nor_confirms() {
 
 /// An ECU that restarts the engine by itself (ZK 13) has the start's time for it, to the tick.
 #[test]
-fn zk_13_is_bounded_by_the_time_of_a_start() {
+fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     let config = Ecu::Zk.with(|s| s.start.timeout = Duration::from_secs(20));
     for running_at in [None, Some(19 * SECOND)] {
         let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
@@ -371,7 +371,7 @@ fn zk_9_in_doubt_a_speed_goes_out_in_turn_with_id_0() {
 /// ID 0 for as long as its source is fresh. If the ECU is back, however late, two reports with shaft speed bring the engine
 /// back, unless standby or a stop was sent meanwhile.
 #[test]
-fn an_order_that_nothing_confirms_is_gone_and_the_engine_is_not() {
+fn an_order_that_nothing_confirms_is_abandoned_without_a_shutdown() {
     for ecu in BOTH {
         for (meanwhile, goes_on) in
             [(None, true), (Some(Command::ShutDown), false), (Some(Command::EmergencyStop), false)]
@@ -490,7 +490,7 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
 
 /// The count of the stages goes on when the order is given up because nothing confirmed the life.
 #[test]
-fn giving_an_order_up_does_not_begin_the_stages_anew() {
+fn abandoning_an_order_does_not_restart_the_stages_of_loss() {
     for ecu in BOTH {
         for present in [false, true] {
             let (mut scenario, end) = loses_its_source(ecu, None, present);
@@ -511,7 +511,7 @@ fn giving_an_order_up_does_not_begin_the_stages_anew() {
 /// Damaged frames keep the beat for 10 s after the last good one, and an AMT ECU its replies. Then they are a gap, to the
 /// tick, and confirm nothing.
 #[test]
-fn damaged_frames_are_no_gap_for_10_s() {
+fn damaged_frames_are_no_gap_for_10_s_at_most() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
         let good = scenario.telemetry().last_rx.unwrap().as_micros();

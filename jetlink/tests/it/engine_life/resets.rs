@@ -48,7 +48,7 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
 
 /// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
 #[test]
-fn what_is_found_where_nothing_is_in_force() {
+fn two_reports_decide_where_nothing_is_in_force() {
     let runs = Order::Run(percent(65));
     let table = [
         (Ecu::Amt, 0b01100, TURNING, runs),
@@ -94,7 +94,7 @@ fn what_is_found_where_nothing_is_in_force() {
 /// AMT-8: after a loss of power an ECU with error sets and a burning exhaust is answered run at its own demand, under the
 /// stages of loss, where the record says that the engine ran; else not.
 #[test]
-fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_goes_on() {
+fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
     for (ran, egt, goes_on) in [(true, 500, true), (false, 500, false), (true, 26, false), (true, 299, false)]
     {
         let memory = RetainedMemory::new();
@@ -121,7 +121,7 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_goes_on() {
 
 /// That an engine ran is kept until standby, a stop or the end of its life.
 #[test]
-fn a_record_says_that_the_engine_ran() {
+fn the_record_says_whether_the_engine_ran() {
     let table: [(&str, Step, bool); 6] = [
         ("flying", |_| {}, true),
         (
@@ -237,7 +237,7 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
 /// A hand-over to PWM is resumed as ID 0, which leaves PWM in charge, until two reports say at rest: then standby. After a loss
 /// of power, too: it can only preserve.
 #[test]
-fn zk_8_a_hand_over_after_a_reset() {
+fn zk_8_a_hand_over_resumes_as_id_0_after_a_reset() {
     let config = Ecu::Zk.config();
     for reset in [Reset::Warm, Reset::PowerLost] {
         let mut before = Scenario::ready(Ecu::Zk, config);
@@ -267,7 +267,7 @@ fn zk_8_a_hand_over_after_a_reset() {
 
 /// What a record holds of a demand is what went out of it. The first word of its source after a reset is no move of the stick.
 #[test]
-fn the_first_word_after_a_reset_rises() {
+fn the_first_demand_after_a_reset_rises_at_the_rate() {
     for ecu in BOTH {
         let config = ecu.config();
         let mut scenario = Scenario::started(ecu, percent(10));

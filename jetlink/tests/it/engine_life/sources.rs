@@ -4,7 +4,7 @@ use super::*;
 
 /// Two words of a slow source count within two of its own periods, to the tick, if that is longer than its age limit.
 #[test]
-fn two_words_of_a_slow_source() {
+fn two_standbys_of_a_slow_source_count_within_two_of_its_periods() {
     for ecu in BOTH {
         for (period, between, counts) in [
             (800_000, 1_600_000, true),
@@ -43,7 +43,7 @@ fn two_words_of_a_slow_source() {
 /// One explicit order of a person shuts an engine down, whoever is in control, and permits no start. Streams do not bring it
 /// back.
 #[test]
-fn shut_down_is_one_order() {
+fn an_explicit_shutdown_counts_at_once_from_any_source() {
     for ecu in BOTH {
         for origin in Origin::SOURCES {
             let mut scenario = flying(ecu);
@@ -155,7 +155,7 @@ fn a_short_gap_is_no_loss() {
 /// A source that is present and wants nothing: not in control, no demand held, never standby. Said by the source in control
 /// it is silence from the first such word on.
 #[test]
-fn present_is_silence_and_no_standby() {
+fn a_source_that_is_present_counts_as_silent() {
     for ecu in BOTH {
         // In control: the stages of loss begin at once, and repeating it does not begin them anew.
         let mut scenario = flying(ecu);

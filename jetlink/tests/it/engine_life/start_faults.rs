@@ -37,7 +37,7 @@ fn amt_8_two_error_sets_end_a_start() {
 /// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
 /// end it. One that had reached running before the reset is an engine in flight.
 #[test]
-fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
+fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
     for (reached, faults) in [(false, false), (false, true), (true, true)] {
         let config = Ecu::Amt.config();
         let mut scenario = Scenario::ready(Ecu::Amt, config);
@@ -66,7 +66,7 @@ fn amt_a_start_that_a_reset_cut_short_goes_on_as_a_start() {
 
 /// A start is ended by one word of its source, also where that has been silent for longer than its age limit.
 #[test]
-fn one_word_of_a_source_that_was_lost_ends_a_start() {
+fn one_standby_of_a_source_that_was_lost_ends_a_start() {
     for ecu in BOTH {
         for (says, origin, ended) in [
             (Says::Standby, Origin::Rc, true),

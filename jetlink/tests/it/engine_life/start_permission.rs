@@ -58,7 +58,7 @@ fn a_refused_start_does_not_happen_later() {
 
 /// What uses a permission up, and what does not.
 #[test]
-fn what_uses_a_permission_up() {
+fn a_permission_is_used_up_by_what_the_table_names() {
     let table: [(&str, Step, bool); 10] = [
         ("nothing", |_| {}, false),
         (
@@ -167,7 +167,7 @@ fn a_permission_is_used_once() {
 
 /// It is the source's own: standby of one and run of another are no start.
 #[test]
-fn a_permission_is_one_sources() {
+fn a_permission_belongs_to_one_source() {
     for ecu in BOTH {
         for says_standby in [true, false] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
@@ -208,7 +208,7 @@ fn assert_wait_is_over(scenario: &mut Scenario) {
 /// A start that waits for another engine: telemetry shows until when. It goes with its source's next word, and never after
 /// that time; to the tick.
 #[test]
-fn a_start_waits_for_its_time() {
+fn a_start_waits_for_the_gap_between_two_starts() {
     for ecu in BOTH {
         let (mut scenario, until) = start_waits(ecu);
         let left = until - 1 - scenario.now_us();

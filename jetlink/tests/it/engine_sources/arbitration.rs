@@ -4,7 +4,7 @@ use super::*;
 
 /// The highest source that is fresh rules; those below it are told who does, and change nothing.
 #[test]
-fn the_highest_fresh_source_rules() {
+fn the_highest_fresh_source_is_in_control() {
     for ecu in BOTH {
         for lower in [Origin::Mavlink, Origin::Bench] {
             let mut scenario = Scenario::started(ecu, percent(50));
@@ -46,7 +46,7 @@ fn the_highest_fresh_source_rules() {
 
 /// Each source has its own age limit, to the tick.
 #[test]
-fn each_source_has_its_own_age() {
+fn each_source_has_its_own_timeout() {
     let limits = [
         (Origin::Emergency, 300_000),
         (Origin::Rc, 450_000),
@@ -171,7 +171,7 @@ fn the_next_source_takes_over_from_one_that_is_lost() {
 /// A source that waits to take over while the stages of loss run leaves no deadline behind it: the bench panics if
 /// the engine wants to be woken in the past.
 #[test]
-fn a_source_that_waits_while_another_is_lost() {
+fn a_source_that_waits_while_another_is_lost_leaves_no_deadline_behind() {
     for ecu in BOTH {
         for standby_after in [None, Some(micros(SECOND))] {
             let config = ecu.with(|s| s.loss.standby_after = standby_after);
@@ -222,7 +222,7 @@ fn a_refused_demand_changes_nothing() {
 /// Standby of the source that rules is obeyed at its second word within the age limit, to the tick. A single word changes
 /// nothing, and does not become standby later.
 #[test]
-fn standby_is_obeyed_at_the_second_word() {
+fn standby_is_obeyed_at_the_second_command() {
     for ecu in BOTH {
         for (between, obeyed) in
             [(0, true), (COMMAND_PERIOD_US, true), (SOURCE_TIMEOUT_US, true), (SOURCE_TIMEOUT_US + 1, false)]
@@ -255,7 +255,7 @@ fn standby_is_obeyed_at_the_second_word() {
 
 /// So is the standby of a source above the one that rules, whether it spoke before or not.
 #[test]
-fn two_words_of_standby_of_a_source_above_shut_down() {
+fn two_standbys_of_a_higher_source_shut_down() {
     for ecu in BOTH {
         for before in [None, Some(run(50))] {
             // At its age limit it is lost.

@@ -14,7 +14,7 @@ fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
 
 /// Hold, a ramp to the fail-safe throttle, standby: each to the tick, and told in this order.
 #[test]
-fn loss_in_stages_to_the_tick() {
+fn each_stage_of_loss_begins_to_the_tick() {
     for ecu in BOTH {
         // 50 % to 20 % at 60 % a second: 0.5 s.
         let config = ecu.with(|s| s.loss = loss(700_000, 20, 600, Some(900_000)));
@@ -93,7 +93,7 @@ fn the_fail_safe_throttle_never_raises() {
 
 /// A source that comes back has to speak for a second without a gap; then it takes over like any other.
 #[test]
-fn a_source_that_comes_back_rules_after_a_second() {
+fn a_source_that_comes_back_is_in_control_after_a_second() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.pass_us(10 * SECOND);
@@ -205,7 +205,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
 
 /// Each engine has its own numbers.
 #[test]
-fn the_stages_are_each_engines_own() {
+fn each_engine_has_its_own_stages_of_loss() {
     let quick = Ecu::Zk.with(|s| s.loss = loss(0, 10, 10_000, None));
     let slow = Ecu::Zk.with(|s| s.loss = loss(5 * SECOND, 0, 10, None));
     let mut quick = Scenario::started_with(Ecu::Zk, quick, percent(50));
@@ -219,7 +219,7 @@ fn the_stages_are_each_engines_own() {
 
 /// The ECU lost and the source lost are two things, each handled for itself.
 #[test]
-fn link_lost_and_source_lost_are_two_things() {
+fn a_lost_link_and_a_lost_source_are_handled_apart() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.sent();
@@ -252,7 +252,7 @@ fn link_lost_and_source_lost_are_two_things() {
 
 /// In standby and under a stop there is nothing to lose.
 #[test]
-fn no_loss_without_a_demand() {
+fn there_is_no_loss_without_a_demand() {
     for ecu in BOTH {
         for command in [Command::Standby, Command::EmergencyStop] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
@@ -283,7 +283,7 @@ fn only_a_demand_keeps_a_demand_fresh() {
 /// An rpm demand falls to the idle rpm that the ECU gave, or to the throttle at idle if it gave none; it only lowers,
 /// and rules although the ECU has lowered its maximum since.
 #[test]
-fn loss_of_an_rpm_demand() {
+fn an_rpm_demand_falls_to_idle_when_its_source_is_lost() {
     for (demand, safe) in [(100_000, ZK_IDLE), (ZK_IDLE - 1_000, ZK_IDLE - 1_000)] {
         let mut scenario = Scenario::started(Ecu::Zk, rpm(demand));
         scenario.pass_us(SOURCE_TIMEOUT_US + SECOND);

@@ -4,7 +4,7 @@ use super::*;
 
 /// Off by default; up and down each with its own rate, to the tick.
 #[test]
-fn slew_limits() {
+fn slew_limits_hold_to_the_tick_and_are_off_by_default() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(20));
         scenario.command(run(80)).unwrap();
@@ -76,7 +76,7 @@ fn slew_delays_no_stop_and_no_fail_safe() {
 
 /// Another engine of the group has failed: told, and this one left alone; or reduced, if so configured.
 #[test]
-fn the_loss_of_another_engine() {
+fn the_failure_of_another_engine_is_reported_and_reduces_only_if_configured() {
     for ecu in BOTH {
         for (option, expected) in [(None, 800), (Some(600), 480), (Some(0), 0), (Some(1000), 800)] {
             let config = ecu.with(|s| s.when_other_fails = option);
@@ -99,7 +99,7 @@ fn the_loss_of_another_engine() {
 
 /// An engine counts as failed when it ran and stopped, or fell silent, without a command; until standby is commanded.
 #[test]
-fn what_counts_as_failed() {
+fn an_engine_has_failed_when_it_stops_without_a_command() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         assert!(!scenario.bench.machine.failed());
@@ -194,7 +194,7 @@ fn a_reduction_does_not_wait() {
 
 /// A slew holds for a demand of the other kind, too: it rises from what the ECU reports.
 #[test]
-fn slew_limits_a_demand_of_the_other_kind() {
+fn a_slew_limits_a_demand_of_the_other_kind() {
     let config = Ecu::Zk.with(|s| s.slew.up = Some(100));
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(0));
     scenario.values.rpm = Some(50_000);
@@ -209,7 +209,7 @@ fn slew_limits_a_demand_of_the_other_kind() {
 
 /// Who rules is told when it changes, also while the engine stands, and is who the others wait for.
 #[test]
-fn who_rules_is_told_in_standby() {
+fn the_active_source_is_reported_in_standby() {
     for ecu in BOTH {
         let mut scenario = Scenario::with(ecu, ecu.config());
         scenario.says(Says::Standby);
@@ -226,7 +226,7 @@ fn who_rules_is_told_in_standby() {
 
 /// The end of a loss in standby shows until somebody commands.
 #[test]
-fn standby_by_loss_shows() {
+fn standby_by_loss_shows_until_somebody_commands() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(1)));
         let mut scenario = Scenario::started_with(ecu, config, percent(50));
@@ -241,7 +241,7 @@ fn standby_by_loss_shows() {
 /// An ECU that does not do what is ordered is told after 3 s: a broken wire towards it. Neither a moment nor another state
 /// of a standing engine is.
 #[test]
-fn an_ecu_that_does_not_obey_is_told() {
+fn an_ecu_that_does_not_obey_is_reported() {
     let told = |scenario: &mut Scenario| -> Vec<Event> {
         let events = scenario.bench.event_kinds().into_iter();
         events.filter(|event| matches!(event, Event::NotObeyed | Event::ObeyedAgain)).collect()

@@ -94,7 +94,7 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 /// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
 /// that is kept is released by it.
 #[test]
-fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
+fn a_command_before_the_engine_begins_leaves_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
     let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
@@ -110,7 +110,7 @@ fn a_command_before_the_engine_begins_leaves_a_kept_stop() {
 
 /// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
 #[test]
-fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
+fn the_retained_demand_is_no_higher_than_the_one_on_the_wire() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.slew.up = Some(100));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
@@ -125,7 +125,7 @@ fn what_is_kept_is_no_more_than_what_is_on_the_wire() {
 
 /// A start that a reset cuts short is over, and its source's stick never was on the wire.
 #[test]
-fn start_cut_short_by_a_reset_does_not_go_on() {
+fn a_start_that_a_reset_cut_short_does_not_resume() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
@@ -174,7 +174,7 @@ fn a_lost_demand_never_rises() {
 
 /// What a source says after a reset, before its engine is confirmed, is newer than what was retained.
 #[test]
-fn word_said_in_doubt_after_a_reset_overrides_the_retained_demand() {
+fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
         let retained = || {
             let kept =

@@ -37,7 +37,7 @@ fn amt_10_throttle_is_rounded_down() {
 
 /// AMT-10: what an ECU ignores is no control message.
 #[test]
-fn amt_10_spoilt_messages_are_refused() {
+fn amt_10_damaged_messages_are_refused() {
     use amt::{Control, ControlError};
     for (bytes, error) in [
         ([0xFE, 0x14, 32, 0x14, 32], ControlError::Leader(0xFE)),

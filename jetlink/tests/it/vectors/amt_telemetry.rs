@@ -18,7 +18,7 @@ fn amt_message(bytes: &[u8]) -> amt::Message {
 
 /// AMT-2: every Data1, sorted as the document does.
 #[test]
-fn amt_2_what_a_frame_is_by_data1() {
+fn amt_2_data1_says_what_a_frame_is() {
     use amt::{EgtByte, ErrorBits, Message, State, SwitchPosition, ThrottleByte};
     for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
         let bytes = [0xFF, data1, 2, 3, 4, 5];
@@ -51,7 +51,7 @@ fn amt_2_what_a_frame_is_by_data1() {
 
 /// AMT-3: the printed states, the two field facts, and all others with their number.
 #[test]
-fn amt_3_states() {
+fn amt_3_each_state_has_its_number() {
     for (bits, name) in [
         (0b00000, "no-start-clearance"),
         (0b00001, "start-clearance"),
@@ -81,7 +81,7 @@ fn amt_3_states() {
 
 /// AMT-4: old and new engine numbers.
 #[test]
-fn amt_4_engine_ids() {
+fn amt_4_each_engine_has_its_id() {
     use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     let printed = [
         (0x03, Pegasus),
@@ -103,7 +103,7 @@ fn amt_4_engine_ids() {
 
 /// AMT-5: rpm in steps of 500 or 700, and no scale where the document has none.
 #[test]
-fn amt_5_rpm_steps() {
+fn amt_5_each_engine_has_its_rpm_step() {
     use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     for (engine, step) in [
         (Pegasus, Some(500)),
@@ -121,7 +121,7 @@ fn amt_5_rpm_steps() {
 
 /// AMT-6: the scales of the three kinds of voltage, for every engine.
 #[test]
-fn amt_6_voltage_scales() {
+fn amt_6_each_engine_has_its_voltage_scale() {
     use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     // mV that a raw 255 would add: Vout and idle and maximum, battery, external battery above 7 V
     for (engine, vout, battery, external) in [
@@ -156,7 +156,7 @@ fn amt_6_voltage_scales() {
 
 /// AMT-7: °C = value × 4.6 − 50, throttle % = value / 2.
 #[test]
-fn amt_7_temperature_and_throttle() {
+fn amt_7_temperature_and_throttle_have_their_scales() {
     for (raw, tenths) in [(0, -500), (1, -454), (10, -40), (11, 6), (100, 4100), (254, 11_184)] {
         assert_eq!(amt::EgtByte(raw).celsius().tenths(), tenths, "{raw}");
     }
@@ -167,7 +167,7 @@ fn amt_7_temperature_and_throttle() {
 
 /// AMT-8: Data2 of an error set is a set of bits, several at once; bit 7 is kept.
 #[test]
-fn amt_8_error_bits() {
+fn amt_8_each_error_has_its_bit() {
     let printed = [
         "rpm-low",
         "switch-channel-missing",
@@ -199,7 +199,7 @@ fn amt_setup(bytes: &[u8]) -> amt::Setup {
 
 /// AMT-9: pulse widths, and both forms of the text, told apart by their full stop.
 #[test]
-fn amt_9_setup_sets() {
+fn amt_9_a_setup_set_ends_at_its_full_stop() {
     // 0xFF  set-up PWTH  PWTL  PWDIFF X     .     N     N     ␣     Y     Y     M     M     D     D     ␣
     let old = [
         0xFF, 0x05, 0xF8, 0x00, 0x40, b'9', b'.', b'3', b'5', b' ', b'1', b'4', b'0', b'6', b'1', b'7', b' ',

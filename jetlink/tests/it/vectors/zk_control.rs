@@ -173,7 +173,7 @@ fn zk_2_control_frames_have_these_bytes() {
 
 /// ZK-2: the examples that the document prints.
 #[test]
-fn zk_2_printed_control_examples() {
+fn zk_2_the_printed_control_examples_are_what_is_sent() {
     assert_eq!(throttle(Switch::Stop, 100).encode(), [0xFF, 0x14, 0x64, 0xD3]);
     assert_eq!(throttle(Switch::Run, 500).encode(), [0xFF, 0x1D, 0xF4, 0x70]);
 }
@@ -205,7 +205,7 @@ fn zk_2_reserved_bits_are_zero() {
 
 /// ZK-3: seven reserved bits, RPM_X in byte 2 bits 4 to 2, SW in bits 1 and 0.
 #[test]
-fn zk_3_mode_layout() {
+fn zk_3_the_mode_frame_has_the_documented_layout() {
     assert_eq!(mode(4, Switch::Run).encode(), [0xFF, 0x60, 0x13, 0x25]);
     assert_eq!(mode(6, Switch::Pwm).encode()[1..3], [0x60, 0b0001_1000]);
     assert_eq!(mode(0, Switch::Run).encode()[1..3], [0x60, 0b0000_0011]);
@@ -267,7 +267,7 @@ fn ignition_pump_steps_are_20_mv_downwards() {
 
 /// ZK-7: which version knows which command.
 #[test]
-fn zk_7_commands_and_their_versions() {
+fn zk_7_each_command_needs_its_version() {
     for (control, bytes) in control_vectors() {
         let expected = match (bytes[1] >> 4, bytes[2]) {
             (2, 10 | 11) => 2,
@@ -281,7 +281,7 @@ fn zk_7_commands_and_their_versions() {
 
 /// ZK-8: the numbers that are sent and those that are reported differ.
 #[test]
-fn zk_8_switch_numbers_sent_and_reported() {
+fn zk_8_switches_are_numbered_apart_as_sent_and_as_reported() {
     // sent: SW in byte 1 bits 3 and 2
     for (switch, sent) in [(Switch::Pwm, 0), (Switch::Stop, 1), (Switch::Standby, 2), (Switch::Run, 3)] {
         assert_eq!(throttle(switch, 0).encode()[1], 0x10 | sent << 2);
@@ -349,7 +349,7 @@ fn zk_9_rpm_code_never_rounds_up() {
 
 /// ZK-11: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600; with two stop bits as well.
 #[test]
-fn zk_11_rates_that_fit_a_line() {
+fn zk_11_a_rate_fits_a_line_that_can_carry_it() {
     for line in [Line::new as fn(u32) -> Line, Line::with_two_stop_bits] {
         for baud in Line::BAUD_RATES {
             for (rate, needs) in [(Rate::Hz20, 2400), (Rate::Hz50, 4800), (Rate::Hz100, 9600)] {
@@ -370,7 +370,7 @@ fn zk_11_rates_that_fit_a_line() {
 
 /// ZK-12, AMT-1: the printed baud rates; 10 bits a byte with one stop bit and 11 with two.
 #[test]
-fn zk_12_amt_1_line_rates_and_byte_times() {
+fn zk_12_amt_1_a_byte_takes_its_bits_at_every_baud_rate() {
     assert_eq!(Line::BAUD_RATES, [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200]);
     for baud in Line::BAUD_RATES {
         assert!(Line::new(baud).is_printed_rate());

@@ -88,7 +88,7 @@ fn status_fields(id: u8) -> Vec<Field> {
 
 /// ZK-5: each bit of a status frame belongs to one field, with one weight, and leaks into no other.
 #[test]
-fn zk_5_every_bit_of_every_status_field() {
+fn zk_5_every_bit_of_a_status_belongs_to_its_field() {
     for id in 1..=9 {
         let fields = status_fields(id);
         assert!(!fields.is_empty());
@@ -132,7 +132,7 @@ fn zk_5_rpm_is_in_every_status() {
 
 /// ZK-5: the examples that the document prints.
 #[test]
-fn zk_5_printed_status_examples() {
+fn zk_5_the_printed_status_examples_are_read_as_printed() {
     //           head  rpm   rpm   state temp  temp  CRC
     let first = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
     let frame = StatusFrame::new(first).expect("CRC is right");
@@ -162,7 +162,7 @@ fn zk_5_printed_status_examples() {
 
 /// ZK-11: the rate of status ID 6 is byte 5 bits 1 and 0; code 3 has no meaning.
 #[test]
-fn zk_11_reported_rate() {
+fn zk_11_the_reported_rate_has_its_code() {
     for (code, expected) in [(0, Some(Rate::Hz20)), (1, Some(Rate::Hz50)), (2, Some(Rate::Hz100)), (3, None)]
     {
         for other_bits in [0x00, 0xFC] {
@@ -205,7 +205,7 @@ fn zk_15_unknown_ids_keep_their_bytes() {
 
 /// ZK-15: states and errors of the appendix have a name, all others keep their number.
 #[test]
-fn zk_15_states_and_errors() {
+fn zk_15_each_state_and_error_has_its_number() {
     let states = [
         "stop",
         "standby",
@@ -263,7 +263,7 @@ fn zk_15_states_and_errors() {
 
 /// ZK-16: a head is 0xF0 to 0xFE.
 #[test]
-fn zk_16_heads() {
+fn zk_16_a_status_begins_with_its_head() {
     for head in 0..=255u8 {
         let body = [head, 0, 0, 0, 0, 0];
         let frame = StatusFrame::new([head, 0, 0, 0, 0, 0, printed_crc8(&body)]);

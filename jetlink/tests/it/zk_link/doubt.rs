@@ -120,7 +120,7 @@ fn zk_13_closing_the_pump_does_not_part_an_unlock_from_its_command() {
 
 /// What each status says about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
 #[test]
-fn every_status_is_a_sign() {
+fn each_status_is_a_sign_of_the_life_that_its_state_means() {
     // Idle speed in 1000 rpm, maximum, and half of idle or what stands for it.
     for (idle, max, half) in [
         (None, None, 10_000),

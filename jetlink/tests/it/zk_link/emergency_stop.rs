@@ -159,7 +159,7 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
 /// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
 /// out of turn. ZK-8: a hand-over is said in ID 1 before ID 6 lets go.
 #[test]
-fn zk_9_which_frame_goes_first() {
+fn zk_9_the_frame_that_gives_a_meaning_goes_first() {
     let (run, demand) = (throttle(300), rpm(80_000));
     for (split_switch, before, after, first) in [
         (true, Order::Standby, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN)]),
@@ -316,7 +316,7 @@ fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
 /// ZK-9: an order that was given before the ECU was heard, as an engine does, and an ECU that was left in mode 2 or 3:
 /// a standby is obeyed within about a second, a stop from the first ID 6 on.
 #[test]
-fn zk_9_an_ecu_met_in_mode_3_is_reached_in_time() {
+fn zk_9_an_ecu_found_in_mode_3_is_reached_in_time() {
     for left_in in [(0, RUN), (4, RUN)] {
         for (order, within) in [(Order::Standby, 1_000_000), (Order::EmergencyStop, 2 * SEND_SLOT_US + 5_000)]
         {

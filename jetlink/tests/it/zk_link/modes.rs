@@ -4,7 +4,7 @@ use super::*;
 
 /// ZK-9, mode 1: switch and throttle in ID 1. ZK-8: standby is SW 2, an emergency stop SW 1, run SW 3.
 #[test]
-fn zk_9_mode_1_switch_and_throttle_in_id_1() {
+fn zk_9_mode_1_has_switch_and_throttle_in_id_1() {
     let mut bench = running(3);
     for (order, sw, tenths) in [
         (Order::Standby, STANDBY, 0),
@@ -23,7 +23,7 @@ fn zk_9_mode_1_switch_and_throttle_in_id_1() {
 
 /// ZK-9, mode 2: ID 6 carries the switch with RPM_X = 0 and ID 1 the throttle, in turns.
 #[test]
-fn zk_9_mode_2_switch_in_id_6() {
+fn zk_9_mode_2_has_the_switch_in_id_6() {
     let config = Config { split_switch: true, ..Config::DEFAULT };
     let mut bench = ecu_with(config, 4, 160);
     runs(&mut bench);
@@ -57,7 +57,7 @@ fn zk_7_mode_2_waits_for_version_4() {
 /// ZK-9, mode 3: ID 7 carries the rpm, ID 6 switch and RPM_X. The rpm goes first, so that the mode does not come
 /// into force with an old one.
 #[test]
-fn zk_9_mode_3_rpm_in_id_7() {
+fn zk_9_mode_3_has_the_rpm_in_id_7() {
     let mut bench = running(4);
     bench.order(bench.now_us(), rpm(100_000)).unwrap();
     // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
@@ -71,7 +71,7 @@ fn zk_9_mode_3_rpm_in_id_7() {
 
 /// ZK-9: RPM_X for every maximum that an ECU can report, and an rpm never above the demand.
 #[test]
-fn zk_9_rpm_x_for_every_maximum() {
+fn zk_9_rpm_x_covers_every_maximum() {
     for max in 1..=255u8 {
         let mut bench = ecu_with(Config::DEFAULT, 5, max);
         runs(&mut bench);
@@ -135,7 +135,7 @@ fn zk_8_no_transition_hands_over_to_pwm() {
 
 /// ZK-8: SW 0 goes out when the hand-over is ordered by name, and takes ID 6 out of the way first.
 #[test]
-fn zk_8_hand_over_to_pwm_by_its_name() {
+fn zk_8_only_its_own_command_hands_over_to_pwm() {
     for before in [Order::Standby, throttle(500), rpm(80_000)] {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();

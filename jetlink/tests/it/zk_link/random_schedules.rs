@@ -36,7 +36,7 @@ proptest! {
     /// both); every frame is one of the document; SW 0 never goes out (ZK-8); an unlock is followed by its command
     /// or by an order that calls it off (ZK-13); behind an emergency stop there is nothing but stops; silence yields "lost" once.
     #[test]
-    fn zk_8_zk_13_any_schedule(
+    fn zk_8_zk_13_in_any_schedule_every_frame_is_one_of_the_document(
         split_switch in any::<bool>(),
         baud in prop::sample::select(&[9600u32, 19_200, 115_200][..]),
         rate in prop::sample::select(&[Rate::Hz20, Rate::Hz50, Rate::Hz100][..]),

@@ -4,7 +4,7 @@ use super::*;
 
 /// Up after one frame, because it has a CRC; lost by the timer to the tick, once; the turns go on (ZK-10).
 #[test]
-fn zk_10_silence_is_lost_once_and_the_turns_go_on() {
+fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     let mut bench = link(Config::DEFAULT, LINE);
     assert_eq!(bench.machine.status().state, LinkState::Silent);
     bench.rx_at_us(123_456, &zk::state(STATE_STANDBY));
@@ -59,7 +59,7 @@ fn zk_15_unknown_numbers_are_kept() {
 
 /// ZK-8, ZK-5: the state in plain words and the switch that the ECU says it obeys.
 #[test]
-fn zk_8_phases_and_reported_switch() {
+fn zk_8_each_state_has_its_phase_and_reported_switch() {
     for (states, phase) in [
         (0..=0, Phase::Stopped),
         (1..=1, Phase::Standby),
@@ -149,7 +149,7 @@ fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
 
 /// Events when something changes, and only then.
 #[test]
-fn events_of_a_start() {
+fn events_come_when_something_changes_and_only_then() {
     let mut bench = link(Config::DEFAULT, LINE);
     let version = Version::new(4).unwrap();
     for (frame, events) in [

@@ -5,7 +5,7 @@ use super::*;
 /// ZK-10: something is sent at every turn, ID 0 when nothing is ordered, also into silence. ZK-11: the turns keep
 /// the status rate to the tick.
 #[test]
-fn zk_10_zk_11_something_goes_out_at_every_turn() {
+fn zk_10_zk_11_something_goes_out_in_every_send_slot() {
     for (rate, every) in [(Rate::Hz20, 50_000), (Rate::Hz50, 20_000), (Rate::Hz100, 10_000)] {
         let mut bench = link(Config { rate, ..Config::DEFAULT }, LINE);
         bench.run_to_us(10_000_000);
@@ -20,7 +20,7 @@ fn zk_10_zk_11_something_goes_out_at_every_turn() {
 
 /// ZK-10: a turn that comes late is not made up for, and the beat stays.
 #[test]
-fn zk_10_a_late_turn_makes_no_burst() {
+fn zk_10_a_late_send_slot_makes_no_burst() {
     // Woken so late; the next two turns are then due.
     for (late, next) in [(1, [100_000, 150_000]), (30_000, [100_000, 150_000]), (49_000, [100_000, 150_000])]
     {
@@ -59,7 +59,7 @@ fn zk_10_a_late_turn_makes_no_burst() {
 
 /// A turn while the UART is still sending is skipped and counted; the one behind it goes out.
 #[test]
-fn a_turn_while_the_uart_is_busy_is_skipped() {
+fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
     bench.run_to_us(120_000); // the frame of turn 0 hangs
     assert_eq!(bench.frames().len(), 1);
@@ -73,7 +73,7 @@ fn a_turn_while_the_uart_is_busy_is_skipped() {
 
 /// ZK-12: at the slowest line a frame is over before the next turn.
 #[test]
-fn zk_12_the_slowest_line_carries_every_turn() {
+fn zk_12_the_slowest_line_carries_every_send_slot() {
     for line in [Line::new(2400), Line::with_two_stop_bits(2400)] {
         let mut bench = link(Config::DEFAULT, line);
         bench.order(0, Order::Standby).unwrap();

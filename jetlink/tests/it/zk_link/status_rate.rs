@@ -51,7 +51,7 @@ fn zk_11_rate_is_retried_and_given_up() {
 
 /// ZK-11: an ECU that falls back to another rate while it is heard is set again.
 #[test]
-fn zk_11_rate_is_watched() {
+fn zk_11_an_ecu_that_falls_back_to_another_rate_is_set_again() {
     let mut bench = ecu(4);
     bench.receive(&zk::identity(160, 4, 2));
     bench.run_to_us(200_000);
@@ -60,7 +60,7 @@ fn zk_11_rate_is_watched() {
 
 /// ZK-11: a rate by service command: refused where the line cannot carry it; the turns follow it.
 #[test]
-fn zk_11_rate_by_service_command() {
+fn zk_11_a_service_command_changes_the_rate() {
     for (baud, rate, fits) in [
         (2400, Action::Rate20Hz, true),
         (2400, Action::Rate50Hz, false),

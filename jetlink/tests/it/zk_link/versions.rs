@@ -5,7 +5,7 @@ use super::*;
 /// ZK-7: a command that the ECU's version does not know is refused with both versions; while no two reports agree on the
 /// version only version 1 commands are taken.
 #[test]
-fn zk_7_every_command_by_version() {
+fn zk_7_each_version_gets_its_commands_only() {
     let services = Action::ALL
         .into_iter()
         .map(|one| {
@@ -89,7 +89,7 @@ fn zk_7_a_refused_order_changes_nothing() {
 
 /// ZK-7: thrust counts from version 2, and ESR, SCL and the start-up time from version 4.
 #[test]
-fn zk_7_status_fields_by_version() {
+fn zk_7_each_version_has_its_status_fields() {
     for version in [None, Some(1), Some(2), Some(3), Some(4), Some(5)] {
         let mut bench = link(Config::DEFAULT, LINE);
         if let Some(version) = version {

@@ -41,7 +41,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
 
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
 #[test]
-fn two_values_in_a_row_pass_a_limit() {
+fn a_limit_is_passed_by_two_consecutive_values() {
     use LimitKind::{LowRpm, OverSpeed, OverTemperature};
     type Change = fn(&mut Limits);
     let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
@@ -101,7 +101,7 @@ fn two_values_in_a_row_pass_a_limit() {
 
 /// The time of an event is that of the second value.
 #[test]
-fn a_limit_is_told_with_its_time() {
+fn a_limit_is_reported_with_its_time() {
     for ecu in BOTH {
         let mut scenario = running(ecu, |l| l.over_speed = Limit::report(Rpm::new(13_000)));
         let values = Values { rpm: Some(14_000), ..scenario.values };
@@ -118,7 +118,7 @@ fn a_limit_is_told_with_its_time() {
 
 /// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
 #[test]
-fn the_engines_own_figures_serve() {
+fn without_a_limit_the_engines_own_figures_serve() {
     let values = |rpm| Values { rpm: Some(rpm), egt_celsius: 26, half_percents: 0, fault: 0 };
     let quiet = |limits: &mut Limits| {
         limits.implausible = Limit::NONE;
@@ -144,7 +144,7 @@ fn the_engines_own_figures_serve() {
 
 /// Hot start: the temperature rises too fast while it starts, and only then.
 #[test]
-fn hot_start() {
+fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
     for ecu in BOTH {
         // °C per second, and whether that is told: the default is 200.
         for (rate, says, told) in
@@ -211,7 +211,7 @@ fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
 
 /// Flame-out: the speed falls without a command. After a lower demand that is what was asked for.
 #[test]
-fn flame_out() {
+fn a_flame_out_is_a_fall_of_speed_without_a_command() {
     for ecu in BOTH {
         assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
         assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was asked for");
@@ -247,7 +247,7 @@ fn one_odd_shaft_speed_is_no_flame_out() {
 /// A change that no turbine makes is told when it lasts for two frames; frames that are read late and at once are no
 /// such change.
 #[test]
-fn implausible_telemetry() {
+fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
     for ecu in BOTH {
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let values = Values { rpm: Some(60_000), ..scenario.values };
@@ -276,7 +276,7 @@ fn implausible_telemetry() {
 
 /// Supply voltage, off by default.
 #[test]
-fn supply_low() {
+fn a_low_supply_is_reported_where_a_limit_is_set() {
     for ecu in BOTH {
         let supply = |scenario: &mut Scenario| {
             let frame = match ecu {
@@ -303,7 +303,7 @@ fn supply_low() {
 
 /// A fault that the ECU reports, in two reports in a row; the event carries its number.
 #[test]
-fn a_fault_of_the_ecu() {
+fn a_fault_of_the_ecu_is_reported_after_two_reports_with_its_number() {
     for ecu in BOTH {
         for action in [Action::Report, Action::FailSafe, Action::Standby] {
             let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
@@ -325,7 +325,7 @@ fn a_fault_of_the_ecu() {
 
 /// The actions: none by default, the fail-safe throttle by its ramp, standby at once and not back by a stream of run.
 #[test]
-fn actions() {
+fn each_limit_takes_its_action() {
     for ecu in BOTH {
         let limit = |action| Limit { at: Some(Rpm::new(13_000)), action };
         let mut scenario = running(ecu, |l| l.over_speed = limit(Action::Standby));

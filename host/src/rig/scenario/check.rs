@@ -1,0 +1,54 @@
+//! What the scenarios look for on the wires, and the times that they allow.
+
+use super::super::audit::{Said, Spoken};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+
+/// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
+/// the answer takes 20.8 ms.
+pub const ON_WIRE: Nanos = 175 * MILLIS;
+/// What a node takes to see that an engine stopped: two reports that agree. A ZK ECU at 20 Hz says its state every
+/// 0.4 s.
+pub const SEES_STOP: Nanos = 1500 * MILLIS;
+/// Between two words of the pilot.
+pub const WORDS: Nanos = 100 * MILLIS;
+/// Steps of the wire in the throttle, in tenths of a percent.
+pub const GRAIN: u16 = 10;
+
+/// All frames say this, but for those that say nothing of switch and demand, and there are some.
+pub fn all(frames: &[Spoken], said: Said) -> bool {
+    frames.iter().any(|frame| frame.said == said)
+        && frames.iter().all(|frame| frame.said == said || frame.said == Said::Nothing)
+}
+
+/// At least so many frames, and all of them say this.
+pub fn only(frames: &[Spoken], least: usize, allowed: impl Fn(Said) -> bool) -> bool {
+    frames.len() >= least && frames.iter().all(|frame| allowed(frame.said))
+}
+
+pub const fn is_run(said: Said) -> bool {
+    matches!(said, Said::Run(_) | Said::RunRpm(_))
+}
+
+/// Standby, or what says nothing of switch and demand.
+pub const fn is_standby(said: Said) -> bool {
+    matches!(said, Said::Standby | Said::Nothing)
+}
+
+/// No throttle on the wire rises by more than 50 % a second.
+pub fn rises_slowly(frames: &[Spoken]) -> bool {
+    let mut runs = frames.iter().filter_map(|frame| match frame.said {
+        Said::Run(tenths) => Some((frame.from, tenths)),
+        _ => None,
+    });
+    let Some(mut last) = runs.next() else { return false };
+    runs.all(|now| {
+        let before = core::mem::replace(&mut last, now);
+        // The demand moves every 20 ms, and a step of the wire is up to half a percent.
+        let most = (now.0 - before.0 + 20 * MILLIS) * 500 / SECOND + 5;
+        u64::from(now.1.saturating_sub(before.1)) <= most
+    })
+}
+
+pub fn seconds(nanos: Nanos) -> f64 {
+    nanos as f64 / 1e9
+}

@@ -1,0 +1,28 @@
+//! Interrupts that end the firmware: a crystal that has stopped, a supply that is too low.
+
+#[cfg(any(feature = "stm32f4", not(feature = "ardupilot-bootloader")))]
+use super::crash::crash;
+use super::early;
+
+/// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
+#[cortex_m_rt::exception]
+unsafe fn NonMaskableInt() -> ! {
+    early::crystal_has_stopped();
+    // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
+    #[cfg(feature = "ardupilot-bootloader")]
+    early::restart();
+    #[cfg(not(feature = "ardupilot-bootloader"))]
+    crash(|| defmt::error!("the crystal has stopped, resetting"))
+}
+
+/// The detector of a low supply, which `stm32f4.rs` turns on.
+#[cfg(feature = "stm32f4")]
+mod supply {
+    use super::crash;
+    use embassy_stm32::interrupt;
+
+    #[interrupt]
+    unsafe fn PVD() {
+        crash(|| defmt::error!("the supply is below 2.84 V, resetting"))
+    }
+}
