@@ -17,5 +17,6 @@ mod engine_stop;
 mod reading_points;
 mod supervision;
 mod support;
+mod toy_protocol;
 mod vectors;
 mod zk_link;

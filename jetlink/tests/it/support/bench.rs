@@ -1,5 +1,6 @@
 //! Drives a link or an engine by hand: no clock, no task. The bench plays the runner and the UART.
 
+use crate::toy_protocol::ToyLink;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Rejected};
 use jetlink::ecu::amt::link::AmtLink;
@@ -52,6 +53,7 @@ macro_rules! machine {
 }
 machine!(AmtLink, Link, |link, now| Link::start(link, now));
 machine!(ZkLink, Link, |link, now| Link::start(link, now));
+machine!(ToyLink, Link, |link, now| Link::start(link, now));
 machine!(Engine, Engine, |engine, now| engine.start(now, None), supervise);
 
 /// An instant from microseconds.
