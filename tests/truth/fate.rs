@@ -36,14 +36,14 @@ pub struct Random {
     /// Resets that still follow, and how long the node runs between them.
     loop_left: u64,
     loop_period: u64,
-    /// All pilots of an engine are silent, and that was looked at.
-    silent: bool,
+    /// All pilots of an engine are silent, or its ECU reports a fault, and that was looked at.
+    in_trouble: bool,
 }
 
 impl Fate {
     pub fn random(rng: &mut Rng, weather: Weather) -> Self {
         let next = rng.wait(weather.between_faults());
-        Self::Random(Random { weather, next, loop_left: 0, loop_period: 0, silent: false })
+        Self::Random(Random { weather, next, loop_left: 0, loop_period: 0, in_trouble: false })
     }
 
     /// The next reset; `None` if there is none.
@@ -54,10 +54,10 @@ impl Fate {
         }
     }
 
-    /// One that comes sooner, because of what the pilots do.
+    /// One that comes sooner, because of what happens to an engine.
     pub fn sooner(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
         match self {
-            Self::Random(random) => random.in_silence(rng, seats, than),
+            Self::Random(random) => random.in_trouble(rng, seats, than),
             Self::Script(_) => None,
         }
     }
@@ -85,12 +85,21 @@ impl Random {
         }
     }
 
-    /// Resets come often when all pilots of a running engine are silent: one fault brings the other.
-    fn in_silence(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
+    /// Resets come often when all pilots of a running engine are silent, or its ECU reports a fault: one brings the other.
+    fn in_trouble(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
         let at = now();
         let silent = seats.iter().any(|seat| seat.is_live() && seat.silent_until() > at + 2 * SECOND);
-        if core::mem::replace(&mut self.silent, silent) || !silent || !rng.percent(30) {
+        let faulty = seats.iter().any(Seat::runs_with_a_fault);
+        let trouble = silent || faulty;
+        if core::mem::replace(&mut self.in_trouble, trouble) || !trouble || !rng.percent(30) {
             return None;
+        }
+        if faulty && rng.percent(70) {
+            // The supply is low: the node goes down, too, but not the ECU.
+            let at = at + rng.spread(500 * MS, 10 * SECOND);
+            let down = rng.spread(20 * MS, SECOND);
+            let blow = Blow { with_ecu: false, down, ..self.blow(rng, at, Cause::BrownOut) };
+            return (at < than).then_some(blow);
         }
         let first = at + rng.spread(20 * MS, 6 * SECOND);
         if first >= than {

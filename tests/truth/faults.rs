@@ -178,8 +178,8 @@ impl Disturber {
         if phase != Phase::Running {
             self.flame_out = None;
         } else if self.flames && self.flame_out.is_none() {
-            let flies = rng.spread(5 * SECOND, 100 * SECOND);
-            self.flame_out = Some(if rng.percent(40) { now + flies } else { u64::MAX });
+            let flies = rng.spread(5 * SECOND, 60 * SECOND);
+            self.flame_out = Some(if rng.percent(50) { now + flies } else { u64::MAX });
         }
         if self.current.is_none() && self.flame_out.is_some_and(|at| now >= at) {
             begin(Fault::FlameOut, rng, plug);

@@ -70,7 +70,7 @@ enum Program {
     OneWord(u8),
     /// Standby, and services.
     Service,
-    /// Standby, and then a hand-over to the PWM input.
+    /// Standby, if it begins at 0, and then a hand-over to the PWM input.
     Pwm(u8),
     /// A stop, and later its release, disarm, arm.
     Stop(u8),
@@ -183,8 +183,10 @@ impl Pilot {
                 Program::Flap(ask, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
             }
             (Habit::Flies, 88..92) | (Habit::Restless, 40..46) => Program::Stop(0),
-            (Habit::Flies, 92..96) | (Habit::Restless, 46..52) => Program::Service,
-            (Habit::Flies, 96..97) | (Habit::Restless, 52..54) => Program::Pwm(0),
+            (Habit::Flies, 92..95) | (Habit::Restless, 46..51) => Program::Service,
+            (Habit::Flies, 95..97) | (Habit::Restless, 51..54) => {
+                Program::Pwm(if rng.percent(70) { 0 } else { 19 })
+            }
             (Habit::Flies, _) => Program::OneWord(0),
             (Habit::Relieves, 0..50) => {
                 self.until = now + rng.between(20, 60) * SECOND;
@@ -272,8 +274,8 @@ impl Pilot {
             Program::Pwm(step) => {
                 *step += 1;
                 words.push(match *step {
-                    1 => Word::Arm,
-                    2..=20 => Word::Standby,
+                    1 | 20 => Word::Arm,
+                    2..20 => Word::Standby,
                     21 => Word::Pwm,
                     _ => {
                         self.next = self.until.max(now + MS);

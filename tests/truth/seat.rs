@@ -126,6 +126,10 @@ impl Seat {
         }
     }
 
+    pub fn runs_with_a_fault(&self) -> bool {
+        self.history.samples.last().is_some_and(|sample| sample.runs() && sample.fault)
+    }
+
     pub fn is_live(&self) -> bool {
         self.history.samples.last().is_some_and(|sample| sample.phase.is_live())
     }
