@@ -411,7 +411,7 @@ fn a_hot_start() {
         "the engine is at rest: the node goes to standby",
         "command of bench rejected: command standby before a start",
         "no fault any more",
-        "command of bench rejected: the ECU does not report standby",
+        "command of bench rejected: wait until the ECU reports standby",
         "command of bench rejected: command standby before a start",
         "the engine is running",
     ];
@@ -475,7 +475,7 @@ fn an_emergency_stop_during_a_start() {
         "right",
         &[
             "EMERGENCY STOP by emergency",
-            "command of bench rejected: the emergency stop came from emergency, ",
+            "command of bench rejected: the emergency stop came from emergency: ",
         ],
     );
     // What is asked for, and what is on the wire.

@@ -285,10 +285,10 @@ mod tests {
             ("name=a,ecu=zk,mode=jump", "mode=`jump`"),
             ("name=a,ecu=zk,version=3,mode=rpm", "needs version=4"),
             ("name=a,baud=fast", "baud=`fast`"),
-            ("name=a,baud=1234", "engine `a`: an engine's baud rate"),
+            ("name=a,baud=1234", "engine `a`: invalid baud rate"),
             ("name=a,stop=3", "stop=`3`"),
-            ("name=a,stop=2", "engine `a`: an AMT line has one stop bit"),
-            ("name=a,ecu=zk,baud=2400,rate=50", "engine `a`: an engine's status rate"),
+            ("name=a,stop=2", "engine `a`: invalid stop bits"),
+            ("name=a,ecu=zk,baud=2400,rate=50", "engine `a`: the line is too slow"),
         ] {
             let error = one(text).unwrap_err();
             assert!(error.contains(part) && !error.contains('\n'), "{text}: {error}");
