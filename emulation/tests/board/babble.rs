@@ -37,7 +37,7 @@ fn two_babbling_ecus_disturb_nobody_else() {
         for engine in ["left", "booster"] {
             let status = format!("{engine}: link");
             let status = report.lines(&status).next_back().expect("a status line");
-            assert!(status.text.contains("link Up"), "{}", status.text);
+            assert!(status.text.contains("link up"), "{}", status.text);
         }
         let replies =
             report.ecu::<AmtEcu>("SERIAL2").commands.iter().filter(|(at, _)| *at > 8500 * MILLIS).count();

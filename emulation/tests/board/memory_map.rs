@@ -44,7 +44,7 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
         let running =
             size(painted.len() - painted.iter().position(|&word| word != Some(PAINT)).expect("a stack"));
         // The mark that the firmware logs is the one that its memory shows.
-        let logged = report.lines("board: stack ").next_back().expect("the mark").text.clone();
+        let logged = report.lines("bytes of stack used").next_back().expect("the mark").text.clone();
         let numbers: Vec<u64> = logged.split(' ').filter_map(|word| word.parse().ok()).collect();
         let [marked, starting] = numbers[..] else { panic!("{logged}") };
         let (statics, free) = (statics_end - board.ram.start, size(below.len()));

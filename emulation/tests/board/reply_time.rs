@@ -78,7 +78,7 @@ fn while_logging(board: &'static Board, rate: u64) -> Row {
     let report = run(BOOT + PERIOD - early, PERIOD + 250, 60 * SECOND);
     // Some frames did end while the firmware was logging.
     let last = engines(&report).last().expect("engines").name;
-    let bursts = report.lines("left: link").zip(report.lines(last).filter(|log| log.text.contains("link")));
+    let bursts = report.lines("left: link").zip(report.lines(last).filter(|log| log.text.contains(": link")));
     let bursts: Vec<_> = bursts.map(|(first, last)| first.at - 5_000..last.at).collect();
     let ends = report.wire("SERIAL2").rx.iter().filter(|rx| rx.last);
     let hits = ends.filter(|rx| bursts.iter().any(|burst| burst.contains(&rx.end))).count();

@@ -110,7 +110,7 @@ pub fn first_byte(report: &Report, port: &str, after: Nanos) -> Nanos {
 pub fn errors_told(report: &Report, engine: &str) -> (u32, u32, u32) {
     let name = format!("{engine}: link");
     let line = report.lines(&name).next_back().expect("a status line");
-    let Some((_, counts)) = line.text.split_once("; ordered").and_then(|(_, rest)| rest.split_once("; "))
+    let Some((_, counts)) = line.text.split_once(" in control").and_then(|(_, rest)| rest.split_once("; "))
     else {
         return (0, 0, 0);
     };
