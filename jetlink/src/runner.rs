@@ -131,14 +131,20 @@ impl<'a> Runner<'a> {
     /// read loses no bytes.
     pub async fn run<R: Read, W: Write>(self, mut rx: R, mut tx: W, errors: &LineErrors) -> ! {
         loop {
-            self.run_until_stuck(&mut rx, &mut tx, errors).await;
+            self.serve(&mut rx, &mut tx, errors).await;
         }
     }
 
     /// Runs until no transmission has succeeded for 1 s, then drops the halves: open the UART again, which discards the bytes
     /// that wait in it, and call this again. To the engine it is a failed transmission.
-    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     pub async fn run_until_stuck<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
+        // Nothing waits in a UART that was opened just now. A driver may never end the flush of one that has sent nothing.
+        self.timed_out.set(false);
+        self.serve(rx, tx, errors).await;
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    async fn serve<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
         if !self.started.replace(true) {
             self.channel.begin(Instant::now());
         }
