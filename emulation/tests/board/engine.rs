@@ -163,10 +163,13 @@ fn engines_that_run_go_on_after_any_reset() {
             let (_, last) = told.iter().rfind(|(_, told)| *told != Told::Nothing).expect("orders");
             assert_eq!(*last, Told::Run(0), "{}", engine.name);
             assert!(told.iter().all(|(at, told)| *at < report.resets[0].0 || *told != Told::Standby));
-            assert_eq!(
-                report.events(engine.name).iter().filter(|(_, event)| event.starts_with("resumed")).count(),
-                3
-            );
+            // In the first 2 ms after a reset the firmware logs nothing: what is read then are lines of before, which are still in
+            // the log's buffer.
+            let old =
+                |at: u64| report.resets.iter().any(|(reset, _)| (*reset..*reset + 2 * MILLIS).contains(&at));
+            let events = report.events(engine.name);
+            let resumed = events.iter().filter(|(at, event)| event.starts_with("resumed") && !old(*at));
+            assert_eq!(resumed.count(), 3);
             if let Protocol::Amt(_) = engine.protocol {
                 let stats = report.ecu::<AmtEcu>(engine.port).stats;
                 assert_eq!((stats.late, stats.serial_delay_stops), (0, 0), "{stats:?}");
