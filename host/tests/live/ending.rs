@@ -350,29 +350,6 @@ fn a_closed_terminal_ends_the_run_with_complete_files() {
     files_are_complete(&csv, &plot, 4);
 }
 
-/// No signal comes, as where a terminal's server is killed: the program sees it by itself, and does not spin.
-#[test]
-fn a_terminal_that_is_gone_ends_the_run() {
-    let csv = file("gone.csv");
-    let mut terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).map(File::from).expect("a terminal");
-    grantpt(&terminal).expect("a terminal");
-    unlockpt(&terminal).expect("a terminal");
-    let name = ptsname(&terminal, Vec::new()).expect("a terminal").into_string().expect("UTF-8");
-    let side = || OpenOptions::new().read(true).write(true).open(&name).expect("a terminal");
-    tcsetwinsize(side(), Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
-    let mut rig = jetlink(&["--standby", "--duration", "600s", "--csv", csv.to_str().unwrap()]);
-    let mut child = rig.stdin(side()).stdout(side()).stderr(Stdio::null()).spawn().expect("it runs");
-    drop(rig);
-    let (mut output, mut bytes) = (String::new(), [0; 4096]);
-    while !output.contains(HEAD) {
-        let count = terminal.read(&mut bytes).expect("output");
-        output.push_str(&String::from_utf8_lossy(&bytes[..count]));
-    }
-    drop(terminal);
-    assert_eq!(ended(&mut child).code(), Some(1));
-    assert!(std::fs::read_to_string(&csv).expect("the CSV file").lines().count() > 1);
-}
-
 /// Runs without a terminal until its CSV file has rows at this engine time, then sends a signal.
 #[track_caller]
 fn ended_by(name: &str, args: &[&str], engine_time: f64, signal_name: &str) -> (Option<i32>, String) {

@@ -178,11 +178,11 @@ impl Screen {
         execute!(io::stdout(), EndSynchronizedUpdate)
     }
 
-    /// Looks at the keys that were pressed. A terminal from which none can be read is gone, and the run with it: nobody
-    /// could end it any more.
+    /// Looks at the keys that were pressed. Where none can be read, nobody presses one.
     fn keys(&mut self) -> io::Result<()> {
         while poll(Duration::ZERO).unwrap_or(false) {
-            match read()? {
+            let Ok(event) = read() else { continue };
+            match event {
                 Event::Key(key) => {
                     if let Some(asked) = self.model.key(&key) {
                         self.ask(asked)?;
