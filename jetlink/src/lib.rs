@@ -76,8 +76,8 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]
 
+mod codes;
 mod debounce;
-mod open_enum;
 mod sentence;
 
 pub mod channel;

@@ -2,7 +2,8 @@
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
 use crate::ecu::vendor::VendorService;
-use crate::line::Timing;
+use crate::line::{Line, Timing};
+use crate::sentence::sentences;
 use crate::setting::settings;
 use embassy_time::Duration;
 
@@ -24,11 +25,35 @@ impl Config {
     pub(crate) const fn identity(self) -> [u8; 2] {
         [2, 0]
     }
+
+    /// Checks that a line can carry the status rate.
+    pub(crate) const fn check(&self, line: Line) -> Result<(), Mistake> {
+        if self.rate.fits(line) { Ok(()) } else { Err(Mistake::RateTooFast) }
+    }
+}
+
+/// Mistake in the configuration of a ZK ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Mistake {
+    /// The status rate does not fit the line (ZK-11).
+    RateTooFast,
+}
+
+impl Mistake {
+    /// A sentence, for use in a constant.
+    pub const fn message(self) -> &'static str {
+        match self {
+            Self::RateTooFast => {
+                "the line is too slow for the status rate: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
+            }
+        }
+    }
 }
 
 /// Service commands of a ZK ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Service {
     /// Control ID 2.
     Action(Action),
@@ -75,3 +100,10 @@ impl VendorService for Service {
         self == Self::Action(Action::ClosePump)
     }
 }
+
+sentences!(Service {
+    Self::IgnitionPump(_) => "ignition pump voltage";
+    Self::Curve(_) => "acceleration curve";
+} {
+    Self::Action(action) => "action {}", action.code();
+});
