@@ -12,7 +12,7 @@ macro_rules! open_enum {
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         pub enum $name {
             $( $(#[$vmeta])* $variant, )+
-            /// A code the document does not name, kept as it came.
+            /// A code that the document does not name, as it came.
             Unknown(u8),
         }
 

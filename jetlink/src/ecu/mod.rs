@@ -26,7 +26,7 @@ use protocols;
 
 macro_rules! vendor_types {
     ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
-        /// Which ECU is on a port, and how it is spoken to.
+        /// The ECU on a port, with its settings.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum EcuConfig {
@@ -55,7 +55,7 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// The protocol, and which engine it is set to: another number where what was retained must not be believed.
+            /// The protocol, and which engine it is set to: another number makes retained state invalid.
             pub(crate) fn identity(&self) -> [u8; 2] {
                 match self {
                     $(Self::$name(config) => config.identity(),)+

@@ -266,7 +266,7 @@ closed_enum! {
 pub struct ErrorBits(pub u8);
 
 impl ErrorBits {
-    /// Names in bit order; bit 7 has no meaning printed and is kept.
+    /// Names in bit order; bit 7 has no meaning printed and no other name.
     pub const NAMES: [&'static str; 8] = [
         "rpm-low",
         "switch-channel-missing",
@@ -639,8 +639,8 @@ impl Decoder {
     }
 }
 
-/// How long the frame that begins so will be, as far as can be told yet. `None`: it can have no end,
-/// because the full stop of a set-up text stands at neither place (AMT-9).
+/// How long the frame that begins so will be, as far as it is known yet. `None`: it can have no end,
+/// because the full stop of a set-up text is at neither place (AMT-9).
 fn frame_len(bytes: &[u8]) -> Option<usize> {
     if bytes.get(1) != Some(&SETUP) {
         return Some(FRAME_LEN);

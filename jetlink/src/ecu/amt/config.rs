@@ -1,4 +1,4 @@
-//! How an AMT ECU is spoken to, and what it can be asked to do once.
+//! Settings and service commands of an AMT ECU.
 
 use super::codec::{CONTROL_LEN, Engine};
 use crate::ecu::vendor::VendorService;
@@ -11,7 +11,7 @@ use embassy_time::Duration;
 pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
 
 settings! {
-    /// How an AMT ECU is spoken to.
+    /// Settings of an AMT ECU.
     pub struct Config, "ecu.", AtNextStart {
         start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some want the stick up for a start (AMT-14).";
         reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";

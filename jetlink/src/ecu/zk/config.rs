@@ -1,4 +1,4 @@
-//! How a ZK ECU is spoken to, and what it can be asked to do once.
+//! Settings and service commands of a ZK ECU.
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
 use crate::ecu::vendor::VendorService;
@@ -8,7 +8,7 @@ use crate::setting::settings;
 use embassy_time::Duration;
 
 settings! {
-    /// How a ZK ECU is spoken to.
+    /// Settings of a ZK ECU.
     pub struct Config, "ecu.", AtNextStart {
         split_switch: yes_no "ZK_SPLIT_SWITCH" = 0 in 0..=1, "Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go in ID 1 (mode 1), until an rpm is commanded (mode 3).";
     }

@@ -124,8 +124,8 @@ impl RpmCode {
     /// The largest code.
     pub const MAX: u16 = 4095;
 
-    /// The code for a target, rounded down and never above the range: the engine is never asked for
-    /// more than was demanded. 0 with a factor of 0.
+    /// The code for a target, rounded down and never above the range: the target on the wire is never
+    /// above the demand. 0 with a factor of 0.
     pub const fn for_target(target: Rpm, factor: RpmFactor) -> Self {
         if factor.0 == 0 {
             return Self(0);
