@@ -14,6 +14,7 @@ mod starts;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::ecu::{Service, zk};
 use jetlink::engine::Engine;
+use jetlink::event::{End, Event};
 use jetlink::report::NotSent;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
