@@ -258,7 +258,6 @@ impl AmtLink {
             self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
         }
         self.sending = Some(window_end);
-        self.replied = Some(window_end - REPLY_WINDOW);
         self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
     }
 
@@ -384,6 +383,8 @@ impl Link for AmtLink {
     fn sent(&mut self, now: Instant) {
         bump(&mut self.status.counters.sent);
         if let Some(window_end) = self.sending {
+            // A reply that did not go out keeps no engine running.
+            self.replied = Some(window_end - REPLY_WINDOW);
             match window_end.checked_duration_since(now) {
                 Some(margin) => {
                     let worst = self.status.counters.worst_reply_margin.get_or_insert(margin);

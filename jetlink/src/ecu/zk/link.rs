@@ -137,7 +137,7 @@ impl ZkLink {
         {
             return control;
         }
-        if let Some(control) = self.pump.frame(now, self.status.report.pump) {
+        if let Some(control) = self.pump.frame(self.status.report.pump) {
             return control;
         }
         if self.modes.stops() {
@@ -238,6 +238,7 @@ impl Link for ZkLink {
         if !self.modes.stands_by() {
             self.service.cancel(&mut self.outbox);
         }
+        self.pump.let_order_pass();
         if self.modes.stops() {
             // ZK knows no window: a stop goes out at once.
             if self.outbox.busy() {
@@ -287,6 +288,7 @@ impl Link for ZkLink {
         bump(&mut self.status.counters.sent);
         self.out_of_slot |= self.modes.sent();
         self.service.sent(now, &mut self.outbox);
+        self.pump.sent(now);
         self.transmission_over(now);
     }
 
@@ -295,6 +297,7 @@ impl Link for ZkLink {
         self.outbox.event(Event::NotSent(why));
         self.modes.not_sent();
         self.service.not_sent();
+        self.pump.not_sent();
         self.transmission_over(now);
     }
 
