@@ -46,7 +46,7 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     #[cfg(feature = "ardupilot-bootloader")]
     super::ardupilot::start_at_once();
     // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
-    // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 136). The start takes some milliseconds, and
+    // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 146). The start takes some milliseconds, and
     // 0.1 s more without a crystal.
     watchdog::watch(Pr::from_bits(2), 0xFFF);
     super::stack::paint();
