@@ -77,6 +77,7 @@
 #![deny(missing_docs, missing_debug_implementations)]
 
 mod debounce;
+mod mistake;
 mod open_enum;
 mod sentence;
 
