@@ -8,6 +8,7 @@ use crate::ecu::zk::{self, codec::Rate};
 use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
 use crate::line::{Line, Timing};
+use crate::mistake::Sentence;
 use crate::setting::{Setting, SettingError, SettingId};
 
 /// One engine and its port.
@@ -139,7 +140,7 @@ impl ConfigError {
 
 impl core::fmt::Display for ConfigError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "engine {}: {}", self.row(), self.message())
+        write!(f, "row {} of the table of engines: {}", self.row() + 1, self.message())
     }
 }
 
@@ -208,6 +209,40 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
 /// With the mistake. In a `const` that stops the build.
 pub const fn check(engines: &[EngineConfig]) {
     if let Err(error) = validate(engines) {
-        panic!("{}", error.message());
+        let row = error.row();
+        panic!("{}", Sentence::of_engine(row, engines[row].name).text(error.message()).as_str());
+    }
+}
+
+/// Checks at compile time that no engine sits on a port that the board does not have.
+///
+/// ```
+/// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
+/// const LAST: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
+/// const _: () = check_ports(&LAST, 5);
+/// ```
+///
+/// ```compile_fail
+/// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
+/// const BEYOND: [EngineConfig; 1] = [EngineConfig::amt("a", 5, Line::new(2400), None)];
+/// const _: () = check_ports(&BEYOND, 5);
+/// ```
+///
+/// # Panics
+/// With the first engine that does. In a `const` that stops the build.
+pub const fn check_ports(engines: &[EngineConfig], ports: usize) {
+    let mut row = 0;
+    while row < engines.len() {
+        let port = engines[row].port as usize;
+        if port >= ports {
+            let sentence = Sentence::of_engine(row, engines[row].name)
+                .text("there is no port ")
+                .number(port)
+                .text(" for an engine: this board has ")
+                .number(ports)
+                .text(", counted from 0");
+            panic!("{}", sentence.as_str());
+        }
+        row += 1;
     }
 }

@@ -78,6 +78,7 @@
 
 mod codes;
 mod debounce;
+mod mistake;
 mod sentence;
 
 pub mod channel;

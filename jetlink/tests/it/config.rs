@@ -4,7 +4,7 @@ use crate::support::bench::at_us;
 use crate::support::scenario::{Ecu, SECOND, Scenario, percent, run};
 use embassy_time::Duration;
 use jetlink::command::Origin;
-use jetlink::config::{ConfigError, EngineConfig, validate};
+use jetlink::config::{ConfigError, EngineConfig, check, check_ports, validate};
 use jetlink::ecu::amt::config::Mistake as AmtMistake;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::ecu::zk::config::Mistake as ZkMistake;
@@ -154,6 +154,39 @@ fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
             assert_eq!(changed.fingerprint(), engine.fingerprint());
         }
     }
+}
+
+/// What the compiler prints where `check` stands in a constant (`.ci/tables` reads it there).
+#[test]
+fn a_mistake_that_does_not_build_names_its_row() {
+    let text = |run: &(dyn Fn() + std::panic::RefUnwindSafe)| {
+        let panic = std::panic::catch_unwind(run).err()?;
+        panic.downcast_ref::<String>().cloned()
+    };
+    let line = Line::new(9600);
+    let table = [amt(0, line), EngineConfig::zk("centre", 4, Line::new(4800), Rate::Hz100)];
+    assert_eq!(
+        text(&|| check(&table)).as_deref(),
+        Some(
+            "row 2 of the table of engines, `centre`: the line is too slow for the status rate: 20 Hz needs 2400 \
+             baud, 50 Hz 4800, 100 Hz 9600"
+        )
+    );
+    assert_eq!(text(&|| check(&table[..1])), None);
+    assert_eq!(
+        text(&|| check_ports(&table, 4)).as_deref(),
+        Some(
+            "row 2 of the table of engines, `centre`: there is no port 4 for an engine: this board has 4, counted \
+             from 0"
+        )
+    );
+    assert_eq!(text(&|| check_ports(&table, 5)), None);
+    // The twelfth, with a name that leaves no room for what is wrong, cut in the middle of a letter.
+    let mut many: Vec<EngineConfig> = (0..12).map(|port| amt(port, line)).collect();
+    many[11].name = Box::leak("ü".repeat(200).into_boxed_str());
+    many[11].line = Line::new(9601);
+    let cut = text(&|| check(&many)).expect("a mistake");
+    assert!(cut.starts_with("row 12 of the table of engines, `üü") && cut.ends_with('ü'), "{cut}");
 }
 
 #[test]
@@ -324,20 +357,29 @@ fn every_field_has_a_range() {
 #[test]
 fn errors_name_their_row() {
     for (error, text) in [
-        (ConfigError::BaudRate(2), "engine 2: invalid baud rate: use 2400, 4800"),
-        (ConfigError::SamePort(0, 3), "engine 3: two engines on one port"),
+        (ConfigError::BaudRate(2), "row 3 of the table of engines: invalid baud rate: use 2400, 4800"),
+        (ConfigError::SamePort(0, 3), "row 4 of the table of engines: two engines on one port"),
         (
             ConfigError::Ecu(1, Mistake::Zk(ZkMistake::RateTooFast)),
-            "engine 1: the line is too slow for the status rate",
+            "row 2 of the table of engines: the line is too slow for the status rate",
         ),
-        (ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits)), "engine 0: invalid stop bits"),
-        (ConfigError::Ecu(1, Mistake::Amt(AmtMistake::NoReplyFits)), "engine 1: the reply guard"),
+        (
+            ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits)),
+            "row 1 of the table of engines: invalid stop bits",
+        ),
+        (
+            ConfigError::Ecu(1, Mistake::Amt(AmtMistake::NoReplyFits)),
+            "row 2 of the table of engines: the reply guard",
+        ),
         (
             ConfigError::Ecu(3, Mistake::Amt(AmtMistake::Settings)),
-            "engine 3: invalid AMT settings: use a serial delay of",
+            "row 4 of the table of engines: invalid AMT settings: use a serial delay of",
         ),
-        (ConfigError::Timing(4), "engine 4: invalid link settings"),
-        (ConfigError::Supervision(5, setting("LOSS_HOLD")), "engine 5: loss.hold: 0 to 60000"),
+        (ConfigError::Timing(4), "row 5 of the table of engines: invalid link settings"),
+        (
+            ConfigError::Supervision(5, setting("LOSS_HOLD")),
+            "row 6 of the table of engines: loss.hold: 0 to 60000",
+        ),
     ] {
         assert!(error.to_string().starts_with(text), "{error}");
     }
