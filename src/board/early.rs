@@ -99,7 +99,7 @@ pub fn end() -> ! {
 /// `RESTARTED` from a restart to the next start: no flag of a reset reports one, and what is retained is as good as
 /// after any other.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is believed, where no flag says that the RAM may have been without power.
+// is used, where no flag says that the RAM may have been without power.
 #[cfg(feature = "ardupilot-bootloader")]
 #[unsafe(link_section = ".retained.restart")]
 static RESTART: RetainedWord = RetainedWord::new();
@@ -107,7 +107,7 @@ static RESTART: RetainedWord = RetainedWord::new();
 #[cfg(feature = "ardupilot-bootloader")]
 const RESTARTED: u32 = 0x7E57_A27D;
 
-/// Whether this start is a restart, asked once.
+/// Whether this start is a restart. To be called once.
 #[cfg(feature = "ardupilot-bootloader")]
 fn take_restart() -> bool {
     let restarted = RESTART.get() == Some(RESTARTED);
@@ -127,7 +127,7 @@ pub fn restart() -> ! {
 /// `HAS_STOPPED` if the crystal has stopped since the power came on: one that comes and goes would otherwise reset the node
 /// over and over.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is believed, where no flag says that the RAM may have been without power.
+// is used, where no flag says that the RAM may have been without power.
 #[unsafe(link_section = ".retained.crystal")]
 static STOPPED: RetainedWord = RetainedWord::new();
 

@@ -117,6 +117,13 @@ struct OpenPump {
     until: Instant,
 }
 
+/// Services that move fuel or heat, repeated without a pause. They share one time, so that a stream of them has an end.
+#[derive(Clone, Copy, Debug)]
+struct FuelService {
+    since: Instant,
+    last_rx: Instant,
+}
+
 /// One engine: its link, its sources and its order.
 #[derive(Clone, Debug)]
 pub struct Engine {
@@ -137,6 +144,7 @@ pub struct Engine {
     /// Last time at which three expected frames were missing or the ECU reported its power-up: it may have restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
+    fuel_service: Option<FuelService>,
     /// The last stage of loss ended the run.
     ended_by_loss: bool,
     /// The engine ran, and stopped or fell silent without a command.
@@ -199,6 +207,7 @@ impl Engine {
             last_start: None,
             last_gap: None,
             pump: None,
+            fuel_service: None,
             ended_by_loss: false,
             failed: false,
             others_failed: 0,
