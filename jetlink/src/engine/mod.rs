@@ -770,6 +770,13 @@ impl Engine {
             self.life_over(now, End::GapInStart);
             return;
         }
+        if self.link.status().shutting_down {
+            // A service command was stopping the engine: it must not run on should its link return.
+            self.sources.forget_runs();
+            self.standby(now, Origin::Node);
+            self.event(Event::RunCancelled(End::Unconfirmed));
+            return;
+        }
         self.failed = true;
         // The stages of loss continue from where they were.
         let silent_since = silent_since.unwrap_or(now);

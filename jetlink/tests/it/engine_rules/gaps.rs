@@ -125,3 +125,40 @@ fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
         scenario.order()
     );
 }
+
+/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby, too.
+#[test]
+fn amt_13_an_engine_that_ctf_was_stopping_does_not_run_on_after_a_long_gap() {
+    let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
+    for (service, left) in [(None, Order::Run(percent(50))), (Some(ctf), Order::Standby)] {
+        let mut scenario = flying(Ecu::Amt, 50);
+        if let Some(service) = service {
+            scenario.command(service).unwrap();
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            assert!(scenario.sent().contains(&Wire::Ctf));
+        }
+        scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.says = Some(Says::Running);
+        scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
+        assert_eq!(scenario.order(), left, "{service:?}");
+    }
+}
+
+/// "Nothing said before a gap holds for what comes after it": another ECU may be there, and a curve of one engine stalls another.
+#[test]
+fn zk_13_a_service_command_is_not_repeated_after_a_gap() {
+    let curve = zk::codec::AccelerationCurve::new(50).unwrap();
+    let sets = |frames: Vec<Vec<u8>>| frames.iter().filter(|frame| frame[..] == zk_frames::curve(50)).count();
+    for (gap, repeated) in [(false, true), (true, false)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(Command::Service(Service::Zk(zk::config::Service::Curve(curve)))).unwrap();
+        scenario.pass_us(SECOND);
+        assert_eq!(sets(scenario.bench.bytes()), 1);
+        if gap {
+            scenario.silent().pass_us(SECOND);
+            scenario.says = Some(Says::Standby);
+        }
+        scenario.pass_us(8 * SECOND);
+        assert_eq!(sets(scenario.bench.bytes()) > 0, repeated, "gap: {gap}");
+    }
+}
