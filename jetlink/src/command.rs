@@ -141,7 +141,7 @@ pub enum Rejected {
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
-    /// The source has kept commanding `Arm` since the emergency stop: it has to command `Disarm` first.
+    /// The source has commanded `Arm` ever since the emergency stop: it has to command `Disarm` first.
     DisarmFirst,
     /// Only the source that commanded the emergency stop, or one above it, may release it.
     NotYours(Origin),

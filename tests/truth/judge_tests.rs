@@ -285,6 +285,25 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     story(46.0, false).breaks(&[Rule::Ignition]);
 }
 
+/// While the wire to the node is cut an AMT ECU gets no reply: until its serial delay is over it may start again on the last one.
+#[test]
+fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_word() {
+    let story = |again: f64, cut: bool| {
+        flight(AMT, 40.0)
+            .says(PILOT, 40.0, again + 1.0, Word::Run(Ask::Throttle(500)))
+            .turbine(40.0, again, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(again, again + 1.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(again, Mark::Ignition)
+            .with(|h| h.rules.gives_up_after = 4 * SECOND)
+            .with(|h| {
+                h.mute = Spans::from(&[(39_900 * MS, if cut { 60 } else { 40 } * SECOND)]);
+            })
+    };
+    story(42.0, true).passes();
+    story(42.0, false).breaks(&[Rule::Ignition]);
+    story(46.0, true).breaks(&[Rule::Ignition]);
+}
+
 #[test]
 fn a_withdrawn_start_does_not_ignite() {
     let story = |word| {

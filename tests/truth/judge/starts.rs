@@ -242,6 +242,20 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
+            // The order was right when it was given, and no other can reach the ECU since: AMT has no transmission but a
+            // reply. Until its serial delay is over the ECU acts on that word.
+            let cut = h.mute.last_before(at).filter(|(from, to)| {
+                let silent =
+                    told + 2 * h.rules.period + 50 * MS >= *from && at < to + h.rules.period + 50 * MS;
+                self.is_amt()
+                    && silent
+                    && at < told + h.rules.gives_up_after + SECOND
+                    && self.live.contains(told)
+            });
+            if let Some((from, _)) = cut {
+                self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
+                continue;
+            }
             // With error sets only, the order goes on until the exhaust says that the engine is out, within 4 s: an ECU that clears its
             // fault before that, and starts again on the run that it was told, cannot be seen.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();

@@ -27,7 +27,7 @@ const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
 
-/// Where a service command stands.
+/// Progress of a service command.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ServiceCommand {
     None,
@@ -142,7 +142,7 @@ impl ServiceCommand {
     }
 }
 
-/// Where the setting of the status rate stands (ZK-11).
+/// Progress of setting the status rate (ZK-11).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum RateSetting {
     /// Status ID 6 has not shown it yet.
@@ -285,8 +285,8 @@ impl Pressure {
     /// The command, if it is due: once a second while the ECU asks and a fresh pressure is known.
     pub fn frame(&self, now: Instant, report: &Report) -> Option<Control> {
         let Self::Known { pressure, next_at } = *self else { return None };
-        let asked = report.pressure_requested.is_some_and(|asked| asked.value);
-        (asked && now >= next_at && pressure.age(now) <= PRESSURE_MAX_AGE)
+        let requested = report.pressure_requested.is_some_and(|requested| requested.value);
+        (requested && now >= next_at && pressure.age(now) <= PRESSURE_MAX_AGE)
             .then_some(Control::Pressure(pressure.value))
     }
 
