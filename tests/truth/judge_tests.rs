@@ -283,6 +283,17 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     story(43.5, false).passes();
     story(46.0, true).passes();
     story(46.0, false).breaks(&[Rule::Ignition]);
+    // Within 5 s after the demand was lowered a fall says nothing.
+    let lowered = |clears| {
+        story(clears, false).with(|h| {
+            for frame in h.frames.iter_mut().filter(|frame| (42 * SECOND..43_500 * MS).contains(&frame.at)) {
+                frame.told = IDLE;
+            }
+        })
+    };
+    let breaks = |clears| lowered(clears).judged().rules().contains(&Rule::Ignition);
+    assert!(!breaks(46.0));
+    assert!(breaks(52.0));
 }
 
 /// While the wire to the node is cut an AMT ECU gets no reply: until its serial delay is over it may start again on the last one.
