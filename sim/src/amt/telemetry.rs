@@ -1,4 +1,4 @@
-//! What an AMT ECU reports, and the bytes of the four kinds of set.
+//! The reports of an AMT ECU, and the bytes of the four kinds of set.
 
 /// The engines of the document's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ impl EngineModel {
         }
     }
 
-    /// A first number of the software version that names this engine (AMT-9).
+    /// A first number of the software version that identifies this engine (AMT-9).
     pub const fn version(self) -> u8 {
         match self {
             Self::Mercury => 8,
@@ -80,13 +80,13 @@ impl EngineModel {
 /// Bits 7 to 3 of Data 1 in a normal set (AMT-3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// Nothing of the below.
+    /// None of the states below.
     NoClearance,
-    /// All is well for a start that was asked for.
+    /// Cleared for a commanded start.
     StartClearance,
-    /// Starter, igniter, first fire.
+    /// Starter, igniter, first ignition.
     Starting,
-    /// It gathers speed by itself.
+    /// It accelerates without the starter.
     StartedUp,
     /// Idle is being measured.
     IdleCalibration,
@@ -94,7 +94,7 @@ pub enum Status {
     FullOperation,
     /// At its maximum speed.
     MaximumRpm,
-    /// A number without a name, 0 to 31.
+    /// An unnamed number, 0 to 31.
     Unnamed(u8),
 }
 
@@ -119,7 +119,7 @@ fn unit(value: f64) -> u8 {
     value.round().clamp(0.0, 254.0) as u8
 }
 
-/// What normal and error sets are made of.
+/// Content of normal and error sets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Values {
     pub(super) engine: EngineModel,
