@@ -287,7 +287,7 @@ fn the_pictures_of_the_readme_are_what_the_rig_draws() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_told() {
-    for option in ["--csv", "--plot"] {
+    for option in ["--csv", "--plot", "--report"] {
         for path in ["/nowhere/at/all", "/dev/full"] {
             if path == "/dev/full" && !PathBuf::from(path).exists() {
                 continue;
