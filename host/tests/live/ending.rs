@@ -223,7 +223,10 @@ fn events_are_printed_with_the_summary() {
     assert_eq!(ended.code(), Some(0), "{text}");
     let events = text.split_once("\nEvents\n").expect("events").1;
     let events = events.split_once("\nSummary after ").expect("a summary").0;
-    assert!(events.contains("  left          link up") && events.contains("the node has started"), "{text}");
+    assert!(
+        events.contains("  left          ECU link up") && events.contains("the node has started"),
+        "{text}"
+    );
 }
 
 /// The screen is left, the shell gets its terminal, and `fg` brings it back.
@@ -268,7 +271,7 @@ fn a_dumb_terminal_and_plain_get_lines() {
         wait_until("the summary", || terminal.output().contains("\nSummary after "));
         let text = terminal.output();
         assert_eq!(status.code(), Some(0), "{text}");
-        assert!(!text.contains('\u{1b}') && text.contains("  left          link up"), "{text}");
+        assert!(!text.contains('\u{1b}') && text.contains("  left          ECU link up"), "{text}");
     }
 }
 
