@@ -76,9 +76,9 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]
 
+mod codes;
 mod debounce;
 mod mistake;
-mod open_enum;
 mod sentence;
 
 pub mod channel;

@@ -5,8 +5,10 @@ use crate::support::scenario::{Ecu, SECOND, Scenario, percent, run};
 use embassy_time::Duration;
 use jetlink::command::Origin;
 use jetlink::config::{ConfigError, EngineConfig, check, check_ports, validate};
-use jetlink::ecu::EcuConfig;
+use jetlink::ecu::amt::config::Mistake as AmtMistake;
 use jetlink::ecu::zk::codec::Rate;
+use jetlink::ecu::zk::config::Mistake as ZkMistake;
+use jetlink::ecu::{EcuConfig, Mistake};
 use jetlink::engine::config::Supervision;
 use jetlink::event::LossStage;
 use jetlink::line::{Line, StopBits};
@@ -53,7 +55,7 @@ fn amt_1_zk_12_only_the_printed_baud_rates_are_valid() {
 fn amt_1_zk_12_only_a_zk_line_may_have_two_stop_bits() {
     let two = Line::with_two_stop_bits(9600);
     assert_eq!(two.stop_bits, StopBits::Two);
-    assert_eq!(validate(&[amt(0, two)]), Err(ConfigError::AmtStopBits(0)));
+    assert_eq!(validate(&[amt(0, two)]), Err(ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits))));
     assert_eq!(validate(&[zk(0, two, Rate::Hz100)]), Ok(()));
 }
 
@@ -68,7 +70,8 @@ fn zk_11_a_rate_that_the_line_cannot_carry_is_refused() {
         (4800, Rate::Hz100, false),
         (9600, Rate::Hz100, true),
     ] {
-        let expected = if fits { Ok(()) } else { Err(ConfigError::RateTooFast(1)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(1, Mistake::Zk(ZkMistake::RateTooFast))) };
         let table = [amt(0, Line::new(2400)), zk(1, Line::new(baud), rate)];
         assert_eq!(validate(&table), expected, "{baud} {rate:?}");
     }
@@ -90,7 +93,8 @@ fn amt_11_a_guard_that_leaves_no_time_for_a_reply_is_refused() {
         let mut engine = amt(0, Line::new(2400));
         let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
         config.reply_guard = Duration::from_micros(guard);
-        let expected = if fits { Ok(()) } else { Err(ConfigError::NoReplyFits(0)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(0, Mistake::Amt(AmtMistake::NoReplyFits))) };
         assert_eq!(validate(&[engine]), expected, "{guard}");
     }
 }
@@ -111,7 +115,8 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
         let mut engine = amt(1, Line::new(2400));
         let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
         (config.serial_delay, config.half_idle) = (Duration::from_millis(delay_ms), half_idle);
-        let expected = if fits { Ok(()) } else { Err(ConfigError::AmtEngine(1)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(1, Mistake::Amt(AmtMistake::Settings))) };
         assert_eq!(validate(&[amt(0, Line::new(2400)), engine]), expected, "{delay_ms} ms, {half_idle}");
     }
 }
@@ -355,13 +360,19 @@ fn errors_name_their_row() {
         (ConfigError::BaudRate(2), "row 3 of the table of engines: invalid baud rate: use 2400, 4800"),
         (ConfigError::SamePort(0, 3), "row 4 of the table of engines: two engines on one port"),
         (
-            ConfigError::RateTooFast(1),
+            ConfigError::Ecu(1, Mistake::Zk(ZkMistake::RateTooFast)),
             "row 2 of the table of engines: the line is too slow for the status rate",
         ),
-        (ConfigError::AmtStopBits(0), "row 1 of the table of engines: invalid stop bits"),
-        (ConfigError::NoReplyFits(1), "row 2 of the table of engines: the reply guard"),
         (
-            ConfigError::AmtEngine(3),
+            ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits)),
+            "row 1 of the table of engines: invalid stop bits",
+        ),
+        (
+            ConfigError::Ecu(1, Mistake::Amt(AmtMistake::NoReplyFits)),
+            "row 2 of the table of engines: the reply guard",
+        ),
+        (
+            ConfigError::Ecu(3, Mistake::Amt(AmtMistake::Settings)),
             "row 4 of the table of engines: invalid AMT settings: use a serial delay of",
         ),
         (ConfigError::Timing(4), "row 5 of the table of engines: invalid link settings"),
