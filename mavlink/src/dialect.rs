@@ -3,6 +3,8 @@
 #![allow(missing_docs, unused_imports, unexpected_cfgs, dead_code, non_camel_case_types, non_snake_case)]
 #![allow(clippy::all, reason = "generated")]
 
-include!(concat!(env!("OUT_DIR"), "/mod.rs"));
+mod generated {
+    include!(concat!(env!("OUT_DIR"), "/mod.rs"));
+}
 
-pub use self::jetlink::*;
+pub use self::generated::jetlink::*;

@@ -97,6 +97,11 @@ impl Vehicle {
         self.disarmed_since
     }
 
+    /// Time of the last heartbeat of our autopilot that was like the one before.
+    pub const fn last_shown(&self) -> Option<Instant> {
+        if self.same.1 >= 2 { self.last } else { None }
+    }
+
     /// Whether this is our autopilot.
     pub fn is_autopilot(&self, from: Address) -> bool {
         from.component == COMPONENT_AUTOPILOT && self.id == Some(from.system)
