@@ -124,8 +124,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             }
             Some(VehicleEvent::TwoHeard(one, other)) => {
                 // There is no id to send it with, but where one is set.
-                let what = format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID");
-                self.say(now, Place::Node, Severity::Error, None, what);
+                self.say(
+                    now,
+                    Place::Node,
+                    Severity::Error,
+                    None,
+                    format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID"),
+                );
             }
             Some(VehicleEvent::Disarmed) => {
                 self.engines.iter_mut().for_each(super::Engine::vehicle_disarmed);

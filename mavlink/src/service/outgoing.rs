@@ -26,8 +26,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
             if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.heard)) {
-                let what = format_args!("start refused: {why}");
-                self.say(now, Place::Engine(place), Severity::Warning, None, what);
+                self.say(
+                    now,
+                    Place::Engine(place),
+                    Severity::Warning,
+                    None,
+                    format_args!("start refused: {why}"),
+                );
             }
             self.report_events(now, place);
         }
@@ -71,13 +76,17 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
 
     fn report_lost_texts(&mut self, now: Instant) {
         if let Some(lost) = self.node_texts.take_lost(now) {
-            let what = format_args!("{lost} texts were lost");
-            self.say(now, Place::Node, Severity::Notice, None, what);
+            self.say(now, Place::Node, Severity::Notice, None, format_args!("{lost} texts were lost"));
         }
         for place in 0..self.texts.len() {
             if let Some(lost) = self.texts.get_mut(place).and_then(|limiter| limiter.take_lost(now)) {
-                let what = format_args!("{lost} texts were lost");
-                self.say(now, Place::Engine(place), Severity::Notice, None, what);
+                self.say(
+                    now,
+                    Place::Engine(place),
+                    Severity::Notice,
+                    None,
+                    format_args!("{lost} texts were lost"),
+                );
             }
         }
     }

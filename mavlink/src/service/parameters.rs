@@ -169,8 +169,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             Ok(effect) => {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
                 if effect == Effect::AtNextStart {
-                    let what = format_args!("{name} counts from the node's next start on");
-                    self.say(now, place, Severity::Notice, Some(port), what);
+                    self.say(
+                        now,
+                        place,
+                        Severity::Notice,
+                        Some(port),
+                        format_args!("{name} counts from the node's next start on"),
+                    );
                 }
             }
             Err(why) => {
