@@ -57,10 +57,11 @@ fn rig(arguments: &[String]) -> Ended {
 }
 
 /// Runs a script of tests/mavlink, which prints the port that it listens on and gets that of the rig.
-fn play(python: &Path, script: &str) -> Output {
+fn play(python: &Path, script: &str, variables: &[(&str, &str)]) -> Output {
     let mut pilot = Command::new(python)
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mavlink").join(script))
         .env("SPEED", SPEED)
+        .envs(variables.iter().copied())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -77,7 +78,7 @@ fn play(python: &Path, script: &str) -> Output {
         "--mavlink".into(),
         format!("tcpin:127.0.0.1:{ground}"),
         "--speed".into(),
-        SPEED.into(),
+        variables.iter().find(|(name, _)| *name == "SPEED").map_or(SPEED, |(_, speed)| speed).into(),
     ]);
     writeln!(pilot.stdin.take().expect("piped"), "{ground}").expect("it reads");
     let mut rest = Vec::new();
@@ -96,11 +97,30 @@ fn another_implementation_flies_the_rig() {
             return;
         }
     };
-    let output = play(&python, "pilot.py");
+    let output = play(&python, "pilot.py", &[]);
     let text = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
     assert!(!errors.contains("Exception"), "{errors}");
+    println!("{text}");
+}
+
+/// Path of an ArduPlane that was built for simulation (docs/mavlink.md).
+const ARDUPLANE: &str = "JETLINK_ARDUPLANE";
+
+#[test]
+fn a_real_arduplane_throttles_two_engines() {
+    let Ok(arduplane) = std::env::var(ARDUPLANE) else {
+        eprintln!("NOT RUN: the rig under a real ArduPlane: {ARDUPLANE} is not set");
+        return;
+    };
+    let python = python().expect("pymavlink");
+    let speed = std::env::var("JETLINK_ARDUPLANE_SPEED").unwrap_or_else(|_| "4".to_owned());
+    let variables = [("VEHICLE", "1"), ("SPEED", speed.as_str()), (ARDUPLANE, arduplane.as_str())];
+    let output = play(&python, "arduplane.py", &variables);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("flown with a real ArduPlane"), "{text}{errors}");
     println!("{text}");
 }
 

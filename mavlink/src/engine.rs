@@ -58,7 +58,7 @@ pub(crate) struct Engine<'a> {
     switch: Switch,
     /// The last demand of its source.
     demand: Option<(Throttle, Instant)>,
-    /// System whose heartbeat keeps the order alive.
+    /// System whose heartbeat keeps the order alive. After a reset it is not known: then any that may command.
     ordered_by: Option<u8>,
     /// The vehicle's arming was passed on.
     armed: bool,
@@ -88,6 +88,10 @@ pub(crate) struct Situation<'a> {
 impl Situation<'_> {
     fn is_heard(&self, system: u8) -> bool {
         self.heard.iter().any(|&(other, at)| other == system && self.now < at + HEARTBEAT_AGE)
+    }
+
+    fn anybody_is_heard(&self) -> bool {
+        self.heard.iter().any(|&(_, at)| self.now < at + HEARTBEAT_AGE)
     }
 }
 
@@ -345,7 +349,9 @@ impl<'a> Engine<'a> {
             Switch::Found => None,
             Switch::Waiting | Switch::Run => {
                 let alive = self.settings.demand_source() == DemandSource::None
-                    && self.ordered_by.is_none_or(|system| situation.is_heard(system));
+                    && self
+                        .ordered_by
+                        .map_or_else(|| situation.anybody_is_heard(), |system| situation.is_heard(system));
                 if alive { self.pass_on(situation, Throttle::IDLE) } else { None }
             }
         }

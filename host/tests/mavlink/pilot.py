@@ -145,6 +145,8 @@ def main():
     flight(ground, plane)
     restart(ground)
     emergency(ground)
+    damaged = ground.since(0, "BAD_DATA") + plane.since(0, "BAD_DATA")
+    assert not damaged, damaged
     print("all as the documents have it")
 
 

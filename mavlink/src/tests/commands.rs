@@ -270,6 +270,25 @@ fn without_a_demand_source_the_commanding_station_keeps_the_order_alive() {
 }
 
 #[test]
+fn after_a_restart_an_order_without_a_demand_source_needs_a_station_that_may_command() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
+        // The autopilot is one of them, so it must not be for this.
+        assert_eq!(world.set(NODE, "MAV_OWN_CMD", 0.0).await.0, Some(0.0));
+        world.start(1).await;
+        world.restart_service();
+        world.pass(30.0).await;
+        assert_eq!((world.telemetry(1).loss as u8, world.ordered(1)), (0, Some(0)), "the station is there");
+        world.ground.set(false);
+        world.until("lost", 10, || world.telemetry(1).loss as u8 > 0).await;
+        world.restart_service();
+        world.pass(20.0).await;
+        assert!(world.telemetry(1).loss as u8 > 0, "nobody is there");
+    });
+}
+
+#[test]
 fn a_start_waits_for_another_engine() {
     run(async |world| {
         world.ready().await;

@@ -1,6 +1,7 @@
 //! Throttle from the autopilot: what it moves, what it never starts, and what its silence does.
 
 use super::world::*;
+use crate::dialect::RC_CHANNELS_OVERRIDE_DATA;
 use crate::frame::Address;
 use embassy_time::{Duration, Instant};
 use jetlink::engine::state::EngineState;
@@ -145,6 +146,43 @@ fn other_vehicles_and_other_ports_move_nothing() {
         world.throttle(1900);
         world.pass(0.2).await;
         assert!(world.ordered(1) > Some(0));
+    });
+}
+
+#[test]
+fn rc_override_is_a_throttle_only_where_it_is_chosen() {
+    run(async |world| {
+        world.ready().await;
+        let channels = |target_component: u8, pulse: u16| RC_CHANNELS_OVERRIDE_DATA {
+            chan4_raw: pulse,
+            target_system: SYSTEM,
+            target_component,
+            ..Default::default()
+        };
+        let send = async |from: Address, component: u8, pulse: u16| {
+            for _ in 0..30 {
+                world.say(TO_GROUND, from, &channels(component, pulse));
+                world.pass(0.1).await;
+            }
+        };
+        world.start(1).await;
+        send(GROUND, ENGINE[1], 1900).await;
+        assert_eq!(world.ordered(1), Some(0), "off by default");
+        world.control(1, &[0.0]).await;
+        world.cold(1).await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 2.0).await.0, Some(2.0));
+        send(GROUND, ENGINE[1], IDLE_US).await;
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        for _ in 0..20 {
+            send(GROUND, ENGINE[1], IDLE_US).await;
+        }
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        send(GROUND, ENGINE[1], 1900).await;
+        assert_eq!(world.ordered(1), Some(1000));
+        // Somebody else's, and what is addressed elsewhere, is silence.
+        send(Address { system: 7, component: 190 }, ENGINE[1], 1900).await;
+        send(GROUND, 0, 1900).await;
+        assert!(world.telemetry(1).loss != LossStage::None);
     });
 }
 

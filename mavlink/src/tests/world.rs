@@ -184,6 +184,25 @@ impl World<'_> {
         (echo, texts)
     }
 
+    /// The node's service begins anew, as after a reset: it knows nothing of before but the settings.
+    pub fn restart_service(&self) {
+        let (settings, engines): (_, Vec<_>) = {
+            let service = self.service.borrow();
+            (*service.settings(), service.engine_settings().map(|(config, of)| (*config, *of)).collect())
+        };
+        let now = Instant::now();
+        let ports = [PortConfig::uart(57_600), PortConfig::usb()];
+        // The sources are given back first.
+        self.service.replace(Service::new(now, settings, [], ports));
+        let parts = self.node.sources(Origin::Mavlink).into_iter().zip(engines);
+        let parts = parts.map(|(source, (config, settings))| EngineParts {
+            source: source.unwrap(),
+            config,
+            settings,
+        });
+        self.service.replace(Service::new(now, settings, parts, ports));
+    }
+
     /// Outputs 3 and 4, which engines 0 and 1 follow.
     pub fn throttle(&self, pulse: u16) {
         let mut outputs = self.plane.outputs.get();
