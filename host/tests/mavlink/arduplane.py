@@ -61,7 +61,7 @@ class Vehicle:
         self.ground.say(mav.MAVLink_rc_channels_override_message(VEHICLE, AUTOPILOT, *sticks))
 
     def arm(self, armed):
-        answer, text = self.ground.command(AUTOPILOT, 400, int(armed), 21196, within=2)
+        answer, text = self.ground.command(AUTOPILOT, 400, int(armed), 21196)
         assert answer == ACCEPTED, (answer, text)
         until("its arming", 5, lambda: (self.ground.last("HEARTBEAT", AUTOPILOT).base_mode & 128 != 0) == armed)
 
@@ -107,13 +107,13 @@ def fly(vehicle, watch):
         assert name in names
         print(f"component {component}: {len(names)} parameters came through ArduPlane")
 
-    answer, text = ground.command(LEFT, START, 1, within=1)
+    answer, text = ground.command(LEFT, START, 1)
     assert answer == NOT_NOW and "arm the vehicle" in text, (answer, text)
     vehicle.arm(True)
     wait(10)
     assert watch.state(LEFT) == watch.state(RIGHT) == STANDBY, "arming starts nothing"
     for engine in (LEFT, RIGHT):
-        answer, text = ground.command(engine, START, 1, within=1)
+        answer, text = ground.command(engine, START, 1)
         assert answer == ACCEPTED, (answer, text)
         until("running", 120, lambda: ground.state(engine) == RUNNING)
         wait(12)
@@ -159,7 +159,7 @@ def fly(vehicle, watch):
     print("disarmed: idle; armed again: it follows")
 
     # A ground station's stop against the stream, through ArduPlane.
-    assert ground.command(RIGHT, START, 0, within=1)[0] == ACCEPTED
+    assert ground.command(RIGHT, START, 0)[0] == ACCEPTED
     wait(2)
     assert watch.last("EFI_STATUS", RIGHT).throttle_out == 0
     assert watch.state(LEFT) == RUNNING

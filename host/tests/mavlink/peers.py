@@ -20,9 +20,13 @@ def wait(seconds):
     time.sleep(seconds / SPEED)
 
 
+# Wall-clock time that anything may take: the computer may be busy.
+PATIENCE = 5
+
+
 def until(what, seconds, done):
     """Waits until it is so."""
-    end = time.monotonic() + seconds / SPEED
+    end = time.monotonic() + max(seconds / SPEED, PATIENCE)
     while True:
         result = done()
         if result:
@@ -104,12 +108,14 @@ class Ground(Peer):
         super().__init__(connection, system, 190)
         self.repeat(1, lambda: self.say(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
 
-    def command(self, component, command, *params, system=VEHICLE, confirmation=0, within=0.5):
+    def command(self, component, command, *params, system=VEHICLE, confirmation=0, answered=True):
         """Sends a command. Returns its answer and the texts that came with it."""
         mark = len(self.received)
         params = (list(params) + [0] * 7)[:7]
         self.say(mav.MAVLink_command_long_message(system, component, command, confirmation, *params))
-        wait(within)
+        if answered:
+            until(f"an answer to {command}", 1, lambda: self.since(mark, "COMMAND_ACK"))
+        time.sleep(0.1 if answered else 0.5)
         acks = [ack for ack in self.since(mark, "COMMAND_ACK") if ack.command == command]
         assert len(acks) <= 1, acks
         texts = "".join(text.text for text in self.since(mark, "STATUSTEXT"))

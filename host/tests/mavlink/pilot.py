@@ -44,6 +44,8 @@ def parameters(ground):
         print(f"component {component}: {len(of_component)} parameters")
     assert ground.read(RIGHT, "LOSS_THR") == 0
     assert ground.set(RIGHT, "LOSS_THR", 100) == 100
+    # A busy computer is no lost source.
+    assert ground.set(RIGHT, "SRC_MAV_TOUT", 20_000) == 20_000
     assert ground.set(RIGHT, "LOSS_THR", 5000) == 100, "out of range"
     assert ground.set(RIGHT, "LOSS_THR", 0.5) == 100, "not whole"
     assert ground.read(RIGHT, "LOSS_THR") == 100
@@ -60,7 +62,7 @@ def refusals(ground, plane):
     assert ground.command(RIGHT, 400, 1)[0] == UNSUPPORTED
     assert ground.command(NODE, START, 1)[0] == UNSUPPORTED
     for system, component in ((VEHICLE, 0), (0, RIGHT), (7, RIGHT), (VEHICLE, 99)):
-        assert ground.command(component, START, 1, system=system)[0] is None, (system, component)
+        assert ground.command(component, START, 1, system=system, answered=False)[0] is None, (system, component)
     # What is not in the dialect, and what ends in the middle.
     ground.say(mav.MAVLink_radio_status_message(1, 1, 0, 0, 0, 0, 0))
     with ground.lock:
