@@ -178,8 +178,8 @@ impl<'a> Engine<'a> {
             let stopped = self.stopped_at.is_some_and(|at| at >= last.at);
             return Err(match stopped {
                 true => (Refusal::Stopped.ack(), Some(Refusal::Stopped)),
-                // The last answer once more, without a text.
-                false => (last.ack, None),
+                // The last answer once more.
+                false => (last.ack, (last.ack != Ack::Accepted).then_some(Refusal::Repeated)),
             });
         }
         let answer = self.try_start(situation, from, while_disarmed);
@@ -421,7 +421,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Whether it turns, or is ordered to.
+    /// Whether it turns, or is ordered to, or a start of it waits.
     pub fn turns(&self) -> bool {
         let telemetry = self.telemetry();
         let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
@@ -433,6 +433,6 @@ impl<'a> Engine<'a> {
                 | EngineState::ShuttingDown
         );
         let rpm = telemetry.current(telemetry.report.rpm).is_some_and(|rpm| rpm.get() > REST_RPM);
-        ordered || state || rpm
+        ordered || state || rpm || self.is_at_run()
     }
 }

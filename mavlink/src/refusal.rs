@@ -31,6 +31,8 @@ pub enum Refusal {
     NotInControl,
     /// A repeat of a start from before the last stop.
     Stopped,
+    /// A repeat of a start that was refused a moment ago.
+    Repeated,
     /// An engine turns.
     Turns,
     /// A setting's value is wrong, or there is no such setting.
@@ -81,6 +83,9 @@ impl core::fmt::Display for Refusal {
                 f.write_str("MAVLink is not in control of the engine yet: try again in 1 s")
             }
             Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
+            Self::Repeated => {
+                f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
+            }
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::Setting(why) => why.fmt(f),
             Self::NotWhole => f.write_str("the value has to be a whole number"),

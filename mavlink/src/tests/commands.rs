@@ -28,6 +28,10 @@ fn each_condition_of_a_start_is_named() {
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("bring the throttle to idle first"), "{text}");
+        world.pass(1.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("less than 5 s ago"), "{text}");
         world.throttle(0);
         world.pass(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
@@ -296,6 +300,8 @@ fn a_start_waits_for_another_engine() {
         assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
         assert_eq!(world.ordered(1), None);
         assert!(world.telemetry(1).start_waits_until.is_some());
+        let (echo, text) = world.set(ENGINE[1], "MAV_THR_OUT", 9.0).await;
+        assert_eq!(echo, Some(4.0), "what a waiting start was judged by stays: {text}");
         world
             .until("both run", 200, || (0..2).all(|i| world.telemetry(i).state == EngineState::Running))
             .await;
