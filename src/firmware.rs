@@ -16,6 +16,7 @@ use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channel::Events;
+use jetlink::config::check_ports;
 use jetlink::engine::retained::Reset;
 use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
@@ -31,17 +32,16 @@ const N: usize = ENGINES.len();
 
 /// Line of each port that has an engine. An engine on a port that the board lacks does not build.
 const LINES: [Option<Line>; PORTS.len()] = {
+    // With the feature play-ecu the last port is not for an engine.
+    check_ports(&ENGINES, PORTS.len() - cfg!(feature = "play-ecu") as usize);
     let mut lines = [None; PORTS.len()];
     let mut i = 0;
     while i < N {
-        let port = ENGINES[i].port as usize;
-        assert!(port < PORTS.len(), "an engine sits on a port that this board does not have");
-        lines[port] = Some(ENGINES[i].line);
+        lines[ENGINES[i].port as usize] = Some(ENGINES[i].line);
         i += 1;
     }
     #[cfg(feature = "play-ecu")]
     {
-        assert!(lines[PORTS.len() - 1].is_none(), "an engine sits on the port that plays an ECU");
         lines[PORTS.len() - 1] = Some(crate::play_ecu::LINE);
     }
     lines

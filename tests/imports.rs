@@ -327,9 +327,9 @@ fn every_kind_of_import_is_seen() {
             .get(&root(&format!("jetlink/src/{from}")))
             .is_some_and(|files| files.contains(&root(&format!("jetlink/src/{to}"))))
     };
-    assert!(imports("ecu/zk/link.rs", "ecu/zk/codec.rs"), "use super::");
+    assert!(imports("ecu/zk/link.rs", "ecu/zk/codec/mod.rs"), "use super::");
     assert!(imports("command.rs", "limit.rs"), "use crate::");
-    assert!(imports("ecu/mod.rs", "ecu/zk/codec.rs"), "a path without a use");
+    assert!(imports("ecu/mod.rs", "ecu/zk/codec/mod.rs"), "a path without a use");
     assert!(!imports("limit.rs", "command.rs"));
 }
 

@@ -17,7 +17,7 @@ pub struct Board {
     pub bootloader: Option<Bootloader>,
     /// ECU ports by number, from 0.
     pub ports: &'static [Port],
-    /// Port kept for MAVLink, with no ECU on it.
+    /// Port reserved for MAVLink, with no ECU on it.
     pub telemetry: Port,
     /// Status LED.
     pub led: Led,

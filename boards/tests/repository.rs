@@ -79,7 +79,8 @@ fn retained_memory_lies_behind_the_ram() {
 
 #[test]
 fn the_readme_has_every_board() {
-    let mut rows = String::from("| board | chip | ECU ports | kept for MAVLink | build | flash and run |\n");
+    let mut rows =
+        String::from("| board | chip | ECU ports | reserved for MAVLink | build | flash and run |\n");
     rows += "|---|---|---|---|---|---|\n";
     for board in BOARDS {
         let clock = match board.clock {

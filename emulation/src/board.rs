@@ -108,7 +108,7 @@ pub struct Board {
     pub core_hz: u64,
     /// The ECU ports, in the order of the firmware's table of engines.
     pub ports: &'static [Port],
-    /// The port kept for MAVLink.
+    /// The port reserved for MAVLink.
     pub telemetry: Port,
     /// The status LED.
     pub led: Led,

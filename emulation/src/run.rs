@@ -399,6 +399,11 @@ impl Bench<'_> {
         self.session.board_mut().dead_crystal = true;
     }
 
+    /// The crystal starts again, from the next time on that it is turned on.
+    pub fn mend_crystal(&mut self) {
+        self.session.board_mut().dead_crystal = false;
+    }
+
     /// The firmware waits for this in vain, until the part is reset.
     pub fn jam(&mut self, stuck: Stuck) {
         self.session.board_mut().chip.stuck = Some(stuck);

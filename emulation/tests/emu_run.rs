@@ -7,27 +7,32 @@ fn emu(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_wrong_call_says_why_in_its_last_line() {
-    for (arguments, why) in [
-        (&["run"][..], "Name the board."),
-        (&["run", "matek"], "There is no board \"matek\"."),
-        (&["run", "pixracer", "--image", "blue"], "There is no image \"blue\"."),
-        (&["run", "pixracer", "--port", "1"], "There is no option \"--port\", or its value is missing."),
-        (&["run", "pixracer", "--tcp"], "There is no option \"--tcp\", or its value is missing."),
+fn a_wrong_call_says_why_and_what_is_allowed() {
+    for (arguments, why, allowed) in [
+        (&["emu-run"][..], "<BOARD>", "cargo emu-run"),
+        (&["emu-run", "matek"], "'matek'", "matek-h743, pixracer"),
+        (&["emu-run", "pixracer", "--image", "blue"], "'blue'", "release, demo"),
+        (&["emu-run", "pixracer", "--port", "1"], "'--port'", "cargo emu-run"),
+        (&["emu-run", "pixracer", "--tcp"], "'--tcp <PORT>'", "--help"),
+        (&["emu-run", "pixracer", "--tcp", "0"], "'--tcp <PORT>'", "1..=65535"),
     ] {
         let output = emu(arguments);
         let error = String::from_utf8(output.stderr).expect("UTF-8");
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        assert_eq!(error.lines().last(), Some(why), "{arguments:?}");
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(error.starts_with("error: ") && error.contains(why) && error.contains(allowed), "{error}");
     }
 }
 
 #[test]
 fn help_is_no_failure() {
-    for arguments in [&["run", "--help"][..], &["--help"], &["run", "pixracer", "-h"]] {
+    for (arguments, text) in [
+        (&["emu-run", "--help"][..], "5790"),
+        (&["emu-run", "pixracer", "-h"], "nucleo-h743zi2"),
+        (&["--help"], "emu-compare"),
+    ] {
         let output = emu(arguments);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}");
-        let text = String::from_utf8(output.stdout).expect("UTF-8");
-        assert!(text.starts_with("cargo emu ") && text.contains("5790"), "{text}");
+        let help = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(help.contains(text) && help.contains("Usage: cargo"), "{help}");
     }
 }

@@ -141,7 +141,7 @@ pub enum Rejected {
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
-    /// The source has kept commanding `Arm` since the emergency stop: it has to command `Disarm` first.
+    /// The source has commanded `Arm` ever since the emergency stop: it has to command `Disarm` first.
     DisarmFirst,
     /// Only the source that commanded the emergency stop, or one above it, may release it.
     NotYours(Origin),
@@ -179,6 +179,8 @@ pub enum Rejected {
     NotSupported,
     /// An earlier service command is not confirmed yet.
     Busy,
+    /// Services that move fuel or heat were repeated for as long as they may last.
+    ServiceTime,
 }
 
 /// Interlock that keeps an engine from a start.
@@ -287,6 +289,7 @@ sentences!(Rejected {
     Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
     Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
     Self::NotSupported => "the ECU of this engine does not support this command";
+    Self::ServiceTime => "the service has had its time: stop repeating it for a while, then try again";
     Self::Busy => "the ECU has not confirmed the previous service command yet: try again";
 } {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;

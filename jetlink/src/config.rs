@@ -3,11 +3,12 @@
 //! [`check`] checks it at compile time: a status rate that the line cannot carry, two engines on one port, a baud rate that
 //! no document lists or a reply that cannot fit its window do not build.
 
-use crate::ecu::EcuConfig;
 use crate::ecu::amt::{self, codec::Engine as AmtEngine};
 use crate::ecu::zk::{self, codec::Rate};
+use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
-use crate::line::{Line, StopBits, Timing};
+use crate::line::{Line, Timing};
+use crate::mistake::Sentence;
 use crate::setting::{Setting, SettingError, SettingId};
 
 /// One engine and its port.
@@ -103,14 +104,8 @@ pub enum ConfigError {
     BaudRate(usize),
     /// Two rows have the same port.
     SamePort(usize, usize),
-    /// The status rate does not fit the line (ZK-11).
-    RateTooFast(usize),
-    /// An AMT line has two stop bits (AMT-1).
-    AmtStopBits(usize),
-    /// No reply fits the window: the guard is too long (AMT-11).
-    NoReplyFits(usize),
-    /// The serial delay time is not within 0.5 s to 60 s, or half of idle not within 1 to 254 (AMT-12).
-    AmtEngine(usize),
+    /// A mistake that the protocol knows.
+    Ecu(usize, Mistake),
     /// A setting of the link is out of its range.
     Timing(usize),
     /// A setting of the supervision is out of its range.
@@ -123,14 +118,7 @@ impl ConfigError {
         match self {
             Self::BaudRate(_) => "invalid baud rate: use 2400, 4800, 9600, 19200, 38400, 57600 or 115200",
             Self::SamePort(..) => "two engines on one port: give each its own",
-            Self::RateTooFast(_) => {
-                "the line is too slow for the status rate: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
-            }
-            Self::AmtStopBits(_) => "invalid stop bits: an AMT line has one",
-            Self::NoReplyFits(_) => "the reply guard leaves no time for a reply: use a shorter one",
-            Self::AmtEngine(_) => {
-                "invalid AMT settings: use a serial delay of 0.5 s to 60 s, and half of idle from 1 to 254"
-            }
+            Self::Ecu(_, mistake) => mistake.message(),
             Self::Supervision(_, id) => Supervision::row(id).message,
             Self::Timing(_) => {
                 "invalid link settings: use at least one frame until it is up, and 0.2 s to 60 s of silence until it is lost"
@@ -143,10 +131,7 @@ impl ConfigError {
         match self {
             Self::BaudRate(row)
             | Self::SamePort(_, row)
-            | Self::RateTooFast(row)
-            | Self::AmtStopBits(row)
-            | Self::NoReplyFits(row)
-            | Self::AmtEngine(row)
+            | Self::Ecu(row, _)
             | Self::Timing(row)
             | Self::Supervision(row, _) => row,
         }
@@ -155,7 +140,7 @@ impl ConfigError {
 
 impl core::fmt::Display for ConfigError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "engine {}: {}", self.row(), self.message())
+        write!(f, "row {} of the table of engines: {}", self.row() + 1, self.message())
     }
 }
 
@@ -178,23 +163,8 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if let Err(setting) = engine.supervision.validate() {
             return Err(ConfigError::Supervision(row, setting));
         }
-        match &engine.ecu {
-            EcuConfig::Zk(config) => {
-                if !config.rate.fits(engine.line) {
-                    return Err(ConfigError::RateTooFast(row));
-                }
-            }
-            EcuConfig::Amt(config) => {
-                if matches!(engine.line.stop_bits, StopBits::Two) {
-                    return Err(ConfigError::AmtStopBits(row));
-                }
-                if config.reply_slack(engine.line).is_none() {
-                    return Err(ConfigError::NoReplyFits(row));
-                }
-                if config.check_own().is_err() {
-                    return Err(ConfigError::AmtEngine(row));
-                }
-            }
+        if let Err(mistake) = engine.ecu.check(engine.line) {
+            return Err(ConfigError::Ecu(row, mistake));
         }
         let mut other = 0;
         while other < row {
@@ -239,6 +209,40 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
 /// With the mistake. In a `const` that stops the build.
 pub const fn check(engines: &[EngineConfig]) {
     if let Err(error) = validate(engines) {
-        panic!("{}", error.message());
+        let row = error.row();
+        panic!("{}", Sentence::of_engine(row, engines[row].name).text(error.message()).as_str());
+    }
+}
+
+/// Checks at compile time that no engine sits on a port that the board does not have.
+///
+/// ```
+/// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
+/// const LAST: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
+/// const _: () = check_ports(&LAST, 5);
+/// ```
+///
+/// ```compile_fail
+/// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
+/// const BEYOND: [EngineConfig; 1] = [EngineConfig::amt("a", 5, Line::new(2400), None)];
+/// const _: () = check_ports(&BEYOND, 5);
+/// ```
+///
+/// # Panics
+/// With the first engine that does. In a `const` that stops the build.
+pub const fn check_ports(engines: &[EngineConfig], ports: usize) {
+    let mut row = 0;
+    while row < engines.len() {
+        let port = engines[row].port as usize;
+        if port >= ports {
+            let sentence = Sentence::of_engine(row, engines[row].name)
+                .text("there is no port ")
+                .number(port)
+                .text(" for an engine: this board has ")
+                .number(ports)
+                .text(", counted from 0");
+            panic!("{}", sentence.as_str());
+        }
+        row += 1;
     }
 }

@@ -76,8 +76,9 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]
 
+mod codes;
 mod debounce;
-mod open_enum;
+mod mistake;
 mod sentence;
 
 pub mod channel;

@@ -111,7 +111,7 @@ pub enum Sign {
     },
     /// Nothing about the engine (AMT alternate set, a frame without a name).
     Stateless,
-    /// A frame whose values are not believed, because the UART saw a fault in it (AMT).
+    /// A frame whose values are not used, because the UART saw a fault in it (AMT).
     Damaged,
 }
 
@@ -166,7 +166,7 @@ pub trait Link {
     /// When a life that has been in doubt since then loses its order, should nothing confirm it. `None`: not before its
     /// sources are silent and the stages of loss have run out.
     fn doubt_ends(&self, since: Instant) -> Option<Instant>;
-    /// The gap that [`Link::gap_at`] announced is there: nothing said before it holds for what comes after it.
+    /// The gap that [`Link::gap_at`] announced is there: nothing sent before it holds for what comes after it.
     fn gap(&mut self);
     /// The ECU was given its switch by ZK ID 6, so it ignores the one of ID 1 (ZK-9).
     fn switch_by_id6(&self) -> bool {
@@ -391,7 +391,7 @@ impl Outbox {
 
     /// The next thing to do, if any.
     pub fn poll(&mut self, status: &mut LinkStatus) -> Option<Output> {
-        // A reply is in more of a hurry than what there is to tell.
+        // A reply is more urgent than an event.
         if !self.busy
             && let Some(transmission) = self.waiting.take()
         {

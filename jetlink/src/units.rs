@@ -79,27 +79,46 @@ quantity!(
     Pascals(u32), new, get, "pascals"
 );
 
-/// Throttle in steps of 0.1 %, from 0 to 100 %.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Throttle(u16);
+/// A number with a range, which a value cannot leave.
+macro_rules! ranged {
+    ($(#[$meta:meta])* $name:ident($int:ty), $new:ident, $get:ident, $of:literal, $min:literal..=$max:literal) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $name($int);
+
+        impl $name {
+            #[doc = concat!("From the number of ", $of, ", ", $min, "..=", $max, ".")]
+            ///
+            /// # Errors
+            /// [`OutOfRange`](crate::units::OutOfRange) outside this range.
+            pub const fn $new(number: $int) -> Result<Self, $crate::units::OutOfRange> {
+                match $crate::units::within(number as u32, $min, $max) {
+                    Ok(()) => Ok(Self(number)),
+                    Err(error) => Err(error),
+                }
+            }
+
+            #[doc = concat!("The number of ", $of, ", ", $min, "..=", $max, ".")]
+            pub const fn $get(self) -> $int {
+                self.0
+            }
+        }
+    };
+}
+pub(crate) use ranged;
+
+ranged!(
+    /// Throttle in steps of 0.1 %, from 0 to 100 %.
+    #[derive(Default)]
+    Throttle(u16), from_tenths, tenths, "tenths of a percent", 0..=1000
+);
 
 impl Throttle {
     /// 0 %: the turbine idles.
     pub const IDLE: Self = Self(0);
     /// 100 %.
     pub const FULL: Self = Self(1000);
-
-    /// From tenths of a percent, 0..=1000.
-    ///
-    /// # Errors
-    /// [`OutOfRange`] above 1000.
-    pub const fn from_tenths(tenths: u16) -> Result<Self, OutOfRange> {
-        match within(tenths as u32, 0, 1000) {
-            Ok(()) => Ok(Self(tenths)),
-            Err(error) => Err(error),
-        }
-    }
 
     /// From whole percent, 0..=100.
     ///
@@ -111,32 +130,9 @@ impl Throttle {
             Err(error) => Err(error),
         }
     }
-
-    /// Tenths of a percent, 0..=1000.
-    pub const fn tenths(self) -> u16 {
-        self.0
-    }
 }
 
-/// Atmospheric pressure as the ZK-Protocol carries it: 0..=1023 hPa (ZK-4).
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Hectopascals(u16);
-
-impl Hectopascals {
-    /// From hPa.
-    ///
-    /// # Errors
-    /// [`OutOfRange`] above 1023, the largest number ten bits hold (ZK-4).
-    pub const fn new(hectopascals: u16) -> Result<Self, OutOfRange> {
-        match within(hectopascals as u32, 0, 1023) {
-            Ok(()) => Ok(Self(hectopascals)),
-            Err(error) => Err(error),
-        }
-    }
-
-    /// The number of hPa.
-    pub const fn get(self) -> u16 {
-        self.0
-    }
-}
+ranged!(
+    /// Atmospheric pressure as the ZK-Protocol carries it, in ten bits (ZK-4).
+    Hectopascals(u16), new, get, "hectopascals", 0..=1023
+);

@@ -73,7 +73,7 @@ pub(crate) fn find(params: [f32; 7]) -> Result<NodeService, &'static str> {
         Some(3) => Ok(NodeService::Stop),
         Some(10) => Ok(NodeService::Ecu(Service::Amt(amt::config::Service::Ctf))),
         Some(20) => unsigned()
-            .and_then(|number| Action::ALL.into_iter().find(|action| u32::from(action.parameter()) == number))
+            .and_then(|number| Action::ALL.into_iter().find(|action| u32::from(action.code()) == number))
             .map(|action| zk(zk::config::Service::Action(action)))
             .ok_or("ZK action: param2 has to be 1 to 13"),
         Some(21) => unsigned()

@@ -1,5 +1,5 @@
 //! For boards that keep their ArduPilot bootloader: what it looks for in an application before it starts one,
-//! and what it wants to be told afterwards.
+//! and what it has to know afterwards.
 
 use super::chip;
 

@@ -1,5 +1,5 @@
 //! What happens when the firmware fails: it says where, and resets. An engine is better served by a
-//! node that is back in milliseconds than by one that stands still.
+//! node that is back in milliseconds than by one that hangs.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 

@@ -46,7 +46,7 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     #[cfg(feature = "ardupilot-bootloader")]
     super::ardupilot::start_at_once();
     // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
-    // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 136). The start takes some milliseconds, and
+    // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 146). The start takes some milliseconds, and
     // 0.1 s more without a crystal.
     watchdog::watch(Pr::from_bits(2), 0xFFF);
     super::stack::paint();
@@ -99,7 +99,7 @@ pub fn end() -> ! {
 /// `RESTARTED` from a restart to the next start: no flag of a reset reports one, and what is retained is as good as
 /// after any other.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is believed, where no flag says that the RAM may have been without power.
+// is used, where no flag says that the RAM may have been without power.
 #[cfg(feature = "ardupilot-bootloader")]
 #[unsafe(link_section = ".retained.restart")]
 static RESTART: RetainedWord = RetainedWord::new();
@@ -107,7 +107,7 @@ static RESTART: RetainedWord = RetainedWord::new();
 #[cfg(feature = "ardupilot-bootloader")]
 const RESTARTED: u32 = 0x7E57_A27D;
 
-/// Whether this start is a restart, asked once.
+/// Whether this start is a restart. To be called once.
 #[cfg(feature = "ardupilot-bootloader")]
 fn take_restart() -> bool {
     let restarted = RESTART.get() == Some(RESTARTED);
@@ -127,7 +127,7 @@ pub fn restart() -> ! {
 /// `HAS_STOPPED` if the crystal has stopped since the power came on: one that comes and goes would otherwise reset the node
 /// over and over.
 // SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is believed, where no flag says that the RAM may have been without power.
+// is used, where no flag says that the RAM may have been without power.
 #[unsafe(link_section = ".retained.crystal")]
 static STOPPED: RetainedWord = RetainedWord::new();
 

@@ -11,6 +11,6 @@ use jetlink::engine::retained::RetainedMemory;
 pub struct Retained(pub [RetainedMemory; PORTS.len()]);
 
 // SAFETY: the linker puts the section `.retained` into RAM that start-up leaves as it is. Every bit pattern is a valid
-// `RetainedMemory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+// `RetainedMemory` (it is atomics throughout), and its content is only used with a right checksum.
 #[unsafe(link_section = ".retained")]
 pub static RETAINED: Retained = Retained([const { RetainedMemory::new() }; PORTS.len()]);

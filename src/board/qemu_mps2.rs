@@ -4,7 +4,7 @@
 //!
 //! Addresses and interrupts from Arm's application note AN500, registers from the Cortex-M System
 //! Design Kit's technical reference manual (DDI 0479). What QEMU does not do as the board would is
-//! said where it matters, and in `docs/qemu.md`.
+//! marked where it matters, and in `docs/qemu.md`.
 
 mod clock;
 #[cfg(feature = "count")]

@@ -1,9 +1,9 @@
 //! Single words of the board's own that survive a reset, in the region of RAM (`memory/retained.x`) that start-up and
-//! bootloaders leave alone. After a loss of power it holds anything, so nothing is believed that does not say so itself.
+//! bootloaders leave alone. After a loss of power it holds anything, so only words that carry their own check are used.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// A word that survives a reset, believed only beside its inverse. A static of this type belongs into a section `.retained.*`.
+/// A word that survives a reset, valid only beside its inverse. A static of this type belongs into a section `.retained.*`.
 ///
 /// An H7 writes 64 bits of this RAM at a time, and holds the last of them in a buffer until others are written: a reset
 /// loses it (AN5342). So each write is followed by one to the next 64 bits.

@@ -1,4 +1,4 @@
-//! Bench image only (feature `selftest`): what the board can tell of itself, as one block of log lines to paste into a report.
+//! Bench image only (feature `selftest`): what the board can measure itself, as one block of log lines to paste into a report.
 //!
 //! The oscillators are measured with the watchdog, which has one of its own (LSI). The first round lets it run out while
 //! the core counts time by the crystal: that gives the LSI. The second does so on the chip's own oscillator (HSI): the
@@ -37,7 +37,7 @@ struct Record {
     reached: [RetainedWord; 2],
 }
 
-// SAFETY: RAM that start-up leaves as it is. Every bit pattern is valid, and none is believed without a round.
+// SAFETY: RAM that start-up leaves as it is. Every bit pattern is valid, and none is used without a round.
 #[unsafe(link_section = ".retained.selftest")]
 static RECORD: Record = Record {
     round: RetainedWord::new(),
@@ -56,7 +56,7 @@ fn round() -> Option<u32> {
     RECORD.round.get()?.checked_sub(MAGIC).filter(|round| (1..=3).contains(round))
 }
 
-/// Whether this start is to run on the chip's own oscillator: the second round is due. To be asked before the clocks run.
+/// Whether this start is to run on the chip's own oscillator: the second round is due. To be called before the clocks run.
 pub fn wants_internal_oscillator() -> bool {
     round() == Some(1)
 }

@@ -37,7 +37,7 @@ pub fn paint() {
     }
 }
 
-/// How many bytes deep the stack has been since it was painted. [`MOST`] stands for that or more.
+/// How many bytes deep the stack has been since it was painted. [`MOST`] means that or more.
 pub fn deepest() -> u32 {
     // SAFETY: RAM that is always there and has no destructor, read as plain words. Whoever uses it meanwhile only makes
     // this a moment old.

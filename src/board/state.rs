@@ -3,9 +3,9 @@
 use embassy_executor::InterruptExecutor;
 use jetlink::engine::retained::Reset;
 
-/// Why the chip was reset last, as far as its flags tell.
+/// Why the chip was reset last, as far as its flags say.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
-#[cfg_attr(not(feature = "stm32"), expect(dead_code, reason = "QEMU tells none"))]
+#[cfg_attr(not(feature = "stm32"), expect(dead_code, reason = "QEMU has none"))]
 pub enum ResetCause {
     /// The power came on.
     PowerOn,
@@ -15,7 +15,7 @@ pub enum ResetCause {
     Watchdog,
     /// The window watchdog, which this firmware does not use.
     WindowWatchdog,
-    /// The firmware asked for it: a panic or a fault, if no debugger did.
+    /// The firmware requested it: a panic or a fault, if no debugger did.
     Software,
     /// A low-power mode was entered against the option bytes.
     LowPower,
@@ -29,7 +29,7 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    /// What of the retained state may be believed after it. Where the flags say nothing, as after a bootloader that clears
+    /// What of the retained state may be used after it. Where the flags say nothing, as after a bootloader that clears
     /// them, the power may have gone away.
     pub fn retained(self) -> Reset {
         match self {
@@ -61,7 +61,7 @@ pub struct Ready<Port, Led, Watchdog, const PORTS: usize> {
     pub reset_cause: ResetCause,
     /// What its clocks are made from.
     pub oscillator: Oscillator,
-    /// The ECU ports that were asked for, open.
+    /// The requested ECU ports, open.
     pub ports: [Option<Port>; PORTS],
     /// The status LED, dark.
     pub led: Led,

@@ -67,7 +67,7 @@ pub fn clock_gpio() {
     RCC.ahb1enr().read();
 }
 
-/// The watchdog stands still while a debug probe has halted the core.
+/// The watchdog pauses while a debug probe has halted the core.
 pub fn freeze_watchdog_while_halted() {
     DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
 }

@@ -73,7 +73,7 @@ pub fn clock_gpio() {
     RCC.ahb4enr().read();
 }
 
-/// The watchdog stands still while a debug probe has halted the core.
+/// The watchdog pauses while a debug probe has halted the core.
 pub fn freeze_watchdog_while_halted() {
     DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
 }
@@ -158,7 +158,7 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     false
 }
 
-/// Turns the instruction cache on. Not the data cache: what is kept over a reset would be lost in it.
+/// Turns the instruction cache on. Not the data cache: what is retained over a reset would be lost in it.
 pub fn speed_up() {
     // SAFETY: nothing else in this firmware touches the SCB's cache control; one core, and start-up is its only thread.
     let mut core = unsafe { cortex_m::Peripherals::steal() };

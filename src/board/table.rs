@@ -67,7 +67,7 @@ macro_rules! board {
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
-            // Taken for good: a pin that stands twice in the table does not build.
+            // Taken for good: a pin that occurs twice in the table does not build.
             let _taken = ($((p.$uart, p.$rx, p.$tx)),*);
             let openers: [unsafe fn(Line) -> EcuPort; PORTS.len()] = [$(openers::$uart),*];
             let mut ports = lines.into_iter().zip(openers).map(|(line, opener)| {

@@ -343,9 +343,6 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
-        Fault::Error(error) if history.is_amt() && 1 << (error % 7) == sim::amt::error::EGT => {
-            add(&mut history.egt_faulty);
-        }
         _ => {}
     }
 }

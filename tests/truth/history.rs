@@ -359,8 +359,6 @@ pub struct History {
     pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
-    /// The ECU calls it faulty (AMT's EGT error).
-    pub egt_faulty: Spans,
 }
 
 impl History {
@@ -387,7 +385,6 @@ impl History {
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),
-            egt_faulty: Spans::default(),
         }
     }
 

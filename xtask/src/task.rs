@@ -88,10 +88,10 @@ impl<'a> Task<'a> {
                 let these = ["--features", &features, "--config", &runner];
                 strings(&[&["run"], &firmware[..], &these].concat(), more)
             }
-            Self::Emu(more) => strings(&[&emu[..], &["test"]].concat(), more),
-            Self::EmuRun(more) => strings(&[&emu[..], &["run"]].concat(), more),
+            Self::Emu(more) => strings(&[&emu[..], &["emu"]].concat(), more),
+            Self::EmuRun(more) => strings(&[&emu[..], &["emu-run"]].concat(), more),
             Self::EmuRecord(compare, more) => {
-                let what = if *compare { "compare" } else { "record" };
+                let what = if *compare { "emu-compare" } else { "emu-record" };
                 strings(&[&emu[..], &[what]].concat(), more)
             }
             Self::Qemu(test, more) => {

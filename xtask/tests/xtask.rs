@@ -150,10 +150,10 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
                 "run {firmware} board-pixracer --config target.{TARGET}.runner = 'probe-rs run --chip STM32F427VITx'"
             ),
         ),
-        (&["emu", "babble"], format!("run --quiet --manifest-path {emu} test babble")),
-        (&["emu-run", "pixracer"], format!("run --quiet --manifest-path {emu} run pixracer")),
-        (&["emu-record", "before"], format!("run --quiet --manifest-path {emu} record before")),
-        (&["emu-compare", "before"], format!("run --quiet --manifest-path {emu} compare before")),
+        (&["emu", "babble"], format!("run --quiet --manifest-path {emu} emu babble")),
+        (&["emu-run", "pixracer"], format!("run --quiet --manifest-path {emu} emu-run pixracer")),
+        (&["emu-record", "before"], format!("run --quiet --manifest-path {emu} emu-record before")),
+        (&["emu-compare", "before"], format!("run --quiet --manifest-path {emu} emu-compare before")),
         (&["qemu", "count"], "run --quiet --package qemu -- count".into()),
         (&["qemu-test"], "run --quiet --package qemu -- test".into()),
     ] {

@@ -1,6 +1,8 @@
 //! `cargo emu`, `cargo emu-run`, `cargo emu-record` and `cargo emu-compare`: builds the firmware's images, then runs the
 //! tests on them, one of them interactively, or the four runs of a recording.
 
+use clap::Parser;
+use clap::builder::PossibleValuesParser;
 use emulation::image::folder;
 use emulation::recording::{Comparison, MOST_SHIFT, NamedRun, RUNS, Recording};
 use emulation::{BOARDS, Board, Image, Run};
@@ -8,35 +10,65 @@ use rigless::chip::uart::TcpPeer;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-const USAGE: &str = "\
-cargo emu [TEST ...]       builds all images, runs the tests on them (all, or those whose names contain a TEST)
-cargo emu-run BOARD [...]  builds an image and runs it in real time, until Ctrl-C, with an ECU on every port
-                           that has an engine, and the log on the terminal
-    BOARD                  matek-h743, pixracer, pixhawk-6c, cube-orange or nucleo-h743zi2
-    --image IMAGE          release (the default), demo (commands the engines), all-ports, wedge, play-ecu,
-                           ardupilot-bootloader (behind a bootloader, as far as it can tell),
-                           selftest (reports on the board after 7 s)
-    --tcp PORT             TCP port of the telemetry UART on this machine; 5790 unless given (5760 is ArduPilot SITL's)
-cargo emu-record DIR       writes what four named runs send on each port into DIR, a text file each
-cargo emu-compare DIR      runs them again and compares; fails at another byte or order, or a shift above 100 us";
+/// The firmware's images on emulated boards.
+#[derive(Parser, Debug)]
+#[command(name = "emu", bin_name = "cargo", disable_help_subcommand = true)]
+enum Call {
+    /// Builds all images and runs the tests on them.
+    #[command(name = "emu")]
+    Test {
+        /// Only the tests whose names contain one of these.
+        #[arg(value_name = "TEST", trailing_var_arg = true)]
+        filters: Vec<String>,
+    },
+    /// Builds an image and runs it in real time, until Ctrl-C, with an ECU on every port that has an engine, and the log on
+    /// the terminal.
+    #[command(name = "emu-run")]
+    Run {
+        /// The board.
+        #[arg(value_parser = PossibleValuesParser::new(BOARDS.map(|board| board.name)))]
+        board: String,
+        /// The image: demo commands the engines, ardupilot-bootloader is linked behind a bootloader, selftest reports on the
+        /// board after 7 s.
+        #[arg(long, default_value = RELEASE, value_parser = PossibleValuesParser::new(Image::ALL.map(name)))]
+        image: String,
+        /// TCP port of the telemetry UART on this machine. Not 5760: ArduPilot's simulator listens there.
+        #[arg(long, value_name = "PORT", default_value_t = 5790, value_parser = clap::value_parser!(u16).range(1..))]
+        tcp: u16,
+    },
+    /// Writes what four named runs send on each port into a folder, a text file each.
+    #[command(name = "emu-record")]
+    Record {
+        /// The folder; it is made if it is not there.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+    /// Plays the four runs again and compares them with a folder. Fails at another byte or order, or a shift above 100 µs.
+    #[command(name = "emu-compare")]
+    Compare {
+        /// The folder of `cargo emu-record`.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+    /// Builds all images, and nothing else.
+    #[command(name = "build", hide = true)]
+    Build,
+}
 
-/// Not 5760: ArduPilot's simulator listens there.
-const USUAL_PORT: u16 = 5790;
+const RELEASE: &str = "release";
+
+/// The name of an image on the command line: its feature.
+fn name(image: Image) -> &'static str {
+    image.feature().unwrap_or(RELEASE)
+}
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    if arguments.iter().any(|argument| matches!(*argument, "--help" | "-h" | "help")) {
-        println!("{USAGE}");
-        return ExitCode::SUCCESS;
-    }
-    let result = match arguments.as_slice() {
-        ["test", filters @ ..] => test(filters),
-        ["run", options @ ..] => run(options),
-        ["record", folder] => record(Path::new(folder)),
-        ["compare", folder] => compare(Path::new(folder)),
-        ["build"] => build_all(),
-        _ => Err(USAGE.to_string()),
+    let result = match Call::parse() {
+        Call::Test { filters } => test(&filters),
+        Call::Run { board, image, tcp } => run(&board, &image, tcp),
+        Call::Record { folder } => record(&folder),
+        Call::Compare { folder } => compare(&folder),
+        Call::Build => build_all(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -45,11 +77,6 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-/// What is wrong stands last, where it is seen.
-fn wrong(reason: &str) -> String {
-    format!("{USAGE}\n\n{reason}")
 }
 
 /// The project's root.
@@ -95,7 +122,7 @@ fn build_all() -> Result<(), String> {
     BOARDS.into_iter().try_for_each(|board| Image::of(board).try_for_each(|image| build(board, image)))
 }
 
-fn test(filters: &[&str]) -> Result<(), String> {
+fn test(filters: &[String]) -> Result<(), String> {
     build_all()?;
     let mut tests = cargo();
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
@@ -109,25 +136,10 @@ fn test(filters: &[&str]) -> Result<(), String> {
     Ok(())
 }
 
-fn run(options: &[&str]) -> Result<(), String> {
-    let [board, options @ ..] = options else { return Err(wrong("Name the board.")) };
-    let board = Board::by_name(board).ok_or(wrong(&format!("There is no board \"{board}\".")))?;
-    let (mut image, mut tcp) = (Image::Release, USUAL_PORT);
-    for option in options.chunks(2) {
-        match *option {
-            ["--image", name] => {
-                let named = Image::ALL.into_iter().find(|image| image.feature().unwrap_or("release") == name);
-                image = named.ok_or(wrong(&format!("There is no image \"{name}\".")))?;
-            }
-            ["--tcp", port] => {
-                tcp = port.parse().map_err(|_| format!("\"{port}\" is not a TCP port."))?;
-            }
-            [option, ..] => {
-                return Err(wrong(&format!("There is no option \"{option}\", or its value is missing.")));
-            }
-            [] => {}
-        }
-    }
+fn run(board: &str, image: &str, tcp: u16) -> Result<(), String> {
+    let board = Board::by_name(board).ok_or_else(|| format!("There is no board \"{board}\"."))?;
+    let image = Image::ALL.into_iter().find(|one| name(*one) == image);
+    let image = image.ok_or("There is no such image.")?;
     build(board, image)?;
     let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
     println!("{} with an ECU on:", board.title);

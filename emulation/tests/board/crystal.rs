@@ -6,7 +6,8 @@ use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well, s
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
-const WITHOUT: &str = "the crystal does not run: on the chip's own oscillator";
+/// What the firmware says at a start without its crystal.
+pub const WITHOUT: &str = "the crystal does not run: on the chip's own oscillator";
 
 #[test]
 fn a_crystal_that_is_dead_at_a_reset_costs_no_engine() {
@@ -46,7 +47,7 @@ fn a_crystal_that_is_dead_at_power_on_costs_no_engine() {
 }
 
 /// From here on the crystal is dead, and when this task runs next, the NMI comes that says so.
-fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
+pub fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     bench.break_crystal();
     raise_alarm(bench, board, image, task);
 }

@@ -1,18 +1,21 @@
-//! The expectations of docs/first-flash.md, measured: what a person should find with a logic analyser and the log. Printed
-//! as the table of that page, and kept beside the images.
+//! The expectations of docs/first-flash.md, measured: what a person should find with a logic analyser and the log. Each
+//! value on the page is compared with what the emulated board does.
 
-use crate::support::{Led, crash, engines, first_byte, on_each_board};
+mod page;
+
+use crate::crystal::{WITHOUT, stop_crystal};
+use crate::supply::drop_supply;
+use crate::support::{Led, Task, crash, engines, first_byte, on_each_board};
 use emulation::board::{Part, Pin};
-use emulation::engines::Protocol;
 use emulation::{Board, Bootloader, Image, Jump, Report, Run, bootloader, turnaround};
+use page::{PAGE, Place};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
-use sim::zk::ZkEcu;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-/// What was found on each board, by the number of its row.
-type Table = Mutex<BTreeMap<usize, (String, BTreeMap<&'static str, String>)>>;
+/// What was found, each at its place on the page.
+type Measured = BTreeMap<Place, String>;
 
 /// A time with three digits.
 fn time(ns: Nanos) -> String {
@@ -32,11 +35,17 @@ fn time(ns: Nanos) -> String {
     format!("{value:.digits$} {unit}")
 }
 
+/// The shortest and the longest of some times.
 fn span(values: impl IntoIterator<Item = Nanos>) -> String {
     let mut values: Vec<_> = values.into_iter().collect();
     values.sort_unstable();
     let [first, .., last] = values[..] else { panic!("too few: {values:?}") };
     if time(first) == time(last) { time(first) } else { format!("{} to {}", time(first), time(last)) }
+}
+
+/// As it stands in the log.
+fn quoted(text: &str) -> String {
+    format!("`{text}`")
 }
 
 fn gpio(board: &Board, pin: Pin) -> u64 {
@@ -69,20 +78,17 @@ impl Ecu for Adapter {
 
 /// An AMT set of an engine in standby, as docs/first-flash.md has it.
 const AMT_SET: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
-/// Its reply: standby, throttle at idle.
-const STANDBY: [u8; 5] = [0xFF, 0x12, 0x20, 0x12, 0x20];
 
-/// A start from power-on, with everything that hangs on it.
-fn start(board: &'static Board) -> Report {
-    let mut run = Run::new(board, Image::Release).engines().tap("SERIAL2").until(8 * SECOND);
-    for letter in 0..5 {
-        let port = board.gpio + 0x400 * letter;
-        run = run.record(port).record(port + 0x0C).record(port + 0x18);
-    }
-    for port in board.ports {
-        run = run.record(port.registers() + control(board).0);
-    }
-    run.go()
+/// The first and second port (AMT), the third and the fourth (ZK, 9600 and 115 200 baud).
+const PORTS: [(&str, u32); 4] =
+    [("SERIAL2", 2400), ("SERIAL3", 2400), ("SERIAL4", 9600), ("SERIAL5", 115_200)];
+
+/// The image with a serial adapter on the first port, that sends from then on, and nobody on the others.
+fn with_adapter(board: &'static Board, image: Image, from: Nanos) -> Run {
+    PORTS.into_iter().fold(Run::new(board, image), |run, (port, baud)| {
+        let next = if port == "SERIAL2" { from } else { Nanos::MAX };
+        run.ecu(port, Line::n1(baud), Adapter { next, bytes: &AMT_SET })
+    })
 }
 
 /// The register that enables a UART, and its bits for that.
@@ -93,219 +99,264 @@ fn control(board: &Board) -> (u64, u64) {
     }
 }
 
-/// When the firmware said hello.
-fn hellos(report: &Report) -> Vec<(Nanos, &str)> {
-    let hello = |log: &'_ emulation::Log| log.at;
-    report
-        .lines("last reset: ")
-        .map(|log| (hello(log), log.text.rsplit(' ').next().expect("a cause")))
-        .collect()
+/// When the firmware said hello, and the cause of the reset as it says it.
+fn hellos(report: &Report) -> Vec<(Nanos, String)> {
+    let cause = |text: &str| text.find("last reset: ").map(|at| quoted(&text[at..]));
+    report.logs.iter().filter_map(|log| cause(&log.text).map(|cause| (log.at, cause))).collect()
+}
+
+/// How often the LED was lit in the second from then on.
+fn flashes(report: &Report, board: &Board, from: Nanos) -> String {
+    let lit = Led::of(board).lit(report);
+    lit.into_iter().filter(|at| (from..from + SECOND).contains(at)).count().to_string()
+}
+
+/// The log's line with this text, without what stands before the text.
+fn said(report: &Report, text: &str) -> String {
+    let line = report.lines(text).next_back();
+    let line = line.unwrap_or_else(|| panic!("the firmware never logged \"{text}\":\n{}", report.log_text()));
+    quoted(&line.text[line.text.find(text).expect("it has the text")..])
+}
+
+/// Puts down a value: the page's section, words of its row, what was found.
+type Note<'a> = dyn FnMut(u8, &'static str, String) + 'a;
+
+/// Section 2: the block of the self-test, line by line.
+fn self_test(board: &'static Board, note: &mut Note<'_>) {
+    /// How the lines begin.
+    const LINES: [&str; 12] = [
+        "device",
+        "PWR",
+        "RCC",
+        "the watchdog bit after",
+        "LSI",
+        "core",
+        "retained RAM",
+        "TX at the start",
+        "flash ACR",
+        "option bytes",
+        "MPU",
+        "stack",
+    ];
+    let run = with_adapter(board, Image::SelfTest, SECOND).resets(2).with_errors();
+    let report = run.until(8 * SECOND).go();
+    let lines = report.logs.iter().filter_map(|log| log.text.strip_prefix("selftest: "));
+    let block: Vec<_> =
+        lines.skip_while(|line| !line.starts_with("begin")).take_while(|line| *line != "end").collect();
+    assert_eq!(block.len(), 1 + LINES.len(), "{block:#?}");
+    for (line, begins) in block[1..].iter().zip(LINES) {
+        let rest = line.strip_prefix(begins).unwrap_or_else(|| panic!("{begins}: {line}"));
+        note(2, begins, quoted(rest.trim_start_matches([' ', ',', ':'])));
+    }
+}
+
+/// Sections 3 to 5: the start, the bytes without anybody on the ports, and the adapter on the first one.
+fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
+    let pull = 5 * SECOND;
+    let mut run = with_adapter(board, Image::Release, 2 * SECOND)
+        .tap("SERIAL2")
+        .at(pull, |bench| bench.cut("SERIAL2", true))
+        .until(7 * SECOND);
+    for letter in 0..5 {
+        let port = board.gpio + 0x400 * letter;
+        run = run.record(port).record(port + 0x0C).record(port + 0x18);
+    }
+    let (enable, enabled) = control(board);
+    for port in board.ports {
+        run = run.record(port.registers() + enable);
+    }
+    let report = run.go();
+
+    let written = |register: u64, is: &dyn Fn(u64) -> bool| {
+        let mut writes = report.written.iter().filter(|write| write.register == register);
+        writes.find(|write| is(write.value)).map(|write| write.at).expect("a write")
+    };
+    let field = |pin: Pin, word: u64| word >> (2 * pin.number) & 3;
+    let pulled = board
+        .ports
+        .iter()
+        .map(|port| written(gpio(board, port.tx) + 0x0C, &|word| field(port.tx, word) == 1));
+    note(3, "TX floats", time(pulled.max().expect("ports")));
+    let low = engines(&report).into_iter().map(|engine| {
+        let port = board.port(engine.port);
+        let driven = written(gpio(board, port.tx), &|word| field(port.tx, word) == 2);
+        written(port.registers() + enable, &|word| word & enabled == enabled) - driven
+    });
+    note(3, "TX low", span(low));
+    let (hello, cause) = &hellos(&report)[0];
+    note(3, "first log line", format!("{}, {cause}", time(*hello)));
+    let led = Led::of(board);
+    let lit = led.lit(&report)[0];
+    let dark = led.dark(&report).into_iter().find(|at| *at > lit).expect("it goes out");
+    note(3, "first flash", time(lit));
+    note(3, "length of a flash", time(dark - lit));
+    note(3, "flashes in a second", flashes(&report, board, lit - 100 * MILLIS));
+    note(3, "stack", said(&report, "board: "));
+
+    // A port's bytes back to back, and its commands of four bytes from one to the next.
+    for (port, byte_row, rate_row) in [
+        ("SERIAL4", "9600 baud (third port): a byte", "9600 baud: from one command"),
+        ("SERIAL5", "115 200 baud (fourth port): a byte", "115 200 baud: from one command"),
+    ] {
+        let commands: Vec<_> = report.wire(port).tx.chunks_exact(4).collect();
+        let gaps = commands.iter().flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
+        note(4, byte_row, span(gaps));
+        let ends: Vec<_> =
+            commands.iter().map(|command| command[0].end).filter(|end| *end > SECOND).collect();
+        note(4, rate_row, span(ends.windows(2).map(|two| two[1] - two[0])));
+    }
+    let unasked = report.wire("SERIAL2").tx.iter().filter(|tx| tx.end < 2 * SECOND).count();
+    note(4, "AMT ports", (unasked + report.wire("SERIAL3").tx.len()).to_string());
+
+    let sent = &report.wire("SERIAL2").tx;
+    let replies: Vec<_> = sent.chunks(5).collect();
+    let text = |reply: &[emulation::Tx]| {
+        let bytes: Vec<_> = reply.iter().map(|tx| format!("{:02X}", tx.byte)).collect();
+        quoted(&bytes.join(" "))
+    };
+    let mut texts: Vec<_> = replies.iter().map(|reply| text(reply)).collect();
+    texts.dedup();
+    note(5, "reply to each set", texts.join(", "));
+    let byte = replies[0][1].end - replies[0][0].end;
+    note(5, "a byte at 2400 baud", time(byte));
+    note(5, "first reply after", time(replies[0][0].end - byte - 2 * SECOND));
+    note(5, "to its last stop bit", time(replies[0][4].end - replies[0][0].end + byte));
+    let distances = turnaround::of(&report, "SERIAL2");
+    note(5, "to the start bit of the reply", span(distances.iter().map(|each| each.ns)));
+    note(5, "`left: ECU link up`", time(report.when("left: ECU link up") - 2 * SECOND));
+    let heard = report.wire("SERIAL2").rx.iter().filter(|rx| rx.end < pull);
+    let last = heard.map(|rx| rx.end).max().expect("the sets were heard");
+    let lost = report.lines("left: ECU link lost").find(|log| log.at > last).expect("it is lost").at;
+    note(5, "`left: ECU link lost`", time(lost - last));
+}
+
+/// Section 6: the reset pin and the watchdog, with the adapter on the first port.
+fn resets(board: &'static Board, note: &mut Note<'_>) {
+    let at = 3 * SECOND;
+    let run = with_adapter(board, Image::Release, SECOND).at(at, |bench| bench.press_reset()).resets(1);
+    let report = run.until(4 * SECOND).go();
+    let (hello, cause) = &hellos(&report)[1];
+    note(6, "press reset", format!("{}, {cause}", time(hello - at)));
+    note(6, "first byte on the fourth port", time(first_byte(&report, "SERIAL5", at) - at));
+    note(6, "first reply to a set", time(first_byte(&report, "SERIAL2", at) - at));
+
+    let run = with_adapter(board, Image::Wedge, SECOND).resets(1).with_errors().until(7 * SECOND);
+    let report = run.go();
+    let (reset, (hello, cause)) = (report.resets[0].0, &hellos(&report)[1]);
+    note(6, "a task stands still", time(reset - report.when("left: its runner is stuck")));
+    note(6, "first log line after the reset by the watchdog", format!("{}, {cause}", time(hello - reset)));
+}
+
+/// Section 7: a crystal that is dead at the start and comes back, and one that stops.
+fn crystal(board: &'static Board, note: &mut Note<'_>) {
+    let reset = 3500 * MILLIS;
+    let report = with_adapter(board, Image::Release, SECOND)
+        .record(Led::of(board).register)
+        .at(0, |bench| bench.break_crystal())
+        .at(reset, |bench| {
+            bench.mend_crystal();
+            bench.press_reset();
+        })
+        .resets(1)
+        .with_errors()
+        .until(5 * SECOND)
+        .go();
+    let boots = hellos(&report);
+    note(7, "ground it, power on", format!("{}, {}", said(&report, WITHOUT), time(boots[0].0)));
+    note(7, "LED", flashes(&report, board, 2 * SECOND));
+    let every = report.lines("board: no crystal").map(|log| log.at).filter(|at| *at < reset);
+    let every: Vec<_> = every.collect();
+    note(7, "`board: no crystal", span(every.windows(2).map(|two| two[1] - two[0])));
+    let sent = report.wire("SERIAL5").tx.chunks_exact(4).filter(|command| command[3].end < reset);
+    let gaps = sent.flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
+    note(7, "a byte at 115 200 baud", span(gaps.collect::<Vec<_>>()));
+    let after = report.lines("crystal").filter(|log| log.at > boots[1].0).count();
+    note(7, "let it go, press reset", format!("{}, {after}", boots[1].1));
+
+    let stop =
+        |bench: &mut emulation::Bench<'_>| stop_crystal(bench, board, Image::Release, Task::Supervisor);
+    let run = with_adapter(board, Image::Release, SECOND).at(1500 * MILLIS, stop).resets(1).with_errors();
+    let report = run.until(2500 * MILLIS).go();
+    assert!(report.logged(WITHOUT), "{}", report.log_text());
+    let told = said(&report, "the crystal has stopped, resetting");
+    note(7, "ground it while it runs", format!("{told}, {}", hellos(&report)[1].1));
+}
+
+/// Section 8: an F427's supply that falls. The H743 has nothing that looks at it.
+fn supply(board: &'static Board, note: &mut Note<'_>) {
+    if board.part == Part::F427 {
+        let report = with_adapter(board, Image::Release, SECOND)
+            .at(1500 * MILLIS, drop_supply)
+            .at(2 * SECOND, |bench| bench.supply(2900))
+            .at(2500 * MILLIS, |bench| bench.supply(2960))
+            .resets(1)
+            .with_errors()
+            .until(3 * SECOND)
+            .go();
+        let (hello, cause) = &hellos(&report)[1];
+        assert!(*hello > 2500 * MILLIS, "it waits for 2.93 V: {hello}");
+        note(8, "lower it slowly", format!("{}, then {cause}", said(&report, "the supply is below")));
+    }
+}
+
+/// Section 9: behind a bootloader that decides as the real one does, and jumps.
+fn behind_a_bootloader(board: &'static Board, note: &mut Note<'_>) {
+    let wait = bootloader::WAIT_MS * MILLIS;
+    let decides = || Bootloader { jump: Jump::New, leaves: Vec::new(), decides: true };
+    let report = with_adapter(board, Image::Ardupilot, wait)
+        .bootloader(decides())
+        .at(wait + SECOND, |bench| bench.press_reset())
+        .at(wait + 1500 * MILLIS, move |bench| crash(bench, board, Image::Ardupilot))
+        .at(wait + 2 * SECOND, |bench| bench.watchdog_runs_out())
+        .resets(3)
+        .with_errors()
+        .until(wait + 2500 * MILLIS)
+        .go();
+    let boots = hellos(&report);
+    let after = |nth: usize| {
+        let (hello, cause) = &boots[nth];
+        format!("{}, {cause}", time(hello - report.resets[nth - 1].0))
+    };
+    note(9, "power on | first log line", time(boots[0].0));
+    note(9, "press reset", after(1));
+    note(9, "a crash", after(2));
+    note(9, "the watchdog", after(3));
+
+    let stop =
+        |bench: &mut emulation::Bench<'_>| stop_crystal(bench, board, Image::Ardupilot, Task::Supervisor);
+    let run = with_adapter(board, Image::Ardupilot, SECOND).record(Led::of(board).register);
+    // The firmware starts twice without a reset, which the checks of every run do not expect.
+    let (report, _) = run.at(1500 * MILLIS, stop).with_errors().until(4500 * MILLIS).go_unchecked();
+    assert!(report.resets.is_empty() && report.logged(WITHOUT), "{}", report.log_text());
+    let cause = hellos(&report)[1].1.clone();
+    let lit = flashes(&report, board, 3 * SECOND);
+    note(9, "grounded while it runs", format!("{cause}, {lit}"));
 }
 
 #[test]
-fn the_expectations_of_the_first_flash() {
-    let table = Table::default();
+fn the_page_of_the_first_flash_says_what_the_emulated_boards_do() {
+    let measured = Mutex::new(Measured::new());
     on_each_board(|board| {
-        let row = |number: usize, what: &str, found: String| {
-            let mut table = table.lock().expect("no test has failed");
-            table
-                .entry(number)
-                .or_insert_with(|| (what.to_string(), BTreeMap::new()))
-                .1
-                .insert(board.name, found);
+        let chip = match board.part {
+            Part::H743 => "H743",
+            Part::F427 => "F427",
         };
-        let report = start(board);
-        let led = Led::of(board);
-        let written = |register: u64, is: &dyn Fn(u64) -> bool| {
-            let mut writes = report.written.iter().filter(|write| write.register == register);
-            writes.find(|write| is(write.value)).map(|write| write.at).expect("a write")
+        let mut note = |section: u8, row: &'static str, found: String| {
+            let before = measured.lock().expect("no test has failed").insert((section, row, chip), found);
+            assert_eq!(before, None, "{section}: {row}");
         };
-
-        // The start.
-        let (enable, enabled) = control(board);
-        let wired: Vec<_> =
-            board.ports.iter().filter(|port| report.wires().any(|(name, _)| name == port.name)).collect();
-        let field = |pin: Pin, word: u64| word >> (2 * pin.number) & 3;
-        let pulled = board
-            .ports
-            .iter()
-            .map(|port| written(gpio(board, port.tx) + 0x0C, &|word| field(port.tx, word) == 1));
-        let low = wired.iter().map(|port| {
-            let driven = written(gpio(board, port.tx), &|word| field(port.tx, word) == 2);
-            written(port.registers() + enable, &|word| word & enabled == enabled) - driven
-        });
-        row(1, "power or reset to all TX pulled up", time(pulled.max().expect("ports")));
-        row(2, "TX low while its port is opened", span(low));
-        let (hello, cause) = hellos(&report)[0];
-        row(3, "power to the first log line", format!("{}, `last reset: {cause}`", time(hello)));
-        let (lit, dark) = (led.lit(&report), led.dark(&report));
-        row(4, "power to the first flash of the LED", time(lit[0]));
-        let off = dark.iter().find(|at| **at > lit[0]).expect("it goes out");
-        row(
-            5,
-            "flashes: length, distance",
-            format!("{}, {}", time(off - lit[0]), span(lit[4..].windows(2).map(|two| two[1] - two[0]))),
-        );
-
-        // The lines.
-        let mut number = 6;
-        for engine in engines(&report).into_iter().filter(|engine| engine.name != "right") {
-            let wire = report.wire(engine.port);
-            let byte = board.port(engine.port).byte_ns(wire.line());
-            let gaps = wire
-                .tx
-                .windows(2)
-                .map(|pair| pair[1].end - pair[0].end)
-                .filter(|gap| (*gap as f64) < 1.5 * byte);
-            let baud = engine.line.baud;
-            row(number, &format!("{baud} baud: one byte, TX"), span(gaps.collect::<Vec<_>>()));
-            number += 1;
-            match engine.protocol {
-                Protocol::Amt(_) => {
-                    let replies = turnaround::of(&report, engine.port);
-                    row(
-                        number,
-                        "AMT: last stop bit of a frame to the start bit of the reply",
-                        span(replies.iter().map(|each| each.ns)),
-                    );
-                }
-                Protocol::Zk(..) => {
-                    let intervals = report.ecu::<ZkEcu>(engine.port).stats.intervals;
-                    let ends = [intervals.min, intervals.max].map(|end| end.expect("commands"));
-                    row(number, &format!("ZK on {baud} baud: command to command"), span(ends));
-                }
-            }
-            number += 1;
+        for part in [self_test, start_and_lines, resets, crystal, supply, behind_a_bootloader] {
+            part(board, &mut note);
         }
-        assert!(number <= 12);
-
-        // Nothing on the ports but an adapter on the first, from 2 s on.
-        let nobody = || Adapter { next: Nanos::MAX, bytes: &[] };
-        let report = Run::new(board, Image::Release)
-            .ecu("SERIAL2", Line::n1(2400), Adapter { next: 2 * SECOND, bytes: &AMT_SET })
-            .ecu("SERIAL4", Line::n1(9600), nobody())
-            .ecu("SERIAL5", Line::n1(115_200), nobody())
-            .record(led.register)
-            .until(5 * SECOND)
-            .go();
-        let flashes = led.lit(&report).into_iter().filter(|at| (3 * SECOND..4 * SECOND).contains(at)).count();
-        row(13, "no ECU: flashes of the LED in a second", flashes.to_string());
-        for port in ["SERIAL4", "SERIAL5"] {
-            let sent = &report.wire(port).tx;
-            let ends: Vec<_> =
-                sent.chunks(4).map(|command| command[0].end).filter(|end| *end > SECOND).collect();
-            let baud = report.wire(port).line().baud;
-            row(
-                if port == "SERIAL4" { 14 } else { 15 },
-                &format!("no ECU: command to command, {baud} baud"),
-                span(ends.windows(2).map(|two| two[1] - two[0])),
-            );
-        }
-        let replies = &report.wire("SERIAL2").tx;
-        assert!(replies.chunks(5).all(|reply| reply.iter().map(|tx| tx.byte).eq(STANDBY)), "{replies:?}");
-        row(
-            16,
-            "sets of an adapter, every 125 ms: first reply after the first set, replies in 3 s",
-            format!("{}, {}", time(replies[0].end - 2 * SECOND), replies.len() / 5),
-        );
-        row(
-            17,
-            "its reply: from the start bit to the last stop bit",
-            time(5 * board.ports[0].byte_ns(Line::n1(2400)) as Nanos),
-        );
-        row(
-            18,
-            "`left: ECU link up` after the first set",
-            time(report.when("left: ECU link up") - 2 * SECOND),
-        );
-
-        // The reset pin, with engines' ECUs connected and none running.
-        let at = 3 * SECOND;
-        let report = Run::new(board, Image::Release)
-            .engines()
-            .at(at, |bench| bench.press_reset())
-            .resets(1)
-            .until(5 * SECOND)
-            .go();
-        let (hello, cause) = hellos(&report)[1];
-        row(20, "reset pin to the first log line", format!("{}, `last reset: {cause}`", time(hello - at)));
-        row(
-            21,
-            "reset pin to the first byte, ZK on 115200 baud",
-            time(first_byte(&report, "SERIAL5", at) - at),
-        );
-        row(
-            22,
-            "reset pin to the first reply, AMT (the ECU sends every 125 ms)",
-            time(first_byte(&report, "SERIAL2", at) - at),
-        );
-
-        // A crash, and a task that stands still from 5 s on.
-        let report = Run::new(board, Image::Release)
-            .engines()
-            .at(at, move |bench| crash(bench, board, Image::Release))
-            .resets(1)
-            .with_errors()
-            .until(5 * SECOND)
-            .go();
-        let (reset, (hello, cause)) = (report.resets[0].0, hellos(&report)[1]);
-        row(
-            23,
-            "a crash: reset to the first log line",
-            format!("{}, `last reset: {cause}`", time(hello - reset)),
-        );
-        let report = Run::new(board, Image::Wedge).engines().resets(1).with_errors().until(8 * SECOND).go();
-        let (reset, (hello, cause)) = (report.resets[0].0, hellos(&report)[1]);
-        let stuck = report.when("its runner is stuck");
-        row(
-            24,
-            "image `wedge`: `its runner is stuck` to the reset",
-            format!("{}, then `last reset: {cause}` after {}", time(reset - stuck), time(hello - reset)),
-        );
-
-        // No crystal.
-        let report = Run::new(board, Image::Release)
-            .engines()
-            .record(led.register)
-            .at(0, |bench| bench.break_crystal())
-            .with_errors()
-            .until(4 * SECOND)
-            .go();
-        let (hello, _) = hellos(&report)[0];
-        let flashes = led.lit(&report).into_iter().filter(|at| (3 * SECOND..4 * SECOND).contains(at));
-        row(30, "no crystal: power to the first log line", time(hello));
-        row(31, "no crystal: flashes of the LED in a second", flashes.count().to_string());
-
-        // The bootloader, which decides as the real one does.
-        let wait = bootloader::WAIT_MS * MILLIS;
-        let bootloader = Bootloader { jump: Jump::New, leaves: Vec::new(), decides: true };
-        let report = Run::new(board, Image::Ardupilot)
-            .engines()
-            .bootloader(bootloader)
-            .at(wait + SECOND, |bench| bench.press_reset())
-            .resets(1)
-            .until(wait + 2 * SECOND)
-            .go();
-        let boots = hellos(&report);
-        row(40, "behind a bootloader: power to the first log line", time(boots[0].0));
-        row(
-            41,
-            "behind a bootloader: reset pin to the first log line",
-            time(boots[1].0 - report.resets[0].0),
-        );
     });
-
-    let table = table.into_inner().expect("no test has failed");
-    let boards: Vec<&str> = table.values().next().expect("rows").1.keys().copied().collect();
-    let mut text = format!("| what | {} |\n|---|{}\n", boards.join(" | "), "---|".repeat(boards.len()));
-    for (what, found) in table.values() {
-        assert_eq!(found.len(), boards.len(), "{what}: {found:?}");
-        let found: Vec<_> = found.values().cloned().collect();
-        text += &format!("| {what} | {} |\n", found.join(" | "));
-    }
-    println!("{text}");
-    std::fs::write(emulation::image::folder().join("first-flash.md"), &text)
-        .expect("the table is kept beside the images");
-    // Each time has its own test; this one is there so that the table can be made at any time.
-    assert_eq!(table.len(), 26);
+    let measured = measured.into_inner().expect("no test has failed");
+    let renewed = emulation::image::folder().join("first-flash.md");
+    std::fs::write(&renewed, page::renewed(PAGE, &measured)).expect("the page is kept beside the images");
+    let complaints = page::complaints(PAGE, &measured);
+    assert!(
+        complaints.is_empty(),
+        "docs/first-flash.md:\n{}\n{} has the page with what was measured",
+        complaints.join("\n"),
+        renewed.display()
+    );
 }

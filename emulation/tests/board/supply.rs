@@ -2,7 +2,7 @@
 //! emulator has the voltage detector, and no line from it to an interrupt: a few instructions in RAM pend that.
 
 use crate::support::{Task, hijack};
-use emulation::{Image, PIXRACER, Run};
+use emulation::{Bench, Image, PIXRACER, Run};
 use sim::ecu::{MILLIS, SECOND};
 
 #[test]
@@ -19,19 +19,22 @@ fn a_start_waits_for_a_supply_that_the_flash_can_work_with() {
     assert!((2600 * MILLIS..2612 * MILLIS).contains(&hello), "{hello}");
 }
 
+/// The supply falls to 2.8 V, and when the engines' task runs next, the detector's interrupt comes.
+pub fn drop_supply(bench: &mut Bench<'_>) {
+    bench.supply(2800);
+    // movw r0, #0xE200; movt r0, #0xE000; mov.w r1, #2; str r1, [r0]; bx lr: interrupt 1 in NVIC_ISPR.
+    let code = PIXRACER.ram.start + 0x18000;
+    for (i, word) in [0x2000_F24E, 0x0000_F2CE, 0x0102_F04F, 0x4770_6001].into_iter().enumerate() {
+        bench.set_word(code + 4 * i as u64, word);
+    }
+    hijack(bench, &PIXRACER, Image::Release, Task::Engine, code);
+}
+
 #[test]
 fn a_supply_that_falls_resets_and_the_next_start_waits() {
     let report = Run::new(&PIXRACER, Image::Release)
         .engines()
-        .at(1500 * MILLIS, |bench| {
-            bench.supply(2800);
-            // movw r0, #0xE200; movt r0, #0xE000; mov.w r1, #2; str r1, [r0]; bx lr: interrupt 1 in NVIC_ISPR.
-            let code = PIXRACER.ram.start + 0x18000;
-            for (i, word) in [0x2000_F24E, 0x0000_F2CE, 0x0102_F04F, 0x4770_6001].into_iter().enumerate() {
-                bench.set_word(code + 4 * i as u64, word);
-            }
-            hijack(bench, &PIXRACER, Image::Release, Task::Engine, code);
-        })
+        .at(1500 * MILLIS, drop_supply)
         .at(2 * SECOND, |bench| bench.supply(3300))
         .resets(1)
         .with_errors()

@@ -6,37 +6,73 @@ use super::desk::{Lever, Note};
 use super::output::cannot_write;
 use super::quantity::seconds;
 use super::sample::{Sample, loss};
+use csv::Writer;
 use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
+use serde::{Serialize, Serializer};
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 /// Between two times that rows are handed to the file.
 const FLUSH_EVERY: WallDuration = WallDuration::from_secs(1);
 
-const HEAD: &str = "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,\
-                    sent,missed,decode_errors,rejected,engine_state,rules,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm,\
-                    faults,events";
+/// One row; its fields are the columns. Empty where nothing is known.
+#[derive(Serialize)]
+struct Row<'a> {
+    t_s: Tenths,
+    engine: &'a str,
+    phase: &'static str,
+    state: Option<&'a str>,
+    rpm: Option<u32>,
+    egt_c: Option<Tenths>,
+    command: &'static str,
+    demand_throttle_pct: Option<Tenths>,
+    demand_rpm: Option<u32>,
+    throttle_pct: Option<Tenths>,
+    link: &'static str,
+    frames: u32,
+    sent: u32,
+    missed: u32,
+    decode_errors: u32,
+    rejected: u32,
+    engine_state: &'static str,
+    rules: &'static str,
+    waiting: Option<&'static str>,
+    loss: &'static str,
+    limited: &'static str,
+    armed: &'static str,
+    order: &'static str,
+    wire_throttle_pct: Option<Tenths>,
+    wire_rpm: Option<u32>,
+    faults: String,
+    events: String,
+}
+
+/// A number with one decimal.
+struct Tenths(f64);
+
+impl Serialize for Tenths {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{:.1}", self.0))
+    }
+}
 
 /// A CSV file that is being written.
 #[derive(Debug)]
 pub struct Csv {
     path: String,
-    file: BufWriter<File>,
+    file: Writer<File>,
     flushed: WallInstant,
     /// What happened since the last rows, by the place of the engine; `None`: to the whole run.
     happened: Vec<(Option<usize>, String)>,
 }
 
 impl Csv {
-    /// A new file with its head.
+    /// A new file. Its head comes with the first row.
     pub fn create(path: &str) -> Result<Self, String> {
         let file = File::create(path).map_err(|error| cannot_write(path, &error))?;
-        let (file, flushed) = (BufWriter::new(file), WallInstant::now());
-        let mut csv = Self { path: path.to_owned(), file, flushed, happened: Vec::new() };
-        csv.write(HEAD)?;
-        Ok(csv)
+        let (file, flushed) = (Writer::from_writer(file), WallInstant::now());
+        Ok(Self { path: path.to_owned(), file, flushed, happened: Vec::new() })
     }
 
     /// Something happened: it stands in the next row of its engine.
@@ -48,7 +84,8 @@ impl Csv {
     pub fn samples(&mut self, at: Instant, names: &[&str], samples: &[Sample]) -> Result<(), String> {
         let happened = core::mem::take(&mut self.happened);
         for (i, (name, sample)) in names.iter().zip(samples).enumerate() {
-            self.write(&row(at, name, sample, &events(&happened, i)))?;
+            let row = Row::new(at, name, sample, events(&happened, i));
+            self.file.serialize(row).map_err(|error| cannot_write(&self.path, &error.into()))?;
         }
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flushed = WallInstant::now();
@@ -64,10 +101,6 @@ impl Csv {
 
     fn flush(&mut self) -> Result<(), String> {
         self.file.flush().map_err(|error| cannot_write(&self.path, &error))
-    }
-
-    fn write(&mut self, line: &str) -> Result<(), String> {
-        writeln!(self.file, "{line}").map_err(|error| cannot_write(&self.path, &error))
     }
 }
 
@@ -87,56 +120,54 @@ fn faults(sample: &Sample) -> String {
     faults.map_or_else(String::new, |faults| faults.to_string().replace(',', ";"))
 }
 
-fn row(at: Instant, name: &str, sample: &Sample, events: &str) -> String {
-    let tenths = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.1}"));
-    let whole = |value: Option<u32>| value.map_or_else(String::new, |value| value.to_string());
-    [
-        format!("{:.1}", seconds(at - Instant::MIN)),
-        name.to_owned(),
-        sample.stage.name().to_owned(),
-        sample.state.unwrap_or_default().to_owned(),
-        whole(sample.rpm),
-        tenths(sample.egt),
-        match (sample.silent, sample.lever) {
-            (true, _) => "",
-            (false, Lever::Standby) => "standby",
-            (false, Lever::Run(_)) => "run",
+impl<'a> Row<'a> {
+    fn new(at: Instant, name: &'a str, sample: &'a Sample, events: String) -> Self {
+        let yes_no = |yes| if yes { "yes" } else { "no" };
+        Self {
+            t_s: Tenths(seconds(at - Instant::MIN)),
+            engine: name,
+            phase: sample.stage.name(),
+            state: sample.state,
+            rpm: sample.rpm,
+            egt_c: sample.egt.map(Tenths),
+            command: match (sample.silent, sample.lever) {
+                (true, _) => "",
+                (false, Lever::Standby) => "standby",
+                (false, Lever::Run(_)) => "run",
+            },
+            demand_throttle_pct: sample.asked_percent().map(Tenths),
+            demand_rpm: sample.asked_rpm(),
+            throttle_pct: sample.throttle.map(Tenths),
+            link: sample.link_name(),
+            frames: sample.counters.frames,
+            sent: sample.counters.sent,
+            missed: sample.missed(),
+            decode_errors: sample.decode_errors(),
+            rejected: sample.counters.commands_rejected,
+            engine_state: sample.does.name(),
+            rules: sample.ruler.name(),
+            waiting: sample.waiting.map(Origin::name),
+            loss: loss(sample.loss),
+            limited: yes_no(sample.limited),
+            armed: yes_no(sample.armed),
+            order: match sample.order {
+                Order::EmergencyStop => "stop",
+                Order::Standby => "standby",
+                Order::Run(_) => "run",
+                Order::Pwm => "pwm",
+                Order::Listen => "listen",
+                Order::Doubt(_) => "doubt",
+            },
+            wire_throttle_pct: match sample.on_wire {
+                Some(Said::Run(tenths)) => Some(Tenths(f64::from(tenths) / 10.0)),
+                _ => None,
+            },
+            wire_rpm: match sample.on_wire {
+                Some(Said::RunRpm(rpm)) => Some(rpm),
+                _ => None,
+            },
+            faults: faults(sample),
+            events,
         }
-        .to_owned(),
-        tenths(sample.asked_percent()),
-        whole(sample.asked_rpm()),
-        tenths(sample.throttle),
-        sample.link_name().to_owned(),
-        sample.counters.frames.to_string(),
-        sample.counters.sent.to_string(),
-        sample.missed().to_string(),
-        sample.decode_errors().to_string(),
-        sample.counters.commands_rejected.to_string(),
-        sample.does.name().to_owned(),
-        sample.ruler.name().to_owned(),
-        sample.waiting.map_or("", Origin::name).to_owned(),
-        loss(sample.loss).to_owned(),
-        if sample.limited { "yes" } else { "no" }.to_owned(),
-        if sample.armed { "yes" } else { "no" }.to_owned(),
-        match sample.order {
-            Order::EmergencyStop => "stop",
-            Order::Standby => "standby",
-            Order::Run(_) => "run",
-            Order::Pwm => "pwm",
-            Order::Listen => "listen",
-            Order::Doubt(_) => "doubt",
-        }
-        .to_owned(),
-        tenths(match sample.on_wire {
-            Some(Said::Run(tenths)) => Some(f64::from(tenths) / 10.0),
-            _ => None,
-        }),
-        whole(match sample.on_wire {
-            Some(Said::RunRpm(rpm)) => Some(rpm),
-            _ => None,
-        }),
-        faults(sample),
-        events.to_owned(),
-    ]
-    .join(",")
+    }
 }

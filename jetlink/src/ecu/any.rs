@@ -9,7 +9,7 @@ use crate::units::Hectopascals;
 use embassy_time::Instant;
 
 macro_rules! any_link {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $service:ty, $faults:ty);)+) => {
+    ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
         /// The link of any ECU.
         #[derive(Clone, Debug)]
         pub enum AnyLink {

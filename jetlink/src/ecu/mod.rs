@@ -6,7 +6,7 @@ mod decoder;
 pub mod vendor;
 pub mod zk;
 
-use crate::sentence::sentences;
+use crate::line::Line;
 use crate::setting::Setting;
 use vendor::{VendorFaults, VendorService};
 
@@ -16,17 +16,17 @@ macro_rules! protocols {
     ($make:ident) => {
         $make! {
             /// AMT serial control.
-            Amt($crate::ecu::amt::config::Config, $crate::ecu::amt::config::Service, $crate::ecu::amt::codec::ErrorBits);
+            Amt($crate::ecu::amt::config::Config, $crate::ecu::amt::config::Mistake, $crate::ecu::amt::config::Service, $crate::ecu::amt::codec::ErrorBits);
             /// ZK-Protocol.
-            Zk($crate::ecu::zk::config::Config, $crate::ecu::zk::config::Service, $crate::ecu::zk::codec::ErrorCode);
+            Zk($crate::ecu::zk::config::Config, $crate::ecu::zk::config::Mistake, $crate::ecu::zk::config::Service, $crate::ecu::zk::codec::ErrorCode);
         }
     };
 }
 use protocols;
 
 macro_rules! vendor_types {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $service:ty, $faults:ty);)+) => {
-        /// Which ECU is on a port, and how it is spoken to.
+    ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
+        /// The ECU on a port, with its settings.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum EcuConfig {
@@ -55,10 +55,38 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// The protocol, and which engine it is set to: another number where what was retained must not be believed.
+            /// The protocol, and which engine it is set to: another number makes retained state invalid.
             pub(crate) fn identity(&self) -> [u8; 2] {
                 match self {
                     $(Self::$name(config) => config.identity(),)+
+                }
+            }
+        }
+
+        /// Mistake in the configuration of an ECU.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Mistake {
+            $($(#[$doc])* $name($mistake),)+
+        }
+
+        impl Mistake {
+            /// A sentence, for use in a constant.
+            pub const fn message(self) -> &'static str {
+                match self {
+                    $(Self::$name(mistake) => mistake.message(),)+
+                }
+            }
+        }
+
+        impl EcuConfig {
+            /// Checks the settings of the protocol, and that a line can carry it.
+            pub(crate) const fn check(&self, line: Line) -> Result<(), Mistake> {
+                match self {
+                    $(Self::$name(config) => match config.check(line) {
+                        Ok(()) => Ok(()),
+                        Err(mistake) => Err(Mistake::$name(mistake)),
+                    },)+
                 }
             }
         }
@@ -112,6 +140,23 @@ macro_rules! vendor_types {
             }
         }
 
+        impl core::fmt::Display for Service {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                match self {
+                    $(Self::$name(service) => service.fmt(f),)+
+                }
+            }
+        }
+
+        #[cfg(feature = "defmt")]
+        impl defmt::Format for Service {
+            fn format(&self, f: defmt::Formatter<'_>) {
+                match self {
+                    $(Self::$name(service) => defmt::Format::format(service, f),)+
+                }
+            }
+        }
+
         impl core::fmt::Display for Faults {
             fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
                 match self {
@@ -119,30 +164,15 @@ macro_rules! vendor_types {
                 }
             }
         }
+
+        #[cfg(feature = "defmt")]
+        impl defmt::Format for Faults {
+            fn format(&self, f: defmt::Formatter<'_>) {
+                match self {
+                    $(Self::$name(faults) => defmt::Format::format(faults, f),)+
+                }
+            }
+        }
     };
 }
 protocols!(vendor_types);
-
-#[cfg(feature = "defmt")]
-impl defmt::Format for Faults {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        match self {
-            Self::Amt(bits) if bits.0 == 0 => defmt::write!(f, "none"),
-            Self::Amt(bits) => {
-                for (i, name) in bits.names().enumerate() {
-                    defmt::write!(f, "{=str}{=str}", if i > 0 { ", " } else { "" }, name);
-                }
-            }
-            Self::Zk(zk::codec::ErrorCode::Unknown(code)) => defmt::write!(f, "unknown error {=u8}", code),
-            Self::Zk(code) => defmt::write!(f, "{=istr}", code.interned()),
-        }
-    }
-}
-
-sentences!(Service {
-    Self::Amt(amt::config::Service::Ctf) => "CTF";
-    Self::Zk(zk::config::Service::IgnitionPump(_)) => "ignition pump voltage";
-    Self::Zk(zk::config::Service::Curve(_)) => "acceleration curve";
-} {
-    Self::Zk(zk::config::Service::Action(action)) => "action {}", action.parameter();
-});

@@ -10,7 +10,7 @@ use super::life::Life;
 use super::run::Run;
 use super::sources::Intent;
 use super::state::{EngineState, STATE_MAX_AGE};
-use super::{Beginning, Engine, Mode, OpenPump, StartWait, slot};
+use super::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use crate::ecu::Service;
 use crate::event::Event;
@@ -342,11 +342,27 @@ impl Engine {
             self.close_pump();
             return Ok(Accepted::InForce);
         }
-        self.link.service(now, service)?;
-        if service.moves_fuel() {
-            self.pump = Some(OpenPump { origin, last_rx: now, until: now + self.config.service_time });
+        if !service.moves_fuel() {
+            self.link.service(now, service)?;
+            return Ok(Accepted::InForce);
         }
+        let until = self.fuel_service_ends(now, origin);
+        if now >= until {
+            return Err(Rejected::ServiceTime);
+        }
+        self.link.service(now, service)?;
+        self.pump = Some(OpenPump { origin, last_rx: now, until });
         Ok(Accepted::InForce)
+    }
+
+    /// End of a service that moves fuel or heats: a stream of them has one time, from its first command on. It ends with a
+    /// pause that is longer than the source's timeout.
+    fn fuel_service_ends(&mut self, now: Instant, origin: Origin) -> Instant {
+        let timeout = self.config.timeouts.of(origin);
+        let since = self.fuel_service.filter(|before| now < before.last_rx + timeout);
+        let since = since.map_or(now, |before| before.since);
+        self.fuel_service = Some(FuelService { since, last_rx: now });
+        since + self.config.service_time
     }
 
     /// Fuel and heat need a cold engine in standby, armed.

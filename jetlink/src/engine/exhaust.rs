@@ -33,8 +33,10 @@ pub(super) enum Burning {
     Yes,
     /// Two values below it, or a fall of 15 °C/s for 3 s.
     No,
-    /// Neither, or implausible values.
+    /// Neither.
     NotKnown,
+    /// The sensor failed or jumped: its values are not believed.
+    NotReadable,
 }
 
 /// The exhaust of one engine.
@@ -114,7 +116,7 @@ impl Exhaust {
         self.below = if hot { 0 } else { self.below.saturating_add(1) };
         self.distrusted &= self.above < AGREEING;
         if self.distrusted {
-            self.state = Burning::NotKnown;
+            self.state = Burning::NotReadable;
         } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !commanded {
             self.state = Burning::No;
         } else if self.falling > 0 || self.cools || self.below >= AGREEING {
@@ -145,7 +147,7 @@ impl Exhaust {
     }
 
     fn forget(&mut self) {
-        *self = Self { distrusted: true, ..Self::new(self.limit) };
+        *self = Self { distrusted: true, state: Burning::NotReadable, ..Self::new(self.limit) };
     }
 }
 
@@ -213,13 +215,13 @@ mod tests {
     }
 
     #[test]
-    fn step_or_broken_sensor_is_not_known() {
+    fn step_or_broken_sensor_is_not_readable() {
         for broken in [Some(Celsius::from_tenths(-500)), Some(Celsius::from_tenths(200)), None] {
             let mut exhaust = limit();
             run(&mut exhaust, 0, 1000, |_| 700);
             exhaust.observe(at(1000), broken, None);
             run(&mut exhaust, 1125, 3000, |_| 20);
-            assert_eq!(exhaust.burning(), Burning::NotKnown, "{broken:?}");
+            assert_eq!(exhaust.burning(), Burning::NotReadable, "{broken:?}");
             run(&mut exhaust, 3000, 3500, |_| 700);
             assert_eq!(exhaust.burning(), Burning::Yes, "{broken:?}");
         }

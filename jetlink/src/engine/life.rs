@@ -28,12 +28,22 @@ enum Progress {
     Reached,
 }
 
-/// Cause of a doubt, and the reports since.
+/// What raised a doubt.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Cause {
+    /// A report that does not fit.
+    Report,
+    /// A reset of the node. Nothing was received meanwhile, but nothing says that the ECU stopped sending either.
+    Reset,
+    /// Three expected frames were missing: the ECU may have restarted meanwhile.
+    Gap,
+}
+
+/// A doubt, and the reports since.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Doubt {
     since: Instant,
-    /// After a gap in reception or a reset of the node: the ECU may have restarted meanwhile.
-    gap: bool,
+    cause: Cause,
     /// The ECU sent faults instead of a state.
     faults: bool,
     confirming: u8,
@@ -43,7 +53,12 @@ struct Doubt {
 impl Doubt {
     /// A doubt that begins now.
     const fn new(now: Instant) -> Self {
-        Self { since: now, gap: false, faults: false, confirming: 0, ending: 0 }
+        Self { since: now, cause: Cause::Report, faults: false, confirming: 0, ending: 0 }
+    }
+
+    /// The ECU may have restarted since the last report that fitted.
+    fn after_gap(&self) -> bool {
+        self.cause != Cause::Report
     }
 }
 
@@ -102,7 +117,7 @@ impl Life {
 
     /// A life after a reset of the node with an order in force: in doubt until two reports confirm it.
     pub const fn after_reset(now: Instant) -> Self {
-        let doubt = Doubt { gap: true, ..Doubt::new(now) };
+        let doubt = Doubt { cause: Cause::Reset, ..Doubt::new(now) };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
@@ -118,7 +133,7 @@ impl Life {
 
     /// Whether there was a gap in reception or a reset, and nothing has confirmed the life since.
     pub fn after_gap(&self) -> bool {
-        self.doubt.is_some_and(|doubt| doubt.gap)
+        self.doubt.is_some_and(|doubt| doubt.after_gap())
     }
 
     /// Whether the last frame may be answered with the order in force (AMT).
@@ -149,7 +164,7 @@ impl Life {
             return Some(End::GapInStart);
         }
         let doubt = self.doubt.unwrap_or(Doubt::new(now));
-        self.doubt = Some(Doubt { gap: true, confirming: 0, ending: 0, ..doubt });
+        self.doubt = Some(Doubt { cause: Cause::Gap, confirming: 0, ending: 0, ..doubt });
         None
     }
 
@@ -302,7 +317,7 @@ impl Life {
                 // Until now the exhaust confirmed the engine, so the doubt begins here.
                 if self.only_faults()
                     && exhaust == Burning::Yes
-                    && let Some(doubt) = self.doubt.as_mut().filter(|doubt| !doubt.gap)
+                    && let Some(doubt) = self.doubt.as_mut().filter(|doubt| !doubt.after_gap())
                 {
                     doubt.since = now;
                 }
@@ -324,10 +339,17 @@ impl Life {
                     && (!doubt.faults || stage == Stage::Running)
             }
             // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
-            Sign::Damaged => !doubt.gap,
-            Sign::Stateless => !doubt.gap && doubt.ending == 0,
-            Sign::Faulted { .. } if doubt.gap => exhaust == Burning::Yes,
-            Sign::Faulted { .. } => exhaust != Burning::No,
+            Sign::Damaged => !doubt.after_gap(),
+            Sign::Stateless => !doubt.after_gap() && doubt.ending == 0,
+            Sign::Faulted { .. } => match (doubt.cause, exhaust) {
+                (_, Burning::Yes) => true,
+                (_, Burning::No) => false,
+                // A restarted ECU could start its engine when the fault clears.
+                (Cause::Gap, _) => false,
+                // Without a sensor nothing will ever decide: the order goes on under the stages of loss, as it did before.
+                (Cause::Reset, exhaust) => exhaust == Burning::NotReadable,
+                (Cause::Report, _) => true,
+            },
         }
     }
 }

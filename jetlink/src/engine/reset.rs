@@ -56,7 +56,7 @@ impl Engine {
                 self.mode = Mode::Stop(retained.origin);
             }
             Order::Standby => self.mode = Mode::Standby,
-            _ => self.mode = Mode::Listen(Finding::new(now, retained.ran).controlled_by(retained.origin)),
+            _ => self.mode = Mode::Listen(Self::search(now, &retained)),
         }
         if retained.pump_open {
             let origin = Origin::Node;
@@ -83,18 +83,28 @@ impl Engine {
         }
     }
 
+    /// The search for the engine of a record.
+    fn search(now: Instant, retained: &RetainedState) -> Finding {
+        let RetainedState { ran, silent, all_silent, origin, starting, .. } = *retained;
+        let finding = Finding::new(now, ran).carrying(all_silent + RESET_TAKES, silent + RESET_TAKES);
+        match retained.order {
+            // A start that the reset interrupted: any source may end it.
+            Order::Run(_) | Order::Listen if starting > 0 => {
+                finding.in_a_start(Duration::from_secs(starting.into()))
+            }
+            _ => finding.controlled_by(origin),
+        }
+    }
+
     fn resume(&mut self, now: Instant, retained: Option<RetainedState>) {
-        let ran = retained.is_some_and(|retained| retained.ran);
-        let silent = retained.map_or(Duration::from_ticks(0), |retained| retained.silent + RESET_TAKES);
-        let all_silent =
-            retained.map_or(Duration::from_ticks(0), |retained| retained.all_silent + RESET_TAKES);
-        let active_source = retained.map_or(Origin::Node, |retained| retained.origin);
-        let finding = Finding::new(now, ran).carrying(all_silent, silent);
-        self.mode = Mode::Listen(finding.controlled_by(active_source));
+        let finding = retained.as_ref().map(|retained| Self::search(now, retained));
+        self.mode = Mode::Listen(finding.unwrap_or(Finding::new(now, false)));
         self.order(now, Order::Listen, Origin::Node);
         let Some(retained) = retained else { return };
         match retained.order {
-            Order::Run(demand) if ran => {
+            Order::Run(demand) if retained.ran => {
+                let silent = retained.silent + RESET_TAKES;
+                let all_silent = retained.all_silent + RESET_TAKES;
                 let low = self.resets >= RESETS_MAX;
                 let lost = low || retained.loss >= LossStage::FailSafe;
                 // After consecutive resets without a command, the source gets no further timeout.
@@ -113,12 +123,6 @@ impl Engine {
                     self.event(Event::SourceLoss(retained.loss));
                 }
             }
-            // A start that the reset interrupted.
-            Order::Run(_) | Order::Listen if retained.starting > 0 => {
-                let since = Duration::from_secs(retained.starting.into());
-                self.mode = Mode::Listen(finding.in_a_start(since));
-            }
-            Order::Run(_) => self.mode = Mode::Listen(finding),
             Order::Pwm => {
                 let life = super::life::Life::after_reset(now);
                 self.mode = Mode::Pwm { life, start_by: None };

@@ -4,9 +4,11 @@ use crate::support::bench::at_us;
 use crate::support::scenario::{Ecu, SECOND, Scenario, percent, run};
 use embassy_time::Duration;
 use jetlink::command::Origin;
-use jetlink::config::{ConfigError, EngineConfig, validate};
-use jetlink::ecu::EcuConfig;
+use jetlink::config::{ConfigError, EngineConfig, check, check_ports, validate};
+use jetlink::ecu::amt::config::Mistake as AmtMistake;
 use jetlink::ecu::zk::codec::Rate;
+use jetlink::ecu::zk::config::Mistake as ZkMistake;
+use jetlink::ecu::{EcuConfig, Mistake};
 use jetlink::engine::config::Supervision;
 use jetlink::event::LossStage;
 use jetlink::line::{Line, StopBits};
@@ -53,7 +55,7 @@ fn amt_1_zk_12_only_the_printed_baud_rates_are_valid() {
 fn amt_1_zk_12_only_a_zk_line_may_have_two_stop_bits() {
     let two = Line::with_two_stop_bits(9600);
     assert_eq!(two.stop_bits, StopBits::Two);
-    assert_eq!(validate(&[amt(0, two)]), Err(ConfigError::AmtStopBits(0)));
+    assert_eq!(validate(&[amt(0, two)]), Err(ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits))));
     assert_eq!(validate(&[zk(0, two, Rate::Hz100)]), Ok(()));
 }
 
@@ -68,7 +70,8 @@ fn zk_11_a_rate_that_the_line_cannot_carry_is_refused() {
         (4800, Rate::Hz100, false),
         (9600, Rate::Hz100, true),
     ] {
-        let expected = if fits { Ok(()) } else { Err(ConfigError::RateTooFast(1)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(1, Mistake::Zk(ZkMistake::RateTooFast))) };
         let table = [amt(0, Line::new(2400)), zk(1, Line::new(baud), rate)];
         assert_eq!(validate(&table), expected, "{baud} {rate:?}");
     }
@@ -90,7 +93,8 @@ fn amt_11_a_guard_that_leaves_no_time_for_a_reply_is_refused() {
         let mut engine = amt(0, Line::new(2400));
         let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
         config.reply_guard = Duration::from_micros(guard);
-        let expected = if fits { Ok(()) } else { Err(ConfigError::NoReplyFits(0)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(0, Mistake::Amt(AmtMistake::NoReplyFits))) };
         assert_eq!(validate(&[engine]), expected, "{guard}");
     }
 }
@@ -111,7 +115,8 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
         let mut engine = amt(1, Line::new(2400));
         let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
         (config.serial_delay, config.half_idle) = (Duration::from_millis(delay_ms), half_idle);
-        let expected = if fits { Ok(()) } else { Err(ConfigError::AmtEngine(1)) };
+        let expected =
+            if fits { Ok(()) } else { Err(ConfigError::Ecu(1, Mistake::Amt(AmtMistake::Settings))) };
         assert_eq!(validate(&[amt(0, Line::new(2400)), engine]), expected, "{delay_ms} ms, {half_idle}");
     }
 }
@@ -149,6 +154,39 @@ fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
             assert_eq!(changed.fingerprint(), engine.fingerprint());
         }
     }
+}
+
+/// What the compiler prints where `check` stands in a constant (`.ci/tables` reads it there).
+#[test]
+fn a_mistake_that_does_not_build_names_its_row() {
+    let text = |run: &(dyn Fn() + std::panic::RefUnwindSafe)| {
+        let panic = std::panic::catch_unwind(run).err()?;
+        panic.downcast_ref::<String>().cloned()
+    };
+    let line = Line::new(9600);
+    let table = [amt(0, line), EngineConfig::zk("centre", 4, Line::new(4800), Rate::Hz100)];
+    assert_eq!(
+        text(&|| check(&table)).as_deref(),
+        Some(
+            "row 2 of the table of engines, `centre`: the line is too slow for the status rate: 20 Hz needs 2400 \
+             baud, 50 Hz 4800, 100 Hz 9600"
+        )
+    );
+    assert_eq!(text(&|| check(&table[..1])), None);
+    assert_eq!(
+        text(&|| check_ports(&table, 4)).as_deref(),
+        Some(
+            "row 2 of the table of engines, `centre`: there is no port 4 for an engine: this board has 4, counted \
+             from 0"
+        )
+    );
+    assert_eq!(text(&|| check_ports(&table, 5)), None);
+    // The twelfth, with a name that leaves no room for what is wrong, cut in the middle of a letter.
+    let mut many: Vec<EngineConfig> = (0..12).map(|port| amt(port, line)).collect();
+    many[11].name = Box::leak("ü".repeat(200).into_boxed_str());
+    many[11].line = Line::new(9601);
+    let cut = text(&|| check(&many)).expect("a mistake");
+    assert!(cut.starts_with("row 12 of the table of engines, `üü") && cut.ends_with('ü'), "{cut}");
 }
 
 #[test]
@@ -319,14 +357,29 @@ fn every_field_has_a_range() {
 #[test]
 fn errors_name_their_row() {
     for (error, text) in [
-        (ConfigError::BaudRate(2), "engine 2: invalid baud rate: use 2400, 4800"),
-        (ConfigError::SamePort(0, 3), "engine 3: two engines on one port"),
-        (ConfigError::RateTooFast(1), "engine 1: the line is too slow for the status rate"),
-        (ConfigError::AmtStopBits(0), "engine 0: invalid stop bits"),
-        (ConfigError::NoReplyFits(1), "engine 1: the reply guard"),
-        (ConfigError::AmtEngine(3), "engine 3: invalid AMT settings: use a serial delay of"),
-        (ConfigError::Timing(4), "engine 4: invalid link settings"),
-        (ConfigError::Supervision(5, setting("LOSS_HOLD")), "engine 5: loss.hold: 0 to 60000"),
+        (ConfigError::BaudRate(2), "row 3 of the table of engines: invalid baud rate: use 2400, 4800"),
+        (ConfigError::SamePort(0, 3), "row 4 of the table of engines: two engines on one port"),
+        (
+            ConfigError::Ecu(1, Mistake::Zk(ZkMistake::RateTooFast)),
+            "row 2 of the table of engines: the line is too slow for the status rate",
+        ),
+        (
+            ConfigError::Ecu(0, Mistake::Amt(AmtMistake::StopBits)),
+            "row 1 of the table of engines: invalid stop bits",
+        ),
+        (
+            ConfigError::Ecu(1, Mistake::Amt(AmtMistake::NoReplyFits)),
+            "row 2 of the table of engines: the reply guard",
+        ),
+        (
+            ConfigError::Ecu(3, Mistake::Amt(AmtMistake::Settings)),
+            "row 4 of the table of engines: invalid AMT settings: use a serial delay of",
+        ),
+        (ConfigError::Timing(4), "row 5 of the table of engines: invalid link settings"),
+        (
+            ConfigError::Supervision(5, setting("LOSS_HOLD")),
+            "row 6 of the table of engines: loss.hold: 0 to 60000",
+        ),
     ] {
         assert!(error.to_string().starts_with(text), "{error}");
     }

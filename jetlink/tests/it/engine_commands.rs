@@ -165,7 +165,7 @@ fn service_commands_need_a_stopped_engine() {
         let stopped = matches!(says, Says::Stopped | Says::Standby | Says::Cooling);
         let answer = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
         for each in Action::ALL {
-            let is_rate = (7..=9).contains(&each.parameter());
+            let is_rate = (7..=9).contains(&each.code());
             let moves_fuel = MOVE_FUEL.contains(&each);
             let expected = match says {
                 _ if is_rate => Ok(Accepted::InForce),

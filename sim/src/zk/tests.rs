@@ -3,6 +3,8 @@
 mod temper;
 
 use super::*;
+use crate::ecu::{MILLIS, SECOND};
+use crate::line::Line;
 use crate::turbine::EgtSensor;
 use crate::{clock, wire};
 use std::collections::VecDeque;

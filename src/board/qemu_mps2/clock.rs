@@ -1,4 +1,4 @@
-//! Embassy's time driver. The board's counter of microseconds tells the time, and SysTick rings
+//! Embassy's time driver. The board's counter of microseconds is the clock, and SysTick rings
 //! for the next timer: SysTick alone would lose time at every new alarm, or ring thousands of times
 //! a second.
 

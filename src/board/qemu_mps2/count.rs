@@ -23,7 +23,7 @@ const TIMER_RELOAD: Register = Register::at(0x4000_0008);
 const INSTRUCTION_NS: u32 = 128;
 const TICK_NS: u32 = 40;
 
-/// Frames of each kind. The least count of them all is told: a timer may ring at some.
+/// Frames of each kind. The least count of them all is printed: a timer may ring at some.
 const FRAMES: usize = 50;
 /// Between two frames; less than the time after which an ECU is lost.
 const PERIOD: Duration = Duration::from_millis(125);
@@ -37,7 +37,7 @@ fn instructions(from: u32, to: u32) -> u32 {
     (to.wrapping_sub(from) * TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
 }
 
-/// Counts for one engine of either kind, tells, and ends the program.
+/// Counts for one engine of either kind, prints, and ends the program.
 #[expect(clippy::disallowed_methods, reason = "it is the ECU here, which keeps its own time")]
 pub async fn run() -> ! {
     TIMER_RELOAD.write(u32::MAX);

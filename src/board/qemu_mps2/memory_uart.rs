@@ -1,4 +1,4 @@
-//! Test image only (feature `count`): the UARTs' registers are memory, and a timer tells when a transmitter is given a byte.
+//! Test image only (feature `count`): the UARTs' registers are memory, and a timer sees when a transmitter is given a byte.
 
 use super::hardware::{PORTS, Register};
 use core::sync::atomic::{AtomicU32, Ordering};

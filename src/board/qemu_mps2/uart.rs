@@ -3,7 +3,7 @@
 //!
 //! QEMU moves bytes as fast as its socket takes them. So that the firmware sees a line as it is,
 //! [`EcuTx::flush`] waits until the last stop bit would be out at the port's baud rate, which is
-//! right on the board too: its UART does not tell when its shift register is empty.
+//! right on the board too: its UART has no flag for an empty shift register.
 
 use super::hardware::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
 use core::cell::Cell;
@@ -159,7 +159,7 @@ impl Port {
     }
 
     /// The interrupt of the transmitter: it has taken a byte, or a writer wants it to.
-    #[expect(clippy::disallowed_methods, reason = "this UART does not tell when its line is idle")]
+    #[expect(clippy::disallowed_methods, reason = "this UART has no flag for an idle line")]
     fn transmit(&self) {
         self.register(INTSTATUS).write(TX_DONE);
         let mut byte = [0];
@@ -219,7 +219,7 @@ impl Write for EcuTx {
     }
 
     /// Returns when the last stop bit is out.
-    #[expect(clippy::disallowed_methods, reason = "this UART does not tell when its line is idle")]
+    #[expect(clippy::disallowed_methods, reason = "this UART has no flag for an idle line")]
     async fn flush(&mut self) -> Result<(), Infallible> {
         while !self.0.is_drained() {
             self.0.drained.wait().await;

@@ -286,18 +286,7 @@ impl Case<'_> {
             let sets = at.saturating_sub(3 * h.rules.period);
             let faults = |up| h.samples(up, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
-            // Nor does anybody after another reset, whose doubt only a burning exhaust would answer, where the exhaust is not known:
-            // in doubt nothing goes out that could start an engine.
-            let blind = h.sensor.union(&h.egt_faulty);
-            // It is with that reset that the replies end.
-            let last = h.frames[..h.frames.partition_point(|frame| frame.at < at)].last();
-            let last = last.map_or(0, |frame| frame.at);
-            let doubted = h.resets.iter().find(|reset| {
-                (last..=last + self.gap()).contains(&reset.down)
-                    && blind.within(reset.up, at) == at.saturating_sub(reset.up)
-                    && faults(reset.up)
-            });
-            let unknown = self.is_amt() && (power.is_some_and(|reset| faults(reset.up)) || doubted.is_some());
+            let unknown = self.is_amt() && power.is_some_and(|reset| faults(reset.up));
             if mark == Mark::GivenUp
                 && !unknown
                 && ran
@@ -438,7 +427,8 @@ impl Case<'_> {
                     let same = core::mem::discriminant(&told) == core::mem::discriminant(&ask);
                     !same || self.share(told) + 8.0 < self.share(ask)
                 }
-                _ => true,
+                // What a transmitter that stands still keeps back is no lower demand.
+                _ => !h.deaf.touches(at.saturating_sub(SECOND), at + 1),
             };
             // A reduction begins before its reason shows.
             low_since = low.then(|| low_since.unwrap_or(at));

@@ -8,9 +8,9 @@
 //!
 //! There is no checksum. No data byte is ever 0xFF, so 0xFF always starts a frame (AMT-1).
 
+use crate::codes::{closed_enum, open_enum};
 use crate::ecu::decoder::feed;
 use crate::ecu::vendor::VendorFaults;
-use crate::open_enum::open_enum;
 use crate::units::{Celsius, Millivolts, Throttle};
 
 /// First byte of every frame in both directions.
@@ -29,24 +29,24 @@ const TEXT: usize = 5;
 // Engines and their scales
 // ---------------------------------------------------------------------------------------------
 
-/// An AMT engine. It gives telemetry its scale.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Engine {
-    /// Mercury.
-    Mercury,
-    /// Pegasus.
-    Pegasus,
-    /// Olympus.
-    Olympus,
-    /// Titan.
-    Titan,
-    /// Nike.
-    Nike,
-    /// Lynx.
-    Lynx,
-    /// Orion (field fact: its ID is not in the document, AMT-4).
-    Orion,
+closed_enum! {
+    /// An AMT engine. It gives telemetry its scale.
+    pub enum Engine {
+        /// Mercury.
+        Mercury => "mercury",
+        /// Pegasus.
+        Pegasus => "pegasus",
+        /// Olympus.
+        Olympus => "olympus",
+        /// Titan.
+        Titan => "titan",
+        /// Nike.
+        Nike => "nike",
+        /// Lynx.
+        Lynx => "lynx",
+        /// Orion (field fact: its ID is not in the document, AMT-4).
+        Orion => "orion",
+    }
 }
 
 /// Scale of a voltage byte: `offset + raw × full scale / 255`.
@@ -72,23 +72,6 @@ impl VoltageScale {
 }
 
 impl Engine {
-    /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Mercury, Self::Pegasus, Self::Olympus, Self::Titan, Self::Nike, Self::Lynx, Self::Orion];
-
-    /// Name in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Mercury => "mercury",
-            Self::Pegasus => "pegasus",
-            Self::Olympus => "olympus",
-            Self::Titan => "titan",
-            Self::Nike => "nike",
-            Self::Lynx => "lynx",
-            Self::Orion => "orion",
-        }
-    }
-
     /// From the engine ID of an alternate set, old and new numbers (AMT-4).
     pub const fn from_id(id: u8) -> Option<Self> {
         match id {
@@ -157,33 +140,18 @@ impl Engine {
 // Control: host to ECU
 // ---------------------------------------------------------------------------------------------
 
-/// The operator switch OPS (AMT-10).
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Ops {
-    /// 0x11: emergency stop.
-    EmergencyStop,
-    /// 0x12: auto stop, the normal way to shut down.
-    AutoStop,
-    /// 0x14: run; from auto stop it asks for a start (AMT-14).
-    Run,
-    /// 0x91: CTF, a special function: while running it stops the engine after the ECU's serial delay
-    /// time (AMT-13).
-    Ctf,
-}
-
-impl Ops {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::EmergencyStop, Self::AutoStop, Self::Run, Self::Ctf];
-
-    /// The byte on the wire.
-    pub const fn code(self) -> u8 {
-        match self {
-            Self::EmergencyStop => 0x11,
-            Self::AutoStop => 0x12,
-            Self::Run => 0x14,
-            Self::Ctf => 0x91,
-        }
+closed_enum! {
+    /// The operator switch OPS (AMT-10).
+    pub enum Ops {
+        /// 0x11: emergency stop.
+        EmergencyStop = 0x11,
+        /// 0x12: auto stop, the normal way to shut down.
+        AutoStop = 0x12,
+        /// 0x14: run; from auto stop it asks for a start (AMT-14).
+        Run = 0x14,
+        /// 0x91: CTF, a special function: while running it stops the engine after the ECU's serial delay
+        /// time (AMT-13).
+        Ctf = 0x91,
     }
 }
 
@@ -245,12 +213,11 @@ impl Control {
         if ops != ops_copy || thr != thr_copy {
             return Err(ControlError::CopiesDiffer);
         }
-        let known = Ops::ALL.into_iter().find(|known| known.code() == ops);
         let throttle = thr
             .checked_sub(32)
             .and_then(|half_percent| Throttle::from_tenths(u16::from(half_percent) * 5).ok());
         Ok(Self {
-            ops: known.ok_or(ControlError::Ops(ops))?,
+            ops: Ops::from_code(ops).ok_or(ControlError::Ops(ops))?,
             throttle: throttle.ok_or(ControlError::Throttle(thr))?,
         })
     }
@@ -282,36 +249,24 @@ open_enum! {
     }
 }
 
-/// Operator switch as the ECU reports it, Data1 bits 2..0 of a normal set.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum SwitchPosition {
-    /// 001.
-    EmergencyStop,
-    /// 010.
-    AutoStop,
-    /// 100.
-    Run,
-}
-
-impl SwitchPosition {
-    /// Name in lower case with hyphens.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::EmergencyStop => "emergency-stop",
-            Self::AutoStop => "auto-stop",
-            Self::Run => "run",
-        }
+closed_enum! {
+    /// Operator switch as the ECU reports it, Data1 bits 2..0 of a normal set.
+    pub enum SwitchPosition {
+        /// 001.
+        EmergencyStop = 0b001 => "emergency-stop",
+        /// 010.
+        AutoStop = 0b010 => "auto-stop",
+        /// 100.
+        Run = 0b100 => "run",
     }
 }
 
 /// Error bits, Data2 of an error set: several can be on at once (AMT-8).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ErrorBits(pub u8);
 
 impl ErrorBits {
-    /// Names in bit order; bit 7 has no meaning printed and is kept.
+    /// Names in bit order; bit 7 has no meaning printed and no other name.
     pub const NAMES: [&'static str; 8] = [
         "rpm-low",
         "switch-channel-missing",
@@ -352,6 +307,18 @@ impl core::fmt::Display for ErrorBits {
             f.write_str(name)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for ErrorBits {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        if self.0 == 0 {
+            return defmt::write!(f, "none");
+        }
+        for (i, name) in self.names().enumerate() {
+            defmt::write!(f, "{=str}{=str}", if i > 0 { ", " } else { "" }, name);
+        }
     }
 }
 
@@ -497,13 +464,12 @@ enum Kind {
 
 impl Kind {
     const fn of(data1: u8) -> Self {
-        match (data1, data1 & 7) {
+        match (data1, SwitchPosition::from_code(data1 & 7)) {
             (0x00, _) => Self::Error,
             (SETUP, _) => Self::Setup,
-            (0x03 | 0x06 | 0x07, _) | (_, 0b000) => Self::Alternate,
-            (_, 0b001) => Self::Normal(SwitchPosition::EmergencyStop),
-            (_, 0b010) => Self::Normal(SwitchPosition::AutoStop),
-            (_, 0b100) => Self::Normal(SwitchPosition::Run),
+            (0x03 | 0x06 | 0x07, _) => Self::Alternate,
+            (_, Some(switch)) => Self::Normal(switch),
+            (_, None) if data1 & 7 == 0 => Self::Alternate,
             _ => Self::Unknown,
         }
     }
@@ -673,8 +639,8 @@ impl Decoder {
     }
 }
 
-/// How long the frame that begins so will be, as far as can be told yet. `None`: it can have no end,
-/// because the full stop of a set-up text stands at neither place (AMT-9).
+/// How long the frame that begins so will be, as far as it is known yet. `None`: it can have no end,
+/// because the full stop of a set-up text is at neither place (AMT-9).
 fn frame_len(bytes: &[u8]) -> Option<usize> {
     if bytes.get(1) != Some(&SETUP) {
         return Some(FRAME_LEN);

@@ -1,8 +1,9 @@
-//! How an AMT ECU is spoken to, and what it can be asked to do once.
+//! Settings and service commands of an AMT ECU.
 
 use super::codec::{CONTROL_LEN, Engine};
 use crate::ecu::vendor::VendorService;
-use crate::line::{Line, Timing};
+use crate::line::{Line, StopBits, Timing};
+use crate::sentence::sentences;
 use crate::setting::settings;
 use embassy_time::Duration;
 
@@ -10,7 +11,7 @@ use embassy_time::Duration;
 pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
 
 settings! {
-    /// How an AMT ECU is spoken to.
+    /// Settings of an AMT ECU.
     pub struct Config, "ecu.", AtNextStart {
         start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some want the stick up for a start (AMT-14).";
         reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";
@@ -31,6 +32,17 @@ impl Config {
         [1, self.engine.map_or(0, |engine| engine as u8 + 1)]
     }
 
+    /// Checks the settings, and that a line can carry the protocol.
+    pub(crate) const fn check(&self, line: Line) -> Result<(), Mistake> {
+        if matches!(line.stop_bits, StopBits::Two) {
+            return Err(Mistake::StopBits);
+        }
+        if self.reply_slack(line).is_none() {
+            return Err(Mistake::NoReplyFits);
+        }
+        if self.check_own().is_err() { Err(Mistake::Settings) } else { Ok(()) }
+    }
+
     /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
     /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
     pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
@@ -42,9 +54,34 @@ impl Config {
     }
 }
 
-/// Service commands of an AMT ECU.
+/// Mistake in the configuration of an AMT ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Mistake {
+    /// The line has two stop bits (AMT-1).
+    StopBits,
+    /// No reply fits the window: the guard is too long (AMT-11).
+    NoReplyFits,
+    /// The serial delay time is not within 0.5 s to 60 s, or half of idle not within 1 to 254 (AMT-12).
+    Settings,
+}
+
+impl Mistake {
+    /// A sentence, for use in a constant.
+    pub const fn message(self) -> &'static str {
+        match self {
+            Self::StopBits => "invalid stop bits: an AMT line has one",
+            Self::NoReplyFits => "the reply guard leaves no time for a reply: use a shorter one",
+            Self::Settings => {
+                "invalid AMT settings: use a serial delay of 0.5 s to 60 s, and half of idle from 1 to 254"
+            }
+        }
+    }
+}
+
+/// Service commands of an AMT ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Service {
     /// CTF: while running, the ECU stops the engine after its serial delay time. Refused unless the engine is ordered to
     /// run. Sent until standby or a stop is ordered; new demands do not call it off. Never used for a normal stop (AMT-13).
@@ -58,3 +95,7 @@ impl VendorService for Service {
         }
     }
 }
+
+sentences!(Service {
+    Self::Ctf => "CTF";
+});

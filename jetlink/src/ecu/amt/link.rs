@@ -1,7 +1,7 @@
 //! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
 //!
 //! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So there is no keep-alive
-//! of our own, and a reply always carries what is ordered when it is handed out. Where nothing may be said that could
+//! of our own, and a reply always carries what is ordered when it is handed out. Where nothing may be sent that could
 //! start an engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld: no answer starts nothing.
 //!
 //! ```text
@@ -44,7 +44,7 @@ pub struct AmtLink {
     sign: Option<Sign>,
     /// That CTF went out was reported.
     ctf_ordered: bool,
-    /// The UART saw a fault in the frame that is coming in: its values will not be believed.
+    /// The UART saw a fault in the frame that is coming in: its values will not be used.
     damaged: bool,
     /// It saw one since the last bytes came.
     fault: bool,
@@ -87,7 +87,7 @@ impl AmtLink {
     }
 
     fn frame(&mut self, now: Instant, frame: &Frame) {
-        // There is no checksum, so a line error is all that can tell a damaged frame from a good one. It
+        // There is no checksum, so a line error is all that distinguishes a damaged frame from a good one. It
         // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
         if core::mem::take(&mut self.damaged) {
             bump(&mut self.status.counters.damaged_frames);
@@ -210,13 +210,13 @@ impl AmtLink {
             self.engine.see(engine);
         }
         let changed = self.engine.get() != before;
-        let told = self.status.report.amt_engine.map(|told| told.value);
+        let reported = self.status.report.amt_engine.map(|engine| engine.value);
         if self.engine() != engine {
-            // One frame against what was known: not yet believed.
+            // One frame against what was known: debounced.
             return;
         }
         self.status.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
-        if changed || told != engine {
+        if changed || reported != engine {
             self.outbox.event(match engine {
                 Some(engine) => Event::EngineIdentified(engine),
                 None => Event::EngineUnknown,
@@ -258,7 +258,6 @@ impl AmtLink {
             self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
         }
         self.sending = Some(window_end);
-        self.replied = Some(window_end - REPLY_WINDOW);
         self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
     }
 
@@ -284,7 +283,7 @@ impl AmtLink {
             // An rpm is refused by `order`, a hand-over too.
             Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
         };
-        // AMT-13: asked for by its own name, and never instead of an emergency stop.
+        // AMT-13: only as a command of its own, and never instead of an emergency stop.
         let ops = if self.status.shutting_down && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
         Some(Control { ops, throttle })
     }
@@ -384,6 +383,8 @@ impl Link for AmtLink {
     fn sent(&mut self, now: Instant) {
         bump(&mut self.status.counters.sent);
         if let Some(window_end) = self.sending {
+            // A reply that did not go out keeps no engine running.
+            self.replied = Some(window_end - REPLY_WINDOW);
             match window_end.checked_duration_since(now) {
                 Some(margin) => {
                     let worst = self.status.counters.worst_reply_margin.get_or_insert(margin);

@@ -1,13 +1,14 @@
-//! How a ZK ECU is spoken to, and what it can be asked to do once.
+//! Settings and service commands of a ZK ECU.
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
 use crate::ecu::vendor::VendorService;
-use crate::line::Timing;
+use crate::line::{Line, Timing};
+use crate::sentence::sentences;
 use crate::setting::settings;
 use embassy_time::Duration;
 
 settings! {
-    /// How a ZK ECU is spoken to.
+    /// Settings of a ZK ECU.
     pub struct Config, "ecu.", AtNextStart {
         split_switch: yes_no "ZK_SPLIT_SWITCH" = 0 in 0..=1, "Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go in ID 1 (mode 1), until an rpm is commanded (mode 3).";
     }
@@ -24,11 +25,35 @@ impl Config {
     pub(crate) const fn identity(self) -> [u8; 2] {
         [2, 0]
     }
+
+    /// Checks that a line can carry the status rate.
+    pub(crate) const fn check(&self, line: Line) -> Result<(), Mistake> {
+        if self.rate.fits(line) { Ok(()) } else { Err(Mistake::RateTooFast) }
+    }
+}
+
+/// Mistake in the configuration of a ZK ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Mistake {
+    /// The status rate does not fit the line (ZK-11).
+    RateTooFast,
+}
+
+impl Mistake {
+    /// A sentence, for use in a constant.
+    pub const fn message(self) -> &'static str {
+        match self {
+            Self::RateTooFast => {
+                "the line is too slow for the status rate: 20 Hz needs 2400 baud, 50 Hz 4800, 100 Hz 9600"
+            }
+        }
+    }
 }
 
 /// Service commands of a ZK ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Service {
     /// Control ID 2.
     Action(Action),
@@ -75,3 +100,10 @@ impl VendorService for Service {
         self == Self::Action(Action::ClosePump)
     }
 }
+
+sentences!(Service {
+    Self::IgnitionPump(_) => "ignition pump voltage";
+    Self::Curve(_) => "acceleration curve";
+} {
+    Self::Action(action) => "action {}", action.code();
+});

@@ -15,7 +15,7 @@ use super::codec::{Control, Decoder, Rate, RpmCode, RpmFactor, STATUS_LEN, Statu
 use super::config::Config;
 use super::mode::{Known, Modes};
 use super::service::{Pressure, PumpClosing, RateSetting, ServiceCommand};
-use super::status::{Believed, reported, sign_of};
+use super::status::{DebouncedStatus, reported, sign_of};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::Service as AnyService;
 use crate::ecu::vendor::VendorService;
@@ -33,7 +33,7 @@ pub struct ZkLink {
     monitor: LinkMonitor,
     decoder: Decoder,
     status: LinkStatus,
-    believed: Believed,
+    debounced: DebouncedStatus,
     outbox: Outbox,
     beat: Beat,
     sign: Option<Sign>,
@@ -58,7 +58,7 @@ impl ZkLink {
             monitor: LinkMonitor::new(timing),
             decoder: Decoder::new(),
             status: LinkStatus::default(),
-            believed: Believed::new(),
+            debounced: DebouncedStatus::new(),
             outbox: Outbox::default(),
             beat: Beat::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
             sign: None,
@@ -83,7 +83,7 @@ impl ZkLink {
         }
         let status = frame.status();
         self.sign = Some(sign_of(frame, &status, &self.status.report));
-        self.believed.see(now, frame, &status, &mut self.status.report, &mut self.outbox);
+        self.debounced.see(now, frame, &status, &mut self.status.report, &mut self.outbox);
         match status {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
             Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
@@ -100,14 +100,14 @@ impl ZkLink {
             self.outbox.event(Event::LinkLost);
             // Nothing that decides what the ECU is sent outlives the link; it may have another rate, too.
             self.rate = RateSetting::NotKnown;
-            self.believed.forget(&mut self.status.report);
+            self.debounced.forget(&mut self.status.report);
         }
     }
 
-    /// From one frame to the next: the slower one of what two reports agree on and what is asked for, because an ECU may answer
+    /// From one frame to the next: the slower one of the debounced rate and the requested one, because an ECU may answer
     /// at either (ZK-10, ZK-11).
     fn expect_frames(&mut self) {
-        let reported = self.believed.rate().unwrap_or(Rate::Hz20);
+        let reported = self.debounced.rate().unwrap_or(Rate::Hz20);
         self.beat.expect(reported.interval().max(self.wanted_rate.interval()));
     }
 
@@ -137,7 +137,7 @@ impl ZkLink {
         {
             return control;
         }
-        if let Some(control) = self.pump.frame(now, self.status.report.pump) {
+        if let Some(control) = self.pump.frame(self.status.report.pump) {
             return control;
         }
         if self.modes.stops() {
@@ -159,7 +159,7 @@ impl ZkLink {
         let known = Known {
             version: self.version(),
             max_rpm: self.status.report.max_rpm.map(|max| max.value),
-            at_rest: self.believed.at_rest(),
+            at_rest: self.debounced.at_rest(),
         };
         self.modes.frame(&known)
     }
@@ -238,6 +238,7 @@ impl Link for ZkLink {
         if !self.modes.stands_by() {
             self.service.cancel(&mut self.outbox);
         }
+        self.pump.let_order_pass();
         if self.modes.stops() {
             // ZK knows no window: a stop goes out at once.
             if self.outbox.busy() {
@@ -287,6 +288,7 @@ impl Link for ZkLink {
         bump(&mut self.status.counters.sent);
         self.out_of_slot |= self.modes.sent();
         self.service.sent(now, &mut self.outbox);
+        self.pump.sent(now);
         self.transmission_over(now);
     }
 
@@ -295,6 +297,7 @@ impl Link for ZkLink {
         self.outbox.event(Event::NotSent(why));
         self.modes.not_sent();
         self.service.not_sent();
+        self.pump.not_sent();
         self.transmission_over(now);
     }
 
@@ -333,6 +336,8 @@ impl Link for ZkLink {
 
     fn gap(&mut self) {
         self.beat.gap();
+        // It was meant for the ECU that was heard before.
+        self.service.cancel(&mut self.outbox);
     }
 
     fn answers_frames(&self) -> bool {

@@ -296,7 +296,7 @@ impl Modes {
                 let id1 = id1(Switch::Standby, Throttle::IDLE);
                 if by_id6 { next.take(id6(Switch::Standby, RpmFactor::OFF), id1) } else { id1 }
             }
-            // A hand-over is said in ID 1 before ID 6 lets go, or the switch that ID 1 had last would rule for a slot.
+            // A hand-over goes out in ID 1 before ID 6 lets go, or the switch that ID 1 had last would be in control for a slot.
             Mode::Pwm { next } => {
                 let id1 = id1(Switch::Pwm, Throttle::IDLE);
                 if by_id6 { next.take(id1, id6(Switch::Pwm, RpmFactor::OFF)) } else { id1 }
@@ -320,7 +320,7 @@ impl Modes {
                     _ => Control::KeepAlive,
                 }
             }
-            // An ECU of a version without speed control took the place of the one that was asked.
+            // An ECU of a version without speed control took the place of the one that got the demand.
             Mode::Rpm { .. } if !known.knows_modes() => id1(Switch::Run, Throttle::IDLE),
             // Mode 3. The rpm goes first: the mode must not come into force with an old one.
             Mode::Rpm { rpm, factor, next, .. } => {

@@ -27,7 +27,7 @@ const PRESSURE_EVERY: Duration = Duration::from_secs(1);
 /// An older pressure is not sent: none is better than a stale one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
 
-/// Where a service command stands.
+/// Progress of a service command.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ServiceCommand {
     None,
@@ -142,7 +142,7 @@ impl ServiceCommand {
     }
 }
 
-/// Where the setting of the status rate stands (ZK-11).
+/// Progress of setting the status rate (ZK-11).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum RateSetting {
     /// Status ID 6 has not shown it yet.
@@ -194,49 +194,71 @@ impl RateSetting {
 pub(super) enum PumpClosing {
     None,
     /// The next slot but this one is for the command: never before the first frame of a stop.
-    Waiting {
-        frames_left: u8,
-        since: Option<Instant>,
-    },
+    Waiting(FramesLeft),
     /// This slot is.
-    Due {
-        frames_left: u8,
-        since: Option<Instant>,
-    },
+    Due(FramesLeft),
+    /// The command is going out.
+    Sending(FramesLeft),
+}
+
+/// Commands that still have to go out to close the pump.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FramesLeft {
+    count: u8,
+    /// Since the first one was out.
+    since: Option<Instant>,
 }
 
 impl PumpClosing {
     pub const fn begin() -> Self {
-        Self::Waiting { frames_left: CLOSE_PUMP_FRAMES, since: None }
+        Self::Waiting(FramesLeft { count: CLOSE_PUMP_FRAMES, since: None })
     }
 
     pub const fn is_pending(&self) -> bool {
         !matches!(self, Self::None)
     }
 
+    /// Another order is in force: its first frame goes out before the next command.
+    pub const fn let_order_pass(&mut self) {
+        if let Self::Due(left) = *self {
+            *self = Self::Waiting(left);
+        }
+    }
+
     /// The command, in every second slot at most. Whatever the version: a pump that runs outweighs a command that is not
     /// known.
-    pub fn frame(&mut self, now: Instant, pump: Option<Timed<Reading>>) -> Option<Control> {
-        let (Self::Waiting { frames_left, since } | Self::Due { frames_left, since }) = *self else {
-            return None;
-        };
+    pub fn frame(&mut self, pump: Option<Timed<Reading>>) -> Option<Control> {
+        let (Self::Waiting(left) | Self::Due(left) | Self::Sending(left)) = *self else { return None };
         // A voltage that was measured before it could have been closed says nothing.
-        let closed = since.is_some_and(|since| {
+        let closed = left.since.is_some_and(|since| {
             pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= since + PUMP_CLOSES_WITHIN)
         });
         if closed {
             *self = Self::None;
             return None;
         }
-        if matches!(self, Self::Waiting { .. }) {
-            *self = Self::Due { frames_left, since };
-            return None;
+        if matches!(self, Self::Due(_)) {
+            *self = Self::Sending(left);
+            return Some(Control::Action(Action::ClosePump));
         }
-        *self = match frames_left - 1 {
+        *self = Self::Due(left);
+        None
+    }
+
+    /// The last frame is out. Only a command that was sent counts: a transmitter that fails must not leave a pump open.
+    pub fn sent(&mut self, now: Instant) {
+        let Self::Sending(FramesLeft { count, since }) = *self else { return };
+        *self = match count.saturating_sub(1) {
             0 => Self::None,
-            frames_left => Self::Waiting { frames_left, since: since.or(Some(now)) },
+            count => Self::Waiting(FramesLeft { count, since: since.or(Some(now)) }),
         };
-        Some(Control::Action(Action::ClosePump))
+    }
+
+    /// The last frame is not out, or not whole.
+    pub const fn not_sent(&mut self) {
+        if let Self::Sending(left) = *self {
+            *self = Self::Waiting(left);
+        }
     }
 }
 
@@ -263,8 +285,8 @@ impl Pressure {
     /// The command, if it is due: once a second while the ECU asks and a fresh pressure is known.
     pub fn frame(&self, now: Instant, report: &Report) -> Option<Control> {
         let Self::Known { pressure, next_at } = *self else { return None };
-        let asked = report.pressure_requested.is_some_and(|asked| asked.value);
-        (asked && now >= next_at && pressure.age(now) <= PRESSURE_MAX_AGE)
+        let requested = report.pressure_requested.is_some_and(|requested| requested.value);
+        (requested && now >= next_at && pressure.age(now) <= PRESSURE_MAX_AGE)
             .then_some(Control::Pressure(pressure.value))
     }
 

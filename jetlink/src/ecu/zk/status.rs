@@ -14,9 +14,9 @@ const HALF_IDLE_SHARE: u32 = 10;
 /// The same where no maximum is known either. Below 4000 rpm the reading of a shaft at rest is noise (field note).
 const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 
-/// What is believed of an ECU. Two reports have to agree before anything changes; all but the rate is forgotten with the link.
+/// The status of an ECU, debounced: two reports have to agree before anything changes; all but the rate is forgotten with the link.
 #[derive(Clone, Debug)]
-pub(super) struct Believed {
+pub(super) struct DebouncedStatus {
     identity: Debounced<(Version, Rpm)>,
     idle: Debounced<Rpm>,
     /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
@@ -24,7 +24,7 @@ pub(super) struct Believed {
     state: DebouncedState,
 }
 
-impl Believed {
+impl DebouncedStatus {
     /// Nothing yet.
     pub const fn new() -> Self {
         Self {

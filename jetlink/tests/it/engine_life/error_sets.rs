@@ -189,3 +189,39 @@ fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
     assert_eq!(scenario.order(), Order::Run(percent(50)), "its throttle stays");
     assert_eq!(stages(&mut scenario), []);
 }
+
+/// "The exhaust is the evidence, believed without the EGT error bit ... not known: the order goes on under the stages of loss, and
+/// when they have run out it is standby." A watchdog reset of the node does not change that; a gap in the ECU's beat does, because
+/// the ECU may have restarted.
+#[test]
+fn amt_8_after_a_reset_an_exhaust_that_cannot_be_read_costs_no_engine() {
+    const EGT_FAULT: u8 = 1 << 3;
+    let table: [(&str, u8, Egt, Option<u16>); 5] = [
+        ("the ECU calls its sensor faulty", EGT_FAULT, |_| 500, Some(500)),
+        ("with another fault", EGT_FAULT | 1, |_| 500, Some(500)),
+        ("the sensor is open", 1, |_| -50, Some(500)),
+        ("it burns", 1, |_| 500, Some(500)),
+        ("it does not", 1, |_| 26, None),
+    ];
+    for (name, fault, egt, goes_on) in table {
+        let mut scenario = with_faults(2 * SECOND, EGT_FAULT, run(50), |_| 500);
+        (scenario.values.fault, scenario.values.egt_celsius) = (fault, egt(0));
+        let config = Ecu::Amt.config();
+        let mut after = scenario.reset(config);
+        after.fly_us(run(50), Origin::Rc, 10 * SECOND);
+        let sent = after.sent();
+        let expected = goes_on.map_or(Wire::Standby, Wire::Run);
+        assert!(sent.len() > 100 && sent.iter().all(|wire| *wire == expected), "{name}: {:?}", sent.last());
+        // When nobody speaks any more, it ends: only a report of running confirms the life after a reset.
+        after.pass_us(SOURCE_TIMEOUT_US + HOLD_US + RUN_OUT_US + SECOND);
+        assert_eq!(after.wire(), Wire::Standby, "{name}");
+        // The control: a gap, after which the ECU may be another one.
+        if fault & EGT_FAULT != 0 {
+            scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+            scenario.says = Some(Says::Running);
+            scenario.sent();
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            assert_eq!(scenario.sent(), [], "{name}, after a gap");
+        }
+    }
+}

@@ -11,6 +11,7 @@ mod start_permission;
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::engine::Engine;
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::{End, Event, LossStage};
 use jetlink::limit::LimitKind;

@@ -289,3 +289,30 @@ fn the_first_demand_after_a_reset_rises_at_the_rate() {
         assert_eq!(scenario.tenths(), 1000, "{ecu:?}");
     }
 }
+
+/// "Disarm ends a start that has not reached running, in doubt or not": also where it comes before the engine's task begins.
+#[test]
+fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
+    let config = Ecu::Amt.config();
+    let starting = report(Ecu::Amt, amt_frames::STARTING, TURNING);
+    let mut scenario = Scenario::ready(Ecu::Amt, config);
+    scenario.command(run(0)).unwrap();
+    for _ in 0..10 {
+        hear(&mut scenario, &starting);
+        scenario.command(run(0)).unwrap();
+    }
+    let record = scenario.bench.machine.record();
+    for (command, left) in [(Command::Present, Order::Run(percent(0))), (Command::Disarm, Order::Standby)] {
+        let mut machine = Engine::new(&config);
+        machine.restore(Some(record));
+        machine.command(at_us(0), command, Origin::Rc, true).unwrap();
+        let mut scenario = Scenario::nothing_heard(Ecu::Amt, config);
+        machine.start(at_us(0), Some(record));
+        scenario.bench.machine = machine;
+        scenario.bench.drain();
+        for _ in 0..4 {
+            hear(&mut scenario, &starting);
+        }
+        assert_eq!(scenario.order(), left, "{command:?}");
+    }
+}

@@ -151,3 +151,30 @@ fn stopped_in_a_gap(gap: u64) {
         assert_eq!(sent.len(), 0, "gap {} s: run, first {first:?}, last {last:?}", gap / SECOND);
     }
 }
+
+/// "When no set was answered for the ECU's serial delay time the order is given up": a reply that the transmitter did not send
+/// answers nothing.
+#[test]
+fn amt_replies_that_were_not_sent_keep_no_order() {
+    for (sends, given_up) in [(true, false), (false, true)] {
+        let mut scenario = flying(Ecu::Amt, 50);
+        scenario.silent().pass_us(600_000);
+        scenario.bench = scenario.bench.clone().by_hand();
+        scenario.bench.events();
+        let calibrates = amt_frames::normal(amt_frames::IDLE_CALIBRATION, amt_frames::RUN, 70);
+        let from = scenario.now_us();
+        while scenario.now_us() < from + 6 * SECOND {
+            let _ = scenario.command(run(50));
+            hear(&mut scenario, &calibrates);
+            let now = scenario.now_us();
+            assert!(scenario.bench.busy() || !sends, "it is answered");
+            match sends {
+                true => scenario.bench.sent_at_us(now),
+                false if scenario.bench.busy() => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
+                false => {}
+            }
+        }
+        let cancelled = Event::RunCancelled(End::Unconfirmed);
+        assert_eq!(scenario.bench.event_kinds().contains(&cancelled), given_up, "sends: {sends}");
+    }
+}

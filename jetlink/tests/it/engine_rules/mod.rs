@@ -11,9 +11,11 @@ mod pwm;
 mod sources;
 mod starts;
 
-use jetlink::command::{Accepted, Command, Demand, Order, Origin};
-use jetlink::ecu::{Service, zk};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Engine;
+use jetlink::event::{End, Event};
+use jetlink::report::NotSent;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 

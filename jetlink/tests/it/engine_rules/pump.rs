@@ -56,3 +56,88 @@ fn a_pump_is_closed_when_its_source_wants_nothing() {
     scenario.fly_us(Command::Present, Origin::Rc, 5 * SECOND);
     assert!(closes(&scenario.bench.bytes()) > 0, "a source that wants nothing counts as silent");
 }
+
+/// A pump that is open, and nothing is left from before.
+fn pump_open() -> Scenario {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
+    scenario.pass_us(3 * FRAME_PERIOD_US);
+    assert!(scenario.bench.bytes().contains(&zk_frames::action(12).to_vec()), "it is open");
+    scenario
+}
+
+/// "until the pump voltage reads zero or ten were sent": a transmitter that fails has sent none.
+#[test]
+fn close_pump_frames_that_were_not_sent_do_not_count() {
+    for why in [NotSent::TimedOut, NotSent::Failed] {
+        let mut scenario = pump_open();
+        scenario.bench = scenario.bench.clone().by_hand();
+        scenario.command(Command::Disarm).unwrap();
+        let fails_until = scenario.now_us() + 3 * SECOND;
+        while scenario.now_us() < fails_until {
+            scenario.pass_us(10_000);
+            let now = scenario.now_us();
+            if scenario.bench.busy() {
+                scenario.bench.not_sent_at_us(now, why);
+            }
+        }
+        scenario.bench.frames();
+        while scenario.now_us() < fails_until + 3 * SECOND {
+            scenario.pass_us(10_000);
+            let now = scenario.now_us();
+            if scenario.bench.busy() {
+                scenario.bench.sent_at_us(now);
+            }
+        }
+        let count = closes(&scenario.bench.bytes());
+        assert!(
+            (10..=11).contains(&count),
+            "{why:?}: {count} frames of ClosePump after the transmitter works"
+        );
+    }
+}
+
+/// "ClosePump goes out after the first stop frame", also where it was going out before the stop.
+#[test]
+fn a_stop_goes_before_a_closing_that_is_under_way() {
+    for wait in 0..40 {
+        let mut scenario = pump_open();
+        scenario.command(Command::Disarm).unwrap();
+        scenario.pass_us(wait * 10_000);
+        while scenario.bench.busy() {
+            scenario.pass_us(1000);
+        }
+        scenario.bench.frames();
+        scenario.command(Command::EmergencyStop).unwrap();
+        let frames = scenario.bench.frames();
+        assert_eq!(frames.len(), 1, "at once");
+        assert_ne!(frames[0].1, zk_frames::action(13), "{wait}: ClosePump before the stop");
+    }
+}
+
+/// "Every service that moves fuel or heats ... has a bound in time", whatever its source repeats and streams beside it.
+#[test]
+fn a_service_that_is_repeated_ends_after_its_time() {
+    let open = action(zk::codec::Action::OpenPump);
+    let opened = |scenario: &mut Scenario| {
+        scenario.bench.bytes().iter().any(|frame| frame[..] == zk_frames::action(12))
+    };
+    for beside in [None, Some(Command::Standby)] {
+        let mut scenario = pump_open();
+        scenario.values.rpm = Some(0);
+        let words: Vec<_> =
+            [Some(open), beside].into_iter().flatten().map(|word| (word, Origin::Rc)).collect();
+        both(&mut scenario, &words, 29 * SECOND);
+        assert!(opened(&mut scenario), "{beside:?}: it is kept open");
+        both(&mut scenario, &words, 2 * SECOND);
+        assert!(closes(&scenario.bench.bytes()) > 0, "{beside:?}");
+        both(&mut scenario, &words, 60 * SECOND);
+        assert!(!opened(&mut scenario), "{beside:?}: it opens again by itself");
+        assert_eq!(scenario.command(open), Err(Rejected::ServiceTime));
+        // Somebody who pauses and asks again means it.
+        scenario.pass_us(SECOND);
+        scenario.command(open).unwrap();
+        scenario.pass_us(4 * FRAME_PERIOD_US);
+        assert!(opened(&mut scenario), "{beside:?}");
+    }
+}

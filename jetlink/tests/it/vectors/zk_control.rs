@@ -363,7 +363,7 @@ fn zk_11_a_rate_fits_a_line_that_can_carry_it() {
         assert_eq!(rate.hz(), hz);
         assert_eq!(rate.interval(), Duration::from_micros(1_000_000 / u64::from(hz)));
         assert_eq!(Rate::from_code(code), Some(rate));
-        assert_eq!(rate.action().parameter(), parameter);
+        assert_eq!(rate.action().code(), parameter);
     }
     assert_eq!(Rate::from_code(3), None);
 }

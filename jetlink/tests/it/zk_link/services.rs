@@ -194,13 +194,13 @@ fn zk_13_an_unlock_that_failed_is_sent_again() {
 /// A plain action goes out once, between two frames of the demand.
 #[test]
 fn an_action_goes_out_once() {
-    for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.parameter())) {
+    for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.code())) {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, action(one)).unwrap();
         let frames = turns(&mut bench, 60);
         let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
-        assert_eq!(sent, [zk::action(one.parameter())]);
+        assert_eq!(sent, [zk::action(one.code())]);
         let told = bench.event_kinds();
         assert_eq!(told.iter().filter(|event| **event == Event::ServiceSent(action(one))).count(), 1);
     }
@@ -224,7 +224,7 @@ fn a_service_command_that_never_gets_through_has_failed() {
     for command in [action(Action::Drain), curve(40)] {
         let mut bench = ecu(5).by_hand();
         let tried = match command {
-            Service::Zk(ZkService::Action(one)) => zk::action(one.parameter()),
+            Service::Zk(ZkService::Action(one)) => zk::action(one.code()),
             _ => zk::unlock(),
         };
         bench.order(bench.now_us(), Order::Standby).unwrap();

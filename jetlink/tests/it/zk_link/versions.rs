@@ -9,7 +9,7 @@ fn zk_7_each_version_gets_its_commands_only() {
     let services = Action::ALL
         .into_iter()
         .map(|one| {
-            let needed = match one.parameter() {
+            let needed = match one.code() {
                 10 | 11 => 2,
                 12 | 13 => 5,
                 _ => 1,

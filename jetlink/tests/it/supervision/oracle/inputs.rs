@@ -361,8 +361,8 @@ impl Oracle {
             );
         }
         // With a fault an AMT ECU says neither what its engine does nor what it obeys: without memory there is nothing to
-        // go on from, and with it a burning exhaust that can be read.
-        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || !truth.says_burning);
+        // go on from, and with it an exhaust that shows no combustion ends the run.
+        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.says_cold);
         if !truth.live || truth.odd || untold {
             self.guard = false;
         }

@@ -84,8 +84,8 @@ pub struct Truth {
     pub running: bool,
     /// It says that the engine runs, as the document has it: a ZK ECU also where it learns.
     pub says_running: bool,
-    /// With a fault it says an exhaust temperature that nothing but a fire makes.
-    pub says_burning: bool,
+    /// With a fault it says an exhaust temperature that needs no fire, from a sensor that it does not call faulty.
+    pub says_cold: bool,
     /// It says standby, as the document has it.
     pub standby: bool,
     pub faulty: bool,

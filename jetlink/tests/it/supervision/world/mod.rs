@@ -98,7 +98,7 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 standby: !live && turbine.rpm() < 1000.0,
                 faulty: ecu.errors() != 0,
                 // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
-                says_burning: ecu.errors() & 1 << 3 == 0 && turbine.egt() > 310.0,
+                says_cold: ecu.errors() & 1 << 3 == 0 && turbine.egt() <= 310.0,
                 obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
                 obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
                 gave_up: ecu.stats.serial_delay_stops,

@@ -1,0 +1,89 @@
+//! What a simulated ZK ECU counts.
+
+use crate::ecu::Nanos;
+
+/// Frames that were none, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bad {
+    /// Wrong CRC.
+    pub crc: u64,
+    /// No such command ID.
+    pub id: u64,
+    /// A value out of its range.
+    pub range: u64,
+}
+
+impl Bad {
+    /// All of them.
+    pub const fn total(&self) -> u64 {
+        self.crc + self.id + self.range
+    }
+}
+
+/// Good frames that changed nothing, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ignored {
+    /// The ECU's version does not know it. It is not answered either.
+    pub version: u64,
+    /// ID 4 or 5 without ID 3 directly before. It is not answered either.
+    pub locked: u64,
+    /// ID 1 in rpm mode, or ID 7 outside of it.
+    pub mode: u64,
+    /// A service command while the engine was not at rest.
+    pub busy: u64,
+}
+
+/// The times between accepted commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Intervals {
+    /// How many.
+    pub count: u64,
+    /// The shortest.
+    pub min: Option<Nanos>,
+    /// The longest.
+    pub max: Option<Nanos>,
+}
+
+impl Intervals {
+    pub(super) fn add(&mut self, interval: Nanos) {
+        self.count += 1;
+        self.min = Some(self.min.map_or(interval, |min| min.min(interval)));
+        self.max = Some(self.max.map_or(interval, |max| max.max(interval)));
+    }
+}
+
+/// What a ZK ECU has counted since it was built; a loss of power does not clear it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Status frames sent, by ID.
+    pub frames: [u64; 16],
+    /// Commands that were obeyed and not answered, because an answer was waiting already.
+    pub unanswered: u64,
+    /// Good frames with a command that the version knows; all but the ignored ones are obeyed.
+    pub accepted: u64,
+    /// Good frames that changed nothing.
+    pub ignored: Ignored,
+    /// Frames that were none.
+    pub bad: Bad,
+    /// Good frames with reserved bits that were not 0.
+    pub reserved_bits: u64,
+    /// Good bytes outside of any frame.
+    pub stray_bytes: u64,
+    /// Good bytes.
+    pub bytes_heard: u64,
+    /// Broken bytes.
+    pub framing_errors: u64,
+    /// The times between accepted commands, within one power-up.
+    pub intervals: Intervals,
+    /// How often the control signal of a live engine was lost.
+    pub control_losses: u64,
+    /// Pressures received.
+    pub pressures: u64,
+}
+
+impl Stats {
+    /// All status frames sent.
+    pub fn frames_sent(&self) -> u64 {
+        self.frames.iter().sum()
+    }
+}
