@@ -164,6 +164,44 @@ impl Setting {
     }
 }
 
+/// What a firmware needs of a row to offer it as a parameter. An image that uses these and no [`Setting`] does not hold the
+/// texts of the table.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Row {
+    /// Name, as of its [`Setting`].
+    pub name: &'static str,
+    /// Least value.
+    pub min: i32,
+    /// Greatest value.
+    pub max: i32,
+    /// It may be [`OFF`], too.
+    pub may_be_off: bool,
+    /// When a new value takes effect.
+    pub effect: Effect,
+}
+
+impl Row {
+    /// Whether this number is within the range.
+    pub const fn allows(&self, value: i32) -> bool {
+        allows(value, self.min, self.max, self.may_be_off)
+    }
+}
+
+/// The rows of a table.
+#[doc(hidden)]
+pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
+    let empty = Row { name: "", min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce };
+    let mut rows = [empty; N];
+    let mut i = 0;
+    while i < N {
+        let Setting { name, min, max, may_be_off, effect, .. } = settings[i];
+        rows[i] = Row { name, min, max, may_be_off, effect };
+        i += 1;
+    }
+    rows
+}
+
 #[doc(hidden)]
 pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
     value >= min && value <= max || may_be_off && value == OFF
@@ -349,6 +387,10 @@ macro_rules! settings {
                     message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
                 },
             )* ];
+
+            /// The same rows without their texts.
+            pub const ROWS: &'static [$crate::setting::Row] =
+                &$crate::setting::rows::<{ Self::SETTINGS.len() }>(Self::SETTINGS);
 
             /// All as the table has them.
             pub const DEFAULT: Self = Self {
