@@ -2,7 +2,7 @@
 
 use crate::ids::Ack;
 use jetlink::command::Rejected;
-use jetlink::setting::SettingError;
+use jetlink::setting::Row;
 
 /// Reason for refusing a command or a setting.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -35,8 +35,12 @@ pub enum Refusal {
     Repeated,
     /// An engine turns.
     Turns,
-    /// A setting's value is wrong, or there is no such setting.
-    Setting(SettingError),
+    /// No parameter has this name.
+    UnknownSetting,
+    /// A value is out of its range.
+    OutOfRange(&'static Row),
+    /// A setting belongs to something that is off.
+    SettingOff,
     /// A setting is a whole number.
     NotWhole,
     /// The end points of a throttle are in the wrong order.
@@ -87,7 +91,12 @@ impl core::fmt::Display for Refusal {
                 f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
             }
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
-            Self::Setting(why) => why.fmt(f),
+            Self::UnknownSetting => f.write_str("no parameter has this name"),
+            Self::OutOfRange(row) => {
+                let off = if row.may_be_off { ", or -1" } else { "" };
+                write!(f, "use {} to {}{off}", row.min, row.max)
+            }
+            Self::SettingOff => f.write_str("turn on what it belongs to first"),
             Self::NotWhole => f.write_str("the value has to be a whole number"),
             Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
         }

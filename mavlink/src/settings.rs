@@ -1,7 +1,7 @@
 //! Settings of MAVLink: of the node, and of each engine beside those of its supervision. All are parameters.
 
 use jetlink::setting::Effect;
-use jetlink::setting::settings;
+use jetlink::setting::{Row, settings};
 
 settings! {
     /// Settings of the node that count from its next start on.
@@ -61,13 +61,16 @@ impl EngineSettings {
 
     /// Whether a change of this one waits until the engine is at rest.
     pub(crate) fn needs_rest(name: &str) -> bool {
-        Self::SETTINGS.iter().any(|row| row.name == name && row.name != "MAV_DISARM_STBY")
+        Self::ROWS.iter().any(|row| row.name == name && row.name != "MAV_DISARM_STBY")
     }
 }
 
 impl NodeSettings {
     /// Table of settings. The order is fixed.
     pub const TABLE: [&'static [jetlink::setting::Setting]; 2] = [Identity::SETTINGS, Self::SETTINGS];
+
+    /// The same table without its texts.
+    pub(crate) const TABLE_ROWS: [&'static [Row]; 2] = [Identity::ROWS, Self::ROWS];
 
     /// The value of a setting.
     pub fn number(&self, name: &str) -> Option<i32> {
@@ -82,7 +85,7 @@ impl NodeSettings {
     /// Whether a change of this one waits until every engine is at rest: who may command, and all that counts from the next
     /// start on.
     pub(crate) fn needs_rest(name: &str) -> bool {
-        let row = Self::TABLE.into_iter().flatten().find(|row| row.name == name);
+        let row = Self::TABLE_ROWS.into_iter().flatten().find(|row| row.name == name);
         row.is_some_and(|row| row.effect == Effect::AtNextStart)
             || matches!(name, "MAV_GCS_1" | "MAV_GCS_2" | "MAV_OWN_CMD")
     }

@@ -11,7 +11,7 @@ use crate::refusal::Refusal;
 use crate::settings::{EngineSettings, NodeSettings};
 use embassy_time::{Duration, Instant};
 use jetlink::config::EngineConfig;
-use jetlink::setting::{Effect, Setting, SettingError};
+use jetlink::setting::{Effect, Row, Setting};
 use mavlink_core::types::CharArray;
 
 /// Time between two parameters of a list.
@@ -19,38 +19,48 @@ const LIST_EVERY: Duration = Duration::from_millis(50);
 /// Bytes of a parameter.
 const PARAMETER_BYTES: usize = 37;
 
-/// The parameters of the node, in their order.
+/// The parameters of the node, in their order, with their texts.
 pub fn node_parameters() -> impl Iterator<Item = &'static Setting> {
     NodeSettings::TABLE.into_iter().flatten()
 }
 
-/// The parameters of an engine, in their order.
+/// The parameters of an engine, in their order, with their texts.
 pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static Setting> {
     config.settings().chain(EngineSettings::SETTINGS)
 }
 
+// The same without texts: an image does not hold those.
+
+fn node_rows() -> impl Iterator<Item = &'static Row> {
+    NodeSettings::TABLE_ROWS.into_iter().flatten()
+}
+
+fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'static Row> {
+    config.rows().chain(EngineSettings::ROWS)
+}
+
 impl<const N: usize, const P: usize> Service<'_, N, P> {
-    fn row(&self, place: Place, index: usize) -> Option<&'static Setting> {
+    fn row(&self, place: Place, index: usize) -> Option<&'static Row> {
         match place {
-            Place::Node => node_parameters().nth(index),
-            Place::Engine(engine) => engine_parameters(&self.engines.get(engine)?.config).nth(index),
+            Place::Node => node_rows().nth(index),
+            Place::Engine(engine) => engine_rows(&self.engines.get(engine)?.config).nth(index),
         }
     }
 
     fn count(&self, place: Place) -> usize {
         match place {
-            Place::Node => node_parameters().count(),
+            Place::Node => node_rows().count(),
             Place::Engine(engine) => {
-                self.engines.get(engine).map_or(0, |engine| engine_parameters(&engine.config).count())
+                self.engines.get(engine).map_or(0, |engine| engine_rows(&engine.config).count())
             }
         }
     }
 
     fn position(&self, place: Place, name: &str) -> Option<usize> {
         match place {
-            Place::Node => node_parameters().position(|row| row.name == name),
+            Place::Node => node_rows().position(|row| row.name == name),
             Place::Engine(engine) => {
-                engine_parameters(&self.engines.get(engine)?.config).position(|row| row.name == name)
+                engine_rows(&self.engines.get(engine)?.config).position(|row| row.name == name)
             }
         }
     }
@@ -192,10 +202,10 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         let row = self
             .position(place, name)
             .and_then(|index| self.row(place, index))
-            .ok_or(Refusal::Setting(SettingError::Unknown))?;
+            .ok_or(Refusal::UnknownSetting)?;
         let number = whole(value).ok_or(Refusal::NotWhole)?;
         if !row.allows(number) {
-            return Err(Refusal::Setting(SettingError::OutOfRange(row)));
+            return Err(Refusal::OutOfRange(row));
         }
         match place {
             Place::Node => {
@@ -205,7 +215,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                 self.settings.set(name, number);
             }
             Place::Engine(engine) => {
-                let engine = self.engines.get_mut(engine).ok_or(Refusal::Setting(SettingError::Unknown))?;
+                let engine = self.engines.get_mut(engine).ok_or(Refusal::UnknownSetting)?;
                 if EngineSettings::needs_rest(name) && engine.turns() {
                     return Err(Refusal::Turns);
                 }
@@ -217,10 +227,12 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                     engine.settings = settings;
                 } else {
                     let mut config = engine.config;
-                    config.set(name, number).map_err(Refusal::Setting)?;
-                    // Its ranges have been checked.
+                    // Its name and its range have been checked.
+                    if !config.change(name, number) {
+                        return Err(Refusal::SettingOff);
+                    }
                     if engine.source.handle().configure(&config.supervision).is_err() {
-                        return Err(Refusal::Setting(SettingError::OutOfRange(row)));
+                        return Err(Refusal::OutOfRange(row));
                     }
                     engine.config = config;
                 }

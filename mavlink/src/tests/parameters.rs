@@ -115,10 +115,10 @@ fn a_refused_setting_echoes_the_old_value() {
     run(async |world| {
         world.ready().await;
         for (name, value, old, why) in [
-            ("LOSS_THR", 1001.0, 0.0, "loss.throttle: 0 to 1000"),
+            ("LOSS_THR", 1001.0, 0.0, "use 0 to 1000"),
             ("LOSS_THR", 0.5, 0.0, "whole number"),
             ("LOSS_THR", f32::NAN, 0.0, "whole number"),
-            ("LOSS_HOLD", -1.0, 1000.0, "loss.hold"),
+            ("LOSS_HOLD", -1.0, 1000.0, "use 0 to 60000"),
             ("MAV_THR_MIN", 1900.0, 1100.0, "MAV_THR_MIN has to be below"),
             ("GOV_P", 9.0, 8.0, "turn on what it belongs to"),
         ] {
@@ -127,7 +127,7 @@ fn a_refused_setting_echoes_the_old_value() {
             assert!(text.contains("not set") && text.contains(why), "{text}");
         }
         let (echo, text) = world.set(ENGINE[0], "NO_SUCH", 1.0).await;
-        assert!(echo.is_none() && text.contains("no setting has this name"), "{text}");
+        assert!(echo.is_none() && text.contains("no parameter has this name"), "{text}");
         // Component 0 sets nothing.
         assert_eq!(world.set(0, "LOSS_THR", 5.0).await, (None, String::new()));
         // Somebody who may not.
