@@ -50,7 +50,7 @@ pub enum Output {
     /// Send this now, then call [`Link::sent`] or [`Link::not_sent`]. Nothing else is handed out to send
     /// before that.
     Transmit(Transmission),
-    /// Tell whoever listens.
+    /// Publish an event.
     Event(Event),
     /// Nothing more until the next input; call [`Link::timeout`] at this instant.
     Wait(Option<Instant>),

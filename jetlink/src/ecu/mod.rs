@@ -7,7 +7,7 @@ pub mod vendor;
 pub mod zk;
 
 use crate::line::Line;
-use crate::setting::Setting;
+use crate::setting::{Row, Setting};
 use vendor::{VendorFaults, VendorService};
 
 /// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU. A new one is a
@@ -41,6 +41,13 @@ macro_rules! vendor_types {
                 }
             }
 
+            /// The same without their texts.
+            pub(crate) fn rows(&self) -> &'static [Row] {
+                match self {
+                    $(Self::$name(_) => <$config>::ROWS,)+
+                }
+            }
+
             /// The number of a setting of the protocol.
             pub(crate) fn number(&self, name: &str) -> Option<i32> {
                 match self {
@@ -66,6 +73,7 @@ macro_rules! vendor_types {
         /// Mistake in the configuration of an ECU.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[non_exhaustive]
         pub enum Mistake {
             $($(#[$doc])* $name($mistake),)+
         }

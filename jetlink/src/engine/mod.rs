@@ -12,41 +12,42 @@
 //! - The state that the ECU reports takes precedence over what was commanded.
 
 pub mod config;
-pub mod limits;
+mod limits;
 pub mod retained;
 pub mod state;
 
 mod commands;
 mod exhaust;
 mod governor;
-pub mod life;
+mod life;
+mod lives;
 mod ramp;
 mod reset;
 mod run;
+mod sending;
 mod shaper;
 mod sources;
 
 use self::config::{START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
-use self::exhaust::{Burning, Exhaust};
+use self::exhaust::Exhaust;
 use self::life::{Finding, Life};
 use self::limits::LimitMonitor;
 use self::retained::RetainedState;
-use self::run::{Arbitration, RUN_OUT, Run};
-use self::shaper::{Lowered, Shape, Shaper};
+use self::run::{Arbitration, Run};
+use self::shaper::{Lowered, Shaper};
 use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::EngineConfig;
 use crate::ecu::any::AnyLink;
-use crate::event::{End, Event, LossStage};
-use crate::limit::Action;
-use crate::limit::{LimitKind, LimitViolation};
+use crate::event::{Event, LossStage};
+use crate::limit::{Action, LimitKind, LimitViolation};
 use crate::line::LineError;
-use crate::link::{Link, Output, Sign, Stage, earlier};
-use crate::report::{LinkState, NotSent, Phase, ReportedSwitch, bump};
+use crate::link::{Link, Output, Stage, earlier};
+use crate::report::{LinkState, NotSent, Phase, bump};
 use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
-use crate::units::{Hectopascals, Throttle};
+use crate::units::Hectopascals;
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
@@ -57,8 +58,6 @@ const RESETS_MAX: u8 = 3;
 
 /// Grace period in which the ECU may report something other than the order.
 const OBEY_GRACE: Duration = Duration::from_secs(3);
-/// Largest difference between the reported and the ordered throttle, in 0.1 %.
-const OBEY_BAND: u16 = 100;
 /// Time that all sources get to be received before a stream of standby counts, while it is not known which source was in
 /// control.
 const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
@@ -577,85 +576,6 @@ impl Engine {
         }
     }
 
-    /// Judges what one frame says about the life of the engine, before its reply is handed out.
-    fn judge(&mut self, now: Instant, sign: Sign) {
-        if sign == Sign::PowerUp {
-            self.last_gap = Some(now);
-        }
-        self.observe_exhaust(now, sign);
-        let exhaust = self.exhaust.burning();
-        let answers = self.link.answers_frames();
-        match &mut self.mode {
-            Mode::Stop(_) | Mode::Standby => {}
-            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
-                let doubted = life.in_doubt().is_some();
-                let end = life.observe(now, sign, exhaust);
-                let doubts = life.in_doubt().is_some();
-                match end {
-                    Some(end) => self.life_over(now, end),
-                    None => {
-                        self.report_doubt(doubted, doubts);
-                        if doubts {
-                            // While in doubt, each set decides whether it is answered.
-                            self.shape(now);
-                        } else {
-                            self.express(now);
-                        }
-                    }
-                }
-            }
-            Mode::Listen(finding) => {
-                let found = finding.observe(sign, exhaust, answers);
-                self.found(now, found, sign);
-            }
-        }
-    }
-
-    fn observe_exhaust(&mut self, now: Instant, sign: Sign) {
-        let egt = match sign {
-            Sign::State { .. } => {
-                self.link.status().report.egt.filter(|egt| egt.at == now).map(|egt| egt.value)
-            }
-            Sign::Faulted { egt, .. } => egt,
-            _ => return,
-        };
-        let lowered = match &self.mode {
-            Mode::Run(run) => run.lowered.last(),
-            _ => None,
-        };
-        self.exhaust.observe(now, egt, lowered);
-    }
-
-    /// Ends the order, because the life that it belongs to is over.
-    fn life_over(&mut self, now: Instant, end: End) {
-        let reached = match &self.mode {
-            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
-            _ => false,
-        };
-        let failed = reached && !self.link.status().shutting_down;
-        self.sources.forget_runs();
-        self.standby(now, Origin::Node);
-        self.failed = failed;
-        self.event(Event::RunCancelled(end));
-    }
-
-    fn report_doubt(&mut self, doubted: bool, doubts: bool) {
-        match (doubted, doubts) {
-            (false, true) => self.event(Event::LifeInDoubt),
-            (true, false) => {
-                let mut event = Event::LifeConfirmed;
-                if let Mode::Run(run) = &mut self.mode {
-                    run.shaper.rise();
-                    if core::mem::take(&mut run.resumed) {
-                        event = Event::Resumed(run.shaped);
-                    }
-                }
-                self.event(event);
-            }
-            _ => {}
-        }
-    }
-
     const fn touch(&mut self) {
         self.wake_stale = true;
         self.record_stale = true;
@@ -678,33 +598,6 @@ impl Engine {
             && self.reported_source.replace(active_source) != Some(active_source)
         {
             self.event(Event::ActiveSource(active_source));
-        }
-    }
-
-    /// Puts a run in doubt at once when three expected frames are missing.
-    fn find_gap(&mut self, now: Instant) {
-        if self.link.gap_at().is_none_or(|at| now < at) {
-            return;
-        }
-        self.link.gap();
-        self.last_gap = Some(now);
-        match &mut self.mode {
-            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
-                let doubted = life.in_doubt().is_some();
-                match life.gap(now) {
-                    Some(end) => self.life_over(now, end),
-                    None => {
-                        self.report_doubt(doubted, true);
-                        if let Mode::Run(run) = &mut self.mode
-                            && let Some(sent) = run.sent
-                        {
-                            run.shaper.fall_back(now, sent);
-                        }
-                    }
-                }
-            }
-            Mode::Listen(finding) => finding.gap(),
-            Mode::Stop(_) | Mode::Standby => {}
         }
     }
 
@@ -754,44 +647,6 @@ impl Engine {
         }
     }
 
-    /// Cancels a run that nothing confirmed in time, but leaves the engine alone: if the ECU reports a running engine later,
-    /// it resumes as one that was found running. A start ends.
-    fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm, silent_since, active_source) = match &self.mode {
-            Mode::Run(run) => (run.life.reached(), false, run.silent_since(&self.config), run.active_source),
-            // ID 0 leaves the PWM input in control for as long as it takes.
-            Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
-            _ => return,
-        };
-        if pwm && reached {
-            return;
-        }
-        if !reached {
-            self.life_over(now, End::GapInStart);
-            return;
-        }
-        self.failed = true;
-        // The stages of loss continue from where they were.
-        let silent_since = silent_since.unwrap_or(now);
-        self.mode =
-            Mode::Listen(Finding::new(now, true).silent_since(silent_since).controlled_by(active_source));
-        self.order(now, Order::Listen, Origin::Node);
-        self.event(Event::RunCancelled(End::Unconfirmed));
-    }
-
-    /// Time at which standby is sent when no order is in force and no source commands. Otherwise a ZK ECU from version 5 would
-    /// keep running (ZK-10).
-    fn listen_ends(&self, now: Instant, finding: Finding) -> Option<Instant> {
-        let silent_from = match self.sources.all_silent_from(now)? {
-            // A source was received since the order ended.
-            Some(from) if from > finding.since => from,
-            _ => finding.silent_since,
-        };
-        let after = self.config.loss.hold + self.config.loss.standby_after.unwrap_or(RUN_OUT);
-        silent_from
-            .checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks())))
-    }
-
     /// The active source: of a running engine the one whose demand is in force, of a stopped engine the one that stopped it.
     fn active(&self, now: Instant) -> Option<Origin> {
         match &self.mode {
@@ -820,13 +675,6 @@ impl Engine {
             self.ended_by_loss = origin == Origin::Node;
             self.permit(origin);
         }
-    }
-
-    /// Whether the ECU reports a running engine and nothing puts that in doubt, or reports faults only while the exhaust is hot.
-    fn lives(&self) -> bool {
-        let Mode::Run(Run { life, .. }) = &self.mode else { return false };
-        let burns = life.only_faults() && !life.after_gap() && self.exhaust.burning() == Burning::Yes;
-        life.reached() && (life.in_doubt().is_none() || burns)
     }
 
     /// Whether all sources had time to be received since the node started.
@@ -873,87 +721,6 @@ impl Engine {
         }
     }
 
-    /// Orders the demand after ramps, slew and limits.
-    fn shape(&mut self, now: Instant) {
-        let idle_rpm = self.link.status().report.idle_rpm.map(|idle| idle.value);
-        let shape = Shape {
-            running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
-            living: self.lives(),
-            received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
-            idle_rpm,
-            max_rpm: self.link.status().report.max_rpm.map(|max| max.value),
-            rpm: self.link.status().report.rpm,
-            throttle: self
-                .link
-                .status()
-                .report
-                .throttle
-                .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
-                .map(|throttle| throttle.value),
-            reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
-            governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
-                && self.link.speed_control().is_err(),
-        };
-        let config = self.config;
-        let speed_control = self.link.speed_control().is_ok();
-        let Mode::Run(run) = &mut self.mode else { return };
-        run.own_speed_control |= speed_control;
-        let plan = run.plan();
-        let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
-        run.next = next;
-        run.lowered.observe(now, demand);
-        run.shaped = demand;
-        self.express(now);
-    }
-
-    /// Gives the link its order: the demand or, while the life of the engine is in doubt, nothing that could start one.
-    fn express(&mut self, now: Instant) {
-        match &self.mode {
-            Mode::Run(run) => {
-                let origin = if run.stage == LossStage::None { run.active_source } else { Origin::Node };
-                let (doubts, demand) = (run.life.in_doubt().is_some(), run.shaped);
-                let open = !doubts || (self.link.answers_frames() && run.life.answers());
-                self.link.release(run.life.reached());
-                let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
-                self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
-            }
-            Mode::Pwm { life, start_by } => {
-                // After a reset only ID 0 is sent: it leaves the PWM input in control without a second hand-over.
-                let resumed = start_by.is_none();
-                let order = if resumed || life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
-                let origin = self.ordered.origin;
-                self.order(now, order, origin);
-            }
-            Mode::Listen(_) | Mode::Stop(_) | Mode::Standby => {}
-        }
-    }
-
-    fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
-        if self.link.order(now, Order::Run(demand)).is_ok() {
-            return Order::Run(demand);
-        }
-        // An ECU that came back has not reported its version yet: it keeps its rpm until it has.
-        if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
-            return self.order_doubt(now, demand);
-        }
-        // The link rejects an rpm above the ECU's maximum, which may have changed. No link rejects a throttle.
-        let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
-        let _ = self.link.order(now, idle);
-        idle
-    }
-
-    /// Whether the ECU has not reported its version yet, so that it is not known whether it controls an rpm itself.
-    fn waits_for_version(&self) -> bool {
-        matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }))
-    }
-
-    fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
-        let order = Order::Doubt(demand);
-        // No link rejects it.
-        let _ = self.link.order(now, order);
-        order
-    }
-
     /// Checks the limits, and whether the ECU obeys.
     fn look(&mut self, now: Instant) {
         let lowered = match &self.mode {
@@ -970,31 +737,6 @@ impl Engine {
         if core::mem::replace(&mut self.not_obeyed, not_obeyed) != not_obeyed {
             self.event(if not_obeyed { Event::NotObeyed } else { Event::ObeyedAgain });
         }
-    }
-
-    /// Whether the ECU's recent reports match the order. Old reports count as a match.
-    fn obeys(&self, now: Instant) -> bool {
-        let report = &self.link.status().report;
-        let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
-        let at_rest = self.phase().is_some_and(Phase::is_stopped);
-        let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
-            (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
-            // The ECU may end there by itself.
-            (Order::EmergencyStop | Order::Standby, _) if at_rest => true,
-            (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
-            (Order::Standby, switch) => switch != ReportedSwitch::Run,
-            (Order::Run(_), switch) => switch == ReportedSwitch::Run,
-        });
-        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= STATE_MAX_AGE);
-        let throttle_obeys = match (self.ordered.order, throttle) {
-            (Order::Run(Demand::Throttle(ordered)), Some(reported))
-                if self.phase() == Some(Phase::Running) && !self.link.status().shutting_down =>
-            {
-                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEY_BAND
-            }
-            _ => true,
-        };
-        switch_obeys && throttle_obeys
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -1019,31 +761,6 @@ impl Engine {
         };
         // A past deadline has been handled. It is set again by the input that it waits for.
         [gap, wait, pump, sources, of_mode].into_iter().flatten().filter(|at| *at > now).min()
-    }
-
-    /// Timeout of the start, of the ECU's own restart, or of the wait for a confirmation.
-    fn life_deadline(&self, life: &Life, start_by: Option<Instant>) -> Option<Instant> {
-        let start = start_by.filter(|_| !life.reached());
-        let restart = life.restarting().map(|since| since + self.start_time());
-        let doubt = life.in_doubt().and_then(|since| self.link.doubt_ends(since));
-        [start, restart, doubt].into_iter().flatten().min()
-    }
-
-    /// Gives an order that no link rejects.
-    fn order(&mut self, now: Instant, order: Order, origin: Origin) {
-        if self.link.order(now, order).is_ok() {
-            self.note_order(order, origin);
-        }
-    }
-
-    /// Stores the order. Reports a change of its kind or origin, not each new throttle.
-    fn note_order(&mut self, order: Order, origin: Origin) {
-        let before = self.ordered;
-        self.ordered = Ordered { order, origin };
-        let same_kind = core::mem::discriminant(&before.order) == core::mem::discriminant(&order);
-        if !same_kind || before.origin != origin {
-            self.event(Event::Ordered(self.ordered));
-        }
     }
 
     fn phase(&self) -> Option<Phase> {

@@ -260,6 +260,9 @@ impl Case<'_> {
             // fault before that, and starts again on the run that it was told, cannot be seen.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let tripped = out.is_some_and(|out| {
+                // A fall says nothing within 5 s after the demand was lowered, by the stages of loss too.
+                let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
+                let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
                 self.is_amt()
                     && self.runs.touches(out.saturating_sub(5 * SECOND), out)
@@ -267,7 +270,7 @@ impl Case<'_> {
                     && since.iter().any(|sample| sample.fault)
                     && since.iter().all(|sample| sample.egt > 290.0)
                     // Nor does a node see the exhaust fall that is reset again before it has.
-                    && self.longest_up(out, at.saturating_sub(100 * MS)) < 4 * SECOND
+                    && self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
@@ -416,9 +419,7 @@ impl Case<'_> {
         let h = self.h;
         let samples = h.samples(out, at);
         let cold = samples.iter().find(|sample| sample.egt < 290.0).map_or(at, |cold| cold.at + LOWERED);
-        let demand = |frame: &Frame| frame.told.demand().map_or(0.0, |ask| self.share(ask));
-        let frames = h.frames_within(out.saturating_sub(LOWERED), at);
-        if frames.windows(2).any(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])) {
+        if self.last_lowered(out.saturating_sub(LOWERED), at).is_some() {
             return cold;
         }
         let egt = |at| h.sample(at).map_or(0.0, |sample| sample.egt);
@@ -427,6 +428,13 @@ impl Case<'_> {
         let fallen =
             samples.iter().map(|sample| sample.at).find(|at| *at >= out + FALLS_FOR * SECOND && falls(*at));
         fallen.map_or(cold, |fallen| fallen.min(cold))
+    }
+
+    /// The last frame in this time with a lower demand than the one before it.
+    fn last_lowered(&self, from: u64, to: u64) -> Option<u64> {
+        let demand = |frame: &Frame| frame.told.demand().map_or(0.0, |ask| self.share(ask));
+        let mut pairs = self.h.frames_within(from, to).windows(2).rev();
+        pairs.find(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])).map(|pair| pair[1].at)
     }
 
     pub(super) fn hand_over(&mut self) {

@@ -336,6 +336,8 @@ impl Link for ZkLink {
 
     fn gap(&mut self) {
         self.beat.gap();
+        // It was meant for the ECU that was heard before.
+        self.service.cancel(&mut self.outbox);
     }
 
     fn answers_frames(&self) -> bool {

@@ -294,7 +294,7 @@ fn the_first_demand_after_a_reset_rises_at_the_rate() {
 #[test]
 fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
     let config = Ecu::Amt.config();
-    let starting = report(Ecu::Amt, amt_frames::STARTING.into(), TURNING);
+    let starting = report(Ecu::Amt, amt_frames::STARTING, TURNING);
     let mut scenario = Scenario::ready(Ecu::Amt, config);
     scenario.command(run(0)).unwrap();
     for _ in 0..10 {

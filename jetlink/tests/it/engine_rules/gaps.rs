@@ -125,3 +125,64 @@ fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
         scenario.order()
     );
 }
+
+/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby, too.
+#[test]
+fn amt_13_an_engine_that_ctf_was_stopping_does_not_run_on_after_a_long_gap() {
+    let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
+    for (service, left) in [(None, Order::Run(percent(50))), (Some(ctf), Order::Standby)] {
+        let mut scenario = flying(Ecu::Amt, 50);
+        if let Some(service) = service {
+            scenario.command(service).unwrap();
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            assert!(scenario.sent().contains(&Wire::Ctf));
+        }
+        scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.says = Some(Says::Running);
+        scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
+        assert_eq!(scenario.order(), left, "{service:?}");
+    }
+}
+
+/// "Nothing said before a gap holds for what comes after it": another ECU may be there, and a curve of one engine stalls another.
+#[test]
+fn zk_13_a_service_command_is_not_repeated_after_a_gap() {
+    let curve = zk::codec::AccelerationCurve::new(50).unwrap();
+    let sets = |frames: Vec<Vec<u8>>| frames.iter().filter(|frame| frame[..] == zk_frames::curve(50)).count();
+    for (gap, repeated) in [(false, true), (true, false)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(Command::Service(Service::Zk(zk::config::Service::Curve(curve)))).unwrap();
+        scenario.pass_us(SECOND);
+        assert_eq!(sets(scenario.bench.bytes()), 1);
+        if gap {
+            scenario.silent().pass_us(SECOND);
+            scenario.says = Some(Says::Standby);
+        }
+        scenario.pass_us(8 * SECOND);
+        assert_eq!(sets(scenario.bench.bytes()) > 0, repeated, "gap: {gap}");
+    }
+}
+
+/// "A demand beyond the maximum is clamped": also until an ECU has reported its maximum again, after the link was lost.
+#[test]
+fn an_rpm_demand_does_not_rise_before_the_maximum_is_reported_again() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+    let demand = Command::Run(rpm(200_000));
+    scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+    scenario.bench.frames();
+    scenario.silent().fly_us(demand, Origin::Rc, SECOND);
+    scenario.says(Says::Running).fly_us(demand, Origin::Rc, 3 * SECOND);
+    let codes = |scenario: &mut Scenario| -> Vec<u16> {
+        let frames = scenario.bench.bytes();
+        let frames = frames.iter().filter(|frame| frame[1] >> 4 == 7);
+        frames.map(|frame| u16::from_be_bytes([frame[1] & 0x0F, frame[2]])).collect()
+    };
+    let without = codes(&mut scenario);
+    assert!(without.iter().all(|code| *code == 4000), "160 000 rpm is code 4000: {without:?}");
+    // With a lower maximum the demand falls: 100 000 rpm in steps of 30.
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [100, 0, 5 << 2]));
+    }
+    scenario.fly_us(demand, Origin::Rc, 3 * SECOND);
+    assert_eq!(codes(&mut scenario).last(), Some(&3333));
+}

@@ -12,7 +12,7 @@ mod sources;
 mod starts;
 
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
-use jetlink::ecu::{Service, zk};
+use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Engine;
 use jetlink::event::{End, Event};
 use jetlink::report::NotSent;

@@ -1,0 +1,139 @@
+//! What goes out: from a run and its shaped demand to the order of the link, and whether the ECU obeys it.
+
+use super::shaper::Shape;
+use super::state::STATE_MAX_AGE;
+use super::{Engine, Mode};
+use crate::command::{Demand, Order, Ordered, Origin, Rejected};
+use crate::event::{Event, LossStage};
+use crate::link::Link;
+use crate::report::{Phase, ReportedSwitch};
+use crate::units::Throttle;
+use embassy_time::Instant;
+
+/// Largest difference between the reported and the ordered throttle, in 0.1 %.
+const OBEY_BAND: u16 = 100;
+
+impl Engine {
+    /// Orders the demand after ramps, slew and limits.
+    pub(super) fn shape(&mut self, now: Instant) {
+        let idle_rpm = self.link.status().report.idle_rpm.map(|idle| idle.value);
+        let shape = Shape {
+            running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
+            living: self.lives(),
+            received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
+            idle_rpm,
+            max_rpm: self.link.status().report.max_rpm.map(|max| max.value),
+            rpm: self.link.status().report.rpm,
+            throttle: self
+                .link
+                .status()
+                .report
+                .throttle
+                .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
+                .map(|throttle| throttle.value),
+            reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
+            governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
+                && self.link.speed_control().is_err(),
+        };
+        let config = self.config;
+        let speed_control = self.link.speed_control().is_ok();
+        let Mode::Run(run) = &mut self.mode else { return };
+        run.own_speed_control |= speed_control;
+        let plan = run.plan();
+        let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
+        run.next = next;
+        run.lowered.observe(now, demand);
+        run.shaped = demand;
+        self.express(now);
+    }
+
+    /// Gives the link its order: the demand or, while the life of the engine is in doubt, nothing that could start one.
+    pub(super) fn express(&mut self, now: Instant) {
+        match &self.mode {
+            Mode::Run(run) => {
+                let origin = if run.stage == LossStage::None { run.active_source } else { Origin::Node };
+                let (doubts, demand) = (run.life.in_doubt().is_some(), run.shaped);
+                let open = !doubts || (self.link.answers_frames() && run.life.answers());
+                self.link.release(run.life.reached());
+                let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
+                self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
+            }
+            Mode::Pwm { life, start_by } => {
+                // After a reset only ID 0 is sent: it leaves the PWM input in control without a second hand-over.
+                let resumed = start_by.is_none();
+                let order = if resumed || life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
+                let origin = self.ordered.origin;
+                self.order(now, order, origin);
+            }
+            Mode::Listen(_) | Mode::Stop(_) | Mode::Standby => {}
+        }
+    }
+
+    pub(super) fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
+        if self.link.order(now, Order::Run(demand)).is_ok() {
+            return Order::Run(demand);
+        }
+        // An ECU that came back has not reported its version yet: it keeps its rpm until it has.
+        if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
+            return self.order_doubt(now, demand);
+        }
+        // The link rejects an rpm above the ECU's maximum, which may have changed. No link rejects a throttle.
+        let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
+        let _ = self.link.order(now, idle);
+        idle
+    }
+
+    /// Whether the ECU has not reported its version yet, so that it is not known whether it controls an rpm itself.
+    pub(super) fn waits_for_version(&self) -> bool {
+        matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }))
+    }
+
+    pub(super) fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
+        let order = Order::Doubt(demand);
+        // No link rejects it.
+        let _ = self.link.order(now, order);
+        order
+    }
+
+    /// Whether the ECU's recent reports match the order. Old reports count as a match.
+    pub(super) fn obeys(&self, now: Instant) -> bool {
+        let report = &self.link.status().report;
+        let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
+        let at_rest = self.phase().is_some_and(Phase::is_stopped);
+        let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
+            (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
+            // The ECU may end there by itself.
+            (Order::EmergencyStop | Order::Standby, _) if at_rest => true,
+            (Order::EmergencyStop, switch) => switch == ReportedSwitch::Stop,
+            (Order::Standby, switch) => switch != ReportedSwitch::Run,
+            (Order::Run(_), switch) => switch == ReportedSwitch::Run,
+        });
+        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= STATE_MAX_AGE);
+        let throttle_obeys = match (self.ordered.order, throttle) {
+            (Order::Run(Demand::Throttle(ordered)), Some(reported))
+                if self.phase() == Some(Phase::Running) && !self.link.status().shutting_down =>
+            {
+                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEY_BAND
+            }
+            _ => true,
+        };
+        switch_obeys && throttle_obeys
+    }
+
+    /// Gives an order that no link rejects.
+    pub(super) fn order(&mut self, now: Instant, order: Order, origin: Origin) {
+        if self.link.order(now, order).is_ok() {
+            self.note_order(order, origin);
+        }
+    }
+
+    /// Stores the order. Reports a change of its kind or origin, not each new throttle.
+    pub(super) fn note_order(&mut self, order: Order, origin: Origin) {
+        let before = self.ordered;
+        self.ordered = Ordered { order, origin };
+        let same_kind = core::mem::discriminant(&before.order) == core::mem::discriminant(&order);
+        if !same_kind || before.origin != origin {
+            self.event(Event::Ordered(self.ordered));
+        }
+    }
+}

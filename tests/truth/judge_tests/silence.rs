@@ -1,0 +1,217 @@
+//! Histories by hand for the judge's rules: doubt, and sources that fall silent.
+
+use super::*;
+
+#[test]
+fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
+    let story = |kind, again: f64| {
+        flight(kind, 40.0)
+            .says(PILOT, 40.0, 70.0, Word::Run(Ask::Throttle(500)))
+            .turbine(40.0, 70.0, Phase::Running, 100_000.0, 500.0)
+            .wire(40.0, 40.2, HALF)
+            .wire(again, 70.0, HALF)
+    };
+    // Nothing is heard of it.
+    let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
+    story(ZK5, 41.5).with(cut).passes();
+    story(ZK5, 41.1).with(cut).breaks(&[Rule::Doubt]);
+    story(ZK5, 40.3).with(cut).breaks(&[Rule::Doubt]);
+    // The node was reset.
+    let reset = |h: &mut History| {
+        h.resets.push(Reset { down: 40_200 * MS, up: 40_500 * MS, cause: Cause::Watchdog });
+    };
+    story(ZK5, 41.0).with(reset).passes();
+    story(ZK5, 40.55).with(reset).breaks(&[Rule::Doubt]);
+    // An AMT ECU says in one set that it runs.
+    story(AMT, 40.55).with(reset).passes();
+    // Damaged frames stand for frames for 10 s.
+    let damaged = |h: &mut History| {
+        (h.ruined, h.noise) =
+            (Spans::from(&[(40 * SECOND, 55 * SECOND)]), Spans::from(&[(40 * SECOND, 55 * SECOND)]));
+    };
+    let nothing = |from: f64| {
+        move |h: &mut History| {
+            h.frames.retain(|frame| !(micros(from)..micros(55.6)).contains(&frame.at));
+        }
+    };
+    story(ZK5, 40.2).with(damaged).with(nothing(50.1)).passes();
+    story(ZK5, 40.2).with(damaged).with(nothing(52.0)).breaks(&[Rule::Doubt]);
+}
+
+#[test]
+fn in_doubt_a_speed_goes_on() {
+    let story = |told: Told| {
+        let mut story = started(ZK5)
+            .says(PILOT, 31.0, 60.0, Word::Run(Ask::Rpm(100_000)))
+            .turbine(RUNS as f64, 60.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.mute = Spans::from(&[(45 * SECOND, 55 * SECOND)]))
+            .with(|h| h.frames.retain(|frame| frame.at < 31 * SECOND));
+        for slot in 0..290_u64 {
+            let at = 31.0 + slot as f64 * 0.1;
+            let doubt = (45.2..56.0).contains(&at);
+            let mode = if doubt { Told::Nothing } else { Told::Mode(Some(Switch::Run), 4) };
+            story = story.wire(at, at + 0.01, if doubt { told } else { Told::Rpm(100_000) });
+            story = story.wire(at + 0.05, at + 0.06, mode);
+        }
+        story
+    };
+    story(Told::Rpm(100_000)).passes();
+    story(Told::Nothing).breaks(&[Rule::HeldDown]);
+}
+
+#[test]
+fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
+    let silent = |falls: bool| {
+        let story = flight(ZK5, 40.0).turbine(46.0, 60.0, Phase::Running, 52_000.0, 480.0);
+        let story = story.turbine(40.0, 46.0, Phase::Running, 80_000.0, 480.0);
+        match falls {
+            true => story.wire(40.0, 41.5, HALF).ramp(41.5, 500, 0).wire(42.6, 60.0, IDLE),
+            false => story.wire(40.0, 60.0, HALF),
+        }
+    };
+    silent(true).passes();
+    silent(false).breaks(&[Rule::SilentWire]);
+}
+
+#[test]
+fn with_all_sources_silent_a_start_ends() {
+    let story = |ends: f64| {
+        ready(ZK5)
+            .says(PILOT, 4.0, 6.0, Word::Run(Ask::Throttle(0)))
+            .wire(4.0, ends, IDLE)
+            .wire(ends, 40.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, ends + 0.1, Phase::FuelRamp, 20_000.0, 400.0)
+            .turbine(ends + 0.1, 40.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story(17.5).passes();
+    story(25.0).breaks(&[Rule::SilentWire]);
+}
+
+#[test]
+fn resets_do_not_keep_a_lost_demand_alive() {
+    // Every 1.5 s a reset, and half throttle between them.
+    let story = |until: u64| {
+        let mut story = flight(ZK5, 40.0);
+        let mut at = 40_000;
+        while at < 58_000 {
+            let from = at as f64 / 1000.0;
+            let told = if at < until * 1000 { HALF } else { IDLE };
+            story = story.wire(from + 0.75, from + 1.5, told).with(|h| {
+                let reset = Reset { down: at * MS, up: (at + 300) * MS, cause: Cause::Watchdog };
+                h.resets.push(reset);
+            });
+            at += 1500;
+        }
+        story.turbine(40.0, 50.0, Phase::Running, 100_000.0, 480.0).turbine(
+            50.0,
+            60.0,
+            Phase::Running,
+            52_000.0,
+            480.0,
+        )
+    };
+    story(46).passes();
+    story(60).breaks(&[Rule::SilentWire]);
+}
+
+/// A node without memory begins with what its ECU obeys, which is what came to it last.
+#[test]
+fn a_node_that_loses_its_memory_late_begins_the_stages_with_what_it_finds() {
+    let story = |arrived: bool, cause| {
+        flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39 * SECOND, 50 * SECOND)]))
+            .wire(40.0, 41.5, if arrived { IDLE } else { Told::Nothing })
+            .wire(41.5, 51.0, Told::Nothing)
+            .with(|h| h.resets.push(Reset { down: 51 * SECOND, up: 51_500 * MS, cause }))
+            .wire(52.5, 54.0, HALF)
+            .ramp(54.0, 500, 0)
+            .wire(55.1, 70.0, IDLE)
+            .turbine(40.0, 55.0, Phase::Running, 100_000.0, 500.0)
+            .turbine(55.0, 70.0, Phase::Running, 50_000.0, 500.0)
+    };
+    story(false, Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[]);
+    story(false, Cause::Watchdog).breaks_beside(&[Rule::Doubt], &[Rule::SilentWire]);
+    story(true, Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[Rule::SilentWire]);
+}
+
+#[test]
+fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_standby() {
+    let story = |standby: bool| {
+        let story = flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39_800 * MS, 90 * SECOND)]))
+            .wire(40.0, 52.0, Told::Nothing)
+            .wire(52.0, 90.0, if standby { STANDBY } else { Told::Nothing })
+            .turbine(40.0, 52.0, Phase::Running, 100_000.0, 500.0);
+        match standby {
+            true => story.turbine(52.0, 90.0, Phase::Cooling, 5000.0, 200.0),
+            false => story.turbine(52.0, 90.0, Phase::Running, 100_000.0, 500.0),
+        }
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::SilentTurbine]);
+}
+
+/// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory goes on with the throttle that it finds.
+#[test]
+fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
+    let story = |cause, tenths, arrived| {
+        flight(ZK5, 40.0)
+            .once(PILOT, 40.0, Word::ShutDown)
+            .wire(40.05, 42.0, STANDBY)
+            .wire(42.6, 46.0, Told::Full(Switch::Run, tenths))
+            .turbine(40.0, 46.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| {
+                h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause });
+                h.deaf = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
+                for frame in h.frames.iter_mut().filter(|frame| frame.at > 40_050 * MS) {
+                    frame.arrived = arrived;
+                }
+            })
+    };
+    story(Cause::PowerOn, 500, false).breaks_beside(&[Rule::Doubt], &[]);
+    story(Cause::PowerOn, 800, false).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
+    story(Cause::Watchdog, 500, false).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
+    story(Cause::PowerOn, 500, true).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
+    // A throttle that has come to an ECU which holds a speed is not obeyed before the ID 6 that ends that. The throttle that it
+    // reports is that of the speed.
+    let speed = |mode: bool| {
+        flight(ZK5, 40.0)
+            .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND))
+            .says(PILOT, 39.0, 40.0, Word::Run(Ask::Rpm(140_000)))
+            .wire(39.0, 39.01, Told::Mode(Some(Switch::Run), 4))
+            .wire(39.05, 40.0, Told::Rpm(140_000))
+            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(200)))
+            .wire(40.0, 40.04, Told::Full(Switch::Run, 200))
+            .wire(40.05, 40.06, if mode { Told::Mode(Some(Switch::Run), 0) } else { Told::Nothing })
+            .wire(40.1, 40.14, if mode { Told::Full(Switch::Run, 200) } else { Told::Nothing })
+            .wire(40.7, 41.0, Told::Full(Switch::Run, 700))
+            .wire(41.0, 45.0, Told::Full(Switch::Run, 200))
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.resets.push(Reset { down: 40_150 * MS, up: 40_250 * MS, cause: Cause::PowerOn }))
+    };
+    speed(false).breaks_beside(&[Rule::Doubt], &[]);
+    speed(true).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
+}
+
+#[test]
+fn silence_shuts_an_engine_down_only_where_that_is_configured() {
+    let story = || {
+        flight(ZK5, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 46.0, IDLE)
+            .wire(46.0, 60.0, STANDBY)
+            .turbine(40.0, 46.1, Phase::Running, 60_000.0, 480.0)
+            .turbine(46.1, 60.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story().breaks(&[Rule::ShutDown]);
+    story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
+    // Who is present and wants nothing is silent from then on, and not from an age limit later.
+    let late = |h: &mut History| {
+        h.rules.standby_after = Some(5 * SECOND);
+        h.rules.ages = [SECOND; 4];
+    };
+    story().with(late).breaks(&[Rule::ShutDown]);
+    story().with(late).says(PILOT, 40.0, 60.0, Word::Nothing).passes();
+}
