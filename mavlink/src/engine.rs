@@ -27,6 +27,8 @@ pub(crate) const HEARTBEAT_AGE: Duration = Duration::from_secs(5);
 const REFRESH: Duration = Duration::from_millis(200);
 /// Senders whose last start is remembered.
 const SENDERS: usize = 4;
+/// Longest time in which a demand that was held rises at once.
+const LONGEST_STEP: Duration = Duration::from_millis(100);
 /// Shaft speed below which an engine counts as at rest.
 const REST_RPM: u32 = 1000;
 
@@ -58,6 +60,8 @@ pub(crate) struct Engine<'a> {
     switch: Switch,
     /// The last demand of its source.
     demand: Option<(Throttle, Instant)>,
+    /// What the demand has risen to since it was held at idle, and when.
+    held: Option<(Throttle, Instant)>,
     /// System whose heartbeat keeps the order alive. After a reset it is not known: then any that may command.
     ordered_by: Option<u8>,
     /// The vehicle's arming was passed on.
@@ -105,6 +109,7 @@ impl<'a> Engine<'a> {
             events,
             switch: Switch::Stopped,
             demand: None,
+            held: None,
             ordered_by: None,
             armed: false,
             armed_for_start: false,
@@ -140,11 +145,11 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// What the engine is to do with this throttle: idle during a start and while the vehicle is disarmed.
+    /// Passes a demand on: idle while a start waits and while the vehicle is disarmed. During a start the engine itself stays at
+    /// idle, and then rises at its rate.
     fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
-        let starting = self.telemetry().start_by.is_some() || self.switch == Switch::Waiting;
-        let held = situation.vehicle.arming() == Arming::Disarmed;
-        let throttle = if starting || held { Throttle::IDLE } else { throttle };
+        let held = situation.vehicle.arming() == Arming::Disarmed || self.switch == Switch::Waiting;
+        let throttle = self.hold(situation.now, throttle, held);
         self.refreshed = Some(situation.now);
         match self.source.command(Command::Run(Demand::Throttle(throttle))) {
             Ok(Accepted::InForce) if self.switch == Switch::Waiting => {
@@ -162,6 +167,29 @@ impl<'a> Engine<'a> {
             }
             _ => None,
         }
+    }
+
+    /// Idle while it is held; then the demand rises at the engine's rate, until it has reached its source's.
+    fn hold(&mut self, now: Instant, throttle: Throttle, held: bool) -> Throttle {
+        if held {
+            self.held = Some((Throttle::IDLE, now));
+            return Throttle::IDLE;
+        }
+        let Some((from, at)) = self.held else { return throttle };
+        // A gap in the stream is no time to rise in.
+        let elapsed = now.saturating_duration_since(at).min(LONGEST_STEP).as_micros();
+        let rise = elapsed * u64::from(self.config.supervision.rise) / 1_000_000;
+        let most = u16::try_from(rise).unwrap_or(u16::MAX).saturating_add(from.tenths());
+        if throttle.tenths() <= most {
+            self.held = None;
+            return throttle;
+        }
+        // Below the demand, so it is a throttle. What rose by less than 0.1 % waits for the next frame.
+        let raised = Throttle::from_tenths(most).unwrap_or(from);
+        if raised > from {
+            self.held = Some((raised, now));
+        }
+        raised
     }
 
     /// Starts the engine: standby and run of this source in one, judged once.
@@ -218,7 +246,7 @@ impl<'a> Engine<'a> {
             let timeout = self.config.supervision.timeouts.mavlink;
             match self.demand {
                 Some((throttle, at)) if situation.now < at + timeout => {
-                    if throttle > self.config.supervision.start.idle_band {
+                    if throttle > self.config.supervision.start.idle_band && !self.settings.relight {
                         return Err(Refusal::NotIdle);
                     }
                 }

@@ -35,6 +35,7 @@ settings! {
         low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
         high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle.";
         reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, "The output is reversed: the shorter pulse is full throttle.";
+        relight: yes_no "MAV_RELIGHT" = 0 in 0..=1, "A start is accepted with the throttle above idle, for a relight in flight: the engine starts at idle and then rises to it.";
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
     }
 }
@@ -61,7 +62,9 @@ impl EngineSettings {
 
     /// Whether a change of this one waits until the engine is at rest.
     pub(crate) fn needs_rest(name: &str) -> bool {
-        Self::ROWS.iter().any(|row| row.name == name && row.name != "MAV_DISARM_STBY")
+        Self::ROWS
+            .iter()
+            .any(|row| row.name == name && !matches!(row.name, "MAV_DISARM_STBY" | "MAV_RELIGHT"))
     }
 }
 

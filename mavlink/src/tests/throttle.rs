@@ -36,7 +36,7 @@ fn a_start_runs_at_idle_and_then_follows_the_throttle() {
                 assert!(matches!(world.ordered(engine), None | Some(0)), "idle during the start");
                 world.pass(0.1).await;
             }
-            world.until("half throttle", 10, || world.ordered(engine) == Some(500)).await;
+            world.rises_to(engine, 500).await;
             world.throttle(IDLE_US);
             world.until("idle", 10, || world.ordered(engine) == Some(0)).await;
             world.pass(12.0).await;
@@ -66,7 +66,7 @@ fn disarmed_holds_at_idle_and_does_not_stop() {
         world.pass(60.0).await;
         assert_eq!((world.telemetry(1).state, world.ordered(1)), (EngineState::Running, Some(0)));
         world.plane.armed.set(true);
-        world.until("half throttle again", 15, || world.ordered(1) == Some(500)).await;
+        world.rises_to(1, 500).await;
     });
 }
 
@@ -113,7 +113,7 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
         }
         assert_eq!(last, 0, "disarmed");
         world.plane.armed.set(true);
-        world.until("full throttle", 20, || world.ordered(1) == Some(1000)).await;
+        world.rises_to(1, 1000).await;
         // It had forgotten the rate, and was asked again.
         let requests = world.plane.requests.borrow();
         assert!(requests.len() >= 2 && requests.iter().all(|(_, us)| *us == 25_000.0), "{requests:?}");
@@ -183,6 +183,26 @@ fn rc_override_is_a_throttle_only_where_it_is_chosen() {
         send(Address { system: 7, component: 190 }, ENGINE[1], 1900).await;
         send(GROUND, 0, 1900).await;
         assert!(world.telemetry(1).loss != LossStage::None);
+    });
+}
+
+#[test]
+fn a_relight_with_the_throttle_up_is_a_setting() {
+    run(async |world| {
+        world.ready().await;
+        world.throttle(1500);
+        world.pass(1.0).await;
+        let (answer, text) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, Some(1));
+        assert!(text.contains("throttle to idle first"), "{text}");
+        assert_eq!(world.set(ENGINE[1], "MAV_RELIGHT", 1.0).await.0, Some(1.0));
+        world.pass(6.0).await;
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        while world.telemetry(1).state != EngineState::Running {
+            assert!(matches!(world.ordered(1), None | Some(0)), "idle during the start");
+            world.pass(0.1).await;
+        }
+        world.rises_to(1, 500).await;
     });
 }
 

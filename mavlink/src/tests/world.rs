@@ -256,6 +256,19 @@ impl World<'_> {
         texts
     }
 
+    /// Waits until an engine is ordered to a throttle that is above, and looks that it rises at its rate, 50 % a second.
+    pub async fn rises_to(&self, engine: usize, throttle: u16) {
+        let mut before = self.ordered(engine).unwrap();
+        let end = Instant::now() + Duration::from_secs(15);
+        while before != throttle {
+            self.pass(0.02).await;
+            let ordered = self.ordered(engine).unwrap();
+            assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
+            assert!(Instant::now() < end, "{before} and not {throttle}");
+            before = ordered;
+        }
+    }
+
     /// Throttle of an engine's order, in 0.1 %.
     pub fn ordered(&self, engine: usize) -> Option<u16> {
         use jetlink::command::{Demand, Order};
