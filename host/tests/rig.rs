@@ -381,7 +381,7 @@ fn scenario(name: &str, least: usize) -> (String, Vec<String>) {
 
 /// These were told of this engine, in this order; others may stand between them.
 #[track_caller]
-fn told(text: &str, name: &str, expected: &[&str]) {
+fn reported(text: &str, name: &str, expected: &[&str]) {
     let happened = happened(text, name);
     let mut lines = happened.iter();
     for what in expected {
@@ -415,7 +415,7 @@ fn a_hot_start() {
         "command from bench rejected: command standby before a start",
         "ECU reports running",
     ];
-    told(&text, "left", &expected);
+    reported(&text, "left", &expected);
 }
 
 #[test]
@@ -423,8 +423,8 @@ fn a_flame_out() {
     let (text, _) = scenario("flame-out", 13);
     // Both engines are dead then.
     let expected = ["number of other engines that failed: 1", "no other engine counts as failed any more"];
-    told(&text, "left", &expected);
-    told(&text, "right", &expected);
+    reported(&text, "left", &expected);
+    reported(&text, "right", &expected);
 }
 
 #[test]
@@ -469,7 +469,7 @@ fn one_of_two_engines_is_lost() {
 #[test]
 fn an_emergency_stop_during_a_start() {
     let (text, _) = scenario("emergency-stop", 20);
-    told(
+    reported(
         &text,
         "right",
         &[

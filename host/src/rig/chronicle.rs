@@ -1,6 +1,6 @@
 //! What pictures of a run are made of: the record of its engines, and what happened. The plot and the report read the same one.
 
-use super::desk::Note;
+use super::context::Note;
 use super::quantity::seconds;
 use super::record::Record;
 use super::sample::Sample;

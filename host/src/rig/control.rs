@@ -1,6 +1,6 @@
 //! What steers a run while it goes on: nothing, a script file, or a person at the keyboard.
 
-use super::desk::Stage;
+use super::context::Stage;
 use super::ending::EndRequest;
 use super::passing::{Passing, SPEEDS};
 use super::play::action::{Action, Wish};

@@ -1,6 +1,6 @@
 //! The report of a run: one page for a browser, with its data, style and script inside. It needs no network.
 
-use super::audit::Said;
+use super::audit::WireCommand;
 use super::chronicle::{Chronicle, Subject};
 use super::ending::EndedBy;
 use super::outcome::{End, Outcomes};
@@ -158,10 +158,10 @@ fn engine(subject: &Subject, points: &[Point]) -> Value {
         "flags": flags,
         "stages": changes(points, |point| point.stage.name()),
         "wire": changes(points, |point| match point.on_wire {
-            None | Some(Said::Nothing) => "nothing",
-            Some(Said::Stop) => "emergency stop",
-            Some(Said::Standby) => "standby",
-            Some(Said::Run(_) | Said::RunRpm(_)) => "run",
+            None | Some(WireCommand::Nothing) => "nothing",
+            Some(WireCommand::Stop) => "emergency stop",
+            Some(WireCommand::Standby) => "standby",
+            Some(WireCommand::Run(_) | WireCommand::RunRpm(_)) => "run",
         }),
         "rpm": column(points, |point| point.rpm),
         "egt": column(points, |point| point.egt),

@@ -1,8 +1,8 @@
 //! The run itself: the node's runners, the lines with the ECUs, the pilots and the samples, all in one
 //! thread on the clock of the simulation.
 
+use super::context::{EngineContext, Notes, look};
 use super::control::{Control, Situation};
-use super::desk::{Desk, Notes, look};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
 use super::mavlink::Mavlink;
@@ -13,7 +13,7 @@ use super::pilot::Pilot;
 use super::plan::Plan;
 use super::play::player::Player;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
-use super::scenario::{Cockpit, Scenario};
+use super::scenario::{Scenario, ScenarioContext};
 use super::simulated::{counts, ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
@@ -76,8 +76,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
     let node = Node::new(&setup.engines);
-    let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
-    let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
+    let desk = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
+    let desks: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(desk).collect();
     let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
     let plugs: Vec<Plug<AnyEcu>> = setup
         .engines
@@ -92,7 +92,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     if setup.details {
         desks.iter().for_each(|desk| desk.tap.borrow_mut().open());
     }
-    let cockpit = Cockpit::new(&node, &desks, &plugs, &notes);
+    let cockpit = ScenarioContext::new(&node, &desks, &plugs, &notes);
     let player = Player::new(&node, &desks, &plugs, &notes);
 
     // All that goes on when the node is reset.
@@ -146,26 +146,27 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
 
     let outcomes = |end: End| {
-        let of_engine = |(i, ((desk, plug), flown)): (usize, ((&Desk<'_>, &Plug<AnyEcu>), &Flown))| {
-            let telemetry = node.telemetry(i);
-            let flown = flown.borrow().clone();
-            Outcome {
-                name: desk.engine.name(),
-                // A pilot that has given up still waits for its engine to cool.
-                flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
-                played: player.verdict(i),
-                node: telemetry.counters,
-                commands_rejected: telemetry.counters.commands_rejected,
-                link: telemetry.link,
-                ecu: plug.ecu(|ecu| counts(ecu)),
-                audit: desk.audit.borrow().clone(),
-                stops: desk.stops.get(),
-                recovered_after: desk.recovered_after.get(),
-                // The script of a scenario judges its lines itself.
-                line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
-                is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
-            }
-        };
+        let of_engine =
+            |(i, ((desk, plug), flown)): (usize, ((&EngineContext<'_>, &Plug<AnyEcu>), &Flown))| {
+                let telemetry = node.telemetry(i);
+                let flown = flown.borrow().clone();
+                Outcome {
+                    name: desk.engine.name(),
+                    // A pilot that has given up still waits for its engine to cool.
+                    flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
+                    played: player.verdict(i),
+                    node: telemetry.counters,
+                    commands_rejected: telemetry.counters.commands_rejected,
+                    link: telemetry.link,
+                    ecu: plug.ecu(|ecu| counts(ecu)),
+                    audit: desk.audit.borrow().clone(),
+                    stops: desk.stops.get(),
+                    recovered_after: desk.recovered_after.get(),
+                    // The script of a scenario judges its lines itself.
+                    line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
+                    is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
+                }
+            };
         Outcomes {
             engines: desks.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
             length: Instant::now() - Instant::MIN,
@@ -270,9 +271,9 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
 async fn with_node(
     world: impl Future<Output = ()>,
     node: &Node<'_>,
-    desks: &[Desk<'_>],
+    desks: &[EngineContext<'_>],
     plugs: &[Plug<AnyEcu>],
-    cockpit: &Cockpit<'_>,
+    cockpit: &ScenarioContext<'_>,
     notes: &Notes,
     mavlink: Option<&Mavlink>,
 ) {
@@ -345,7 +346,12 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
 }
 
 /// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
-async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, cockpit: &Cockpit<'_>) {
+async fn listen(
+    mut events: Events<'_>,
+    desk: &EngineContext<'_>,
+    plug: &Plug<AnyEcu>,
+    cockpit: &ScenarioContext<'_>,
+) {
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,

@@ -79,7 +79,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
                 problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
             }
             // A starting ECU may or may not have heard what was sent before it spoke.
-            let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_unheard + 1);
+            let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_before_ecu + 1);
             if lost > missed(outcome) {
                 problem(format!("{} commands went to the ECU, it accepted {}", audit.frames, ecu.accepted));
             }

@@ -1,6 +1,6 @@
 //! The run of somebody who looks on: fast where little happens, in real time where much does.
 
-use super::desk::Stage;
+use super::context::Stage;
 
 /// While the engines start, one after the other.
 const STARTING: u32 = 4;

@@ -1,7 +1,7 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
+use super::super::context::Stage;
 use super::super::control::{Control, Scripted, Situation, Turn};
-use super::super::desk::Stage;
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
 use super::super::play::script;
@@ -281,7 +281,7 @@ fn a_command_takes_the_engine_and_b_gives_it_back() {
     assert!(flying.script.contains("40.0 left throttle "), "{}", flying.script);
     let back = pair(62.0, &keys, "back");
     assert_eq!(back.model.samples[0].wire_text(), "standby");
-    assert_ne!(back.model.samples[0].stage, super::super::desk::Stage::Played);
+    assert_ne!(back.model.samples[0].stage, super::super::context::Stage::Played);
     assert_eq!(back.outcomes.engines[0].played.map(|verdict| verdict.missed), Some(0));
 }
 
