@@ -136,6 +136,7 @@ pub enum Order {
 
 /// Reason for refusing a command. A refused command changes nothing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Rejected {
     /// An emergency stop is latched.
     StopLatched,
@@ -185,6 +186,7 @@ pub enum Rejected {
 
 /// Interlock that keeps an engine from a start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Interlock {
     /// The engine is not armed.
     NotArmed,

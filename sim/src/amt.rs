@@ -28,7 +28,7 @@ use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
 
 pub use self::command::{AmtCommand, BadCommand, HEAD, LENGTH, Ops, parse_command};
 use self::command::{Heard, Receiver};
-pub use self::telemetry::{Engine, Status};
+pub use self::telemetry::{EngineModel, Status};
 use self::telemetry::{Values, Voltages};
 pub use self::temper::{AmtTemper, InFlight};
 use self::window::{Reply, Window};
@@ -58,7 +58,7 @@ const NORMAL_SETS: u8 = 10;
 #[derive(Clone, Debug, PartialEq)]
 pub struct AmtConfig {
     /// The engine that it reports, with its scales.
-    pub engine: Engine,
+    pub engine: EngineModel,
     /// Behaviour that the document leaves open and in which ECUs may differ.
     pub temper: AmtTemper,
     /// Data 1 of the alternate set, for ECUs with an old or an unknown number.
@@ -96,17 +96,17 @@ pub struct AmtConfig {
 
 impl AmtConfig {
     /// The usual ECU of this engine, at 2400 8N1.
-    pub fn new(engine: Engine) -> Self {
+    pub fn new(engine: EngineModel) -> Self {
         Self {
             engine,
             temper: AmtTemper::DEFAULT,
             engine_id: engine.id(),
             turbine: match engine {
-                Engine::Mercury => Parameters::MERCURY,
-                Engine::Pegasus => Parameters::PEGASUS,
-                Engine::Olympus => Parameters::OLYMPUS,
+                EngineModel::Mercury => Parameters::MERCURY,
+                EngineModel::Pegasus => Parameters::PEGASUS,
+                EngineModel::Olympus => Parameters::OLYMPUS,
                 // Engines larger than the Olympus, without figures of their own here: the Titan's.
-                Engine::Titan | Engine::Nike | Engine::Lynx => Parameters::TITAN,
+                EngineModel::Titan | EngineModel::Nike | EngineModel::Lynx => Parameters::TITAN,
             },
             line: Line::n1(2400),
             period: 125 * MILLIS,

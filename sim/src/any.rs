@@ -28,7 +28,7 @@ pub enum AnyConfig {
 
 impl AnyConfig {
     /// The AMT ECU of this engine at 2400 baud.
-    pub fn amt(engine: amt::Engine) -> Self {
+    pub fn amt(engine: amt::EngineModel) -> Self {
         Self::Amt(AmtConfig::new(engine))
     }
 

@@ -132,7 +132,7 @@ async fn block(starting: u32, oscillator: Oscillator) {
     chip::facts::memory();
     core();
     defmt::info!(
-        "selftest: stack {=u32} bytes deep since the start, {=u32} while it started",
+        "selftest: stack {=u32} bytes deep since the start, {=u32} bytes while it started",
         super::stack::deepest(),
         starting
     );

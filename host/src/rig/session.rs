@@ -17,9 +17,9 @@ use super::simulated::{counts, ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channel::Events;
-use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
+use jetlink::command::{Order, Ordered, Origin, Rejected};
 use jetlink::event::End as LifeEnd;
-use jetlink::event::{Event, LossStage};
+use jetlink::event::Event;
 use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
@@ -366,75 +366,19 @@ const fn may_be_many(event: Event) -> bool {
     )
 }
 
-/// An event for people; `None` for what the pilot says itself or the counters show.
+/// The library's sentence of an event; `None`: it is said elsewhere, or only counted.
 fn text(event: Event) -> Option<String> {
-    Some(match event {
-        Event::LinkUp => "link up".to_owned(),
-        Event::LinkLost => "LINK LOST".to_owned(),
-        Event::EcuStarted => "the ECU has started".to_owned(),
-        Event::EngineIdentified(engine) => format!("the ECU names its engine: {engine:?}"),
-        Event::EngineUnknown => "the ECU names an engine that is not known".to_owned(),
-        Event::VersionKnown(version) => format!("protocol version {}", version.get()),
-        Event::Phase(phase) => format!("the engine is {}", phase.name()),
-        Event::Faults(faults) if faults.is_empty() => "no fault any more".to_owned(),
-        Event::Faults(faults) => format!("FAULT: {faults}"),
-        Event::RateConfirmed(rate) => format!("status rate {} Hz", rate.hz()),
-        Event::RateNotConfirmed(rate) => format!("the ECU does not take the status rate {} Hz", rate.hz()),
+    match event {
         // That it listens is said once, when it starts.
-        Event::CommandRejected(Rejected::Listening, _) => return None,
-        Event::CommandRejected(why, from) => {
-            format!("command of {} rejected: {why}", from.name())
-        }
-        Event::SourceLoss(LossStage::None) => "the source of commands is back".to_owned(),
-        Event::SourceLoss(LossStage::Hold) => "SOURCE LOST: its last demand is held".to_owned(),
-        Event::SourceLoss(LossStage::FailSafe) => {
-            "SOURCE LOST: the demand goes to the fail-safe throttle".to_owned()
-        }
-        Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
-        Event::Armed(true, origin) => format!("armed by {}", origin.name()),
-        Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
-        Event::NotObeyed => "THE ECU DOES NOT FOLLOW ITS ORDERS: check the wire to it".to_owned(),
-        Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
-        Event::ActiveSource(origin) => format!("{} is in control", origin.name()),
+        Event::CommandRejected(Rejected::Listening, _) => None,
         // The fault itself is told by its name.
-        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => return None,
-        Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
-        Event::OtherFailed(0) => {
-            "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
-        }
-        Event::OtherFailed(1) => "ANOTHER ENGINE HAS FAILED".to_owned(),
-        Event::OtherFailed(count) => format!("{count} OTHER ENGINES HAVE FAILED"),
-        Event::Resumed(Demand::Throttle(throttle)) => {
-            format!("the node has started and goes on at {:.1} %", f64::from(throttle.tenths()) / 10.0)
-        }
-        Event::Resumed(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
-        Event::RunCancelled(end) => format!("{}: the node goes to standby", end.name()),
-        Event::LifeInDoubt => "in doubt whether the engine runs: the demand does not reach it".to_owned(),
-        Event::LifeConfirmed => "the engine runs: the demand goes out".to_owned(),
-        Event::Clamped(max) => format!("the demand is beyond the maximum: {} rpm go out", max.get()),
-        Event::TransmitterFailed => "NOTHING GOES OUT: the transmitter has failed for 1 s".to_owned(),
-        Event::TransmitterWorks => "the transmitter works again".to_owned(),
-        Event::Ordered(Ordered { order: Order::EmergencyStop, origin }) => {
-            format!("EMERGENCY STOP by {}", origin.name())
-        }
+        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => None,
         // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
-        _ => return None,
-    })
-}
-
-/// A limit that was passed, for people.
-fn limit(passed: LimitViolation) -> String {
-    let LimitViolation { kind, value, limit, .. } = passed;
-    match kind {
-        LimitKind::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
-        LimitKind::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
-        LimitKind::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),
-        LimitKind::HotStart => format!("hot start, EGT rises by {value} °C/s, more than {limit} °C/s"),
-        LimitKind::FlameOut => format!("flame-out, {value} % of the shaft speed lost, {limit} % or more"),
-        LimitKind::SupplyLow => format!("supply {value} mV, below {limit} mV"),
-        LimitKind::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
-        LimitKind::EcuFault => format!("the ECU reports fault {value}"),
-        LimitKind::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
+        Event::Ordered(Ordered { order, .. }) if order != Order::EmergencyStop => None,
+        Event::NotSent(_) | Event::ServiceSent(_) | Event::ServiceConfirmed(_) | Event::ServiceFailed(_) => {
+            None
+        }
+        told => Some(told.to_string()),
     }
 }
 

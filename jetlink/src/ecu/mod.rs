@@ -66,6 +66,7 @@ macro_rules! vendor_types {
         /// Mistake in the configuration of an ECU.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[non_exhaustive]
         pub enum Mistake {
             $($(#[$doc])* $name($mistake),)+
         }

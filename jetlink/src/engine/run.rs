@@ -175,7 +175,8 @@ impl Run {
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
         // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
         // loop of resets must.
-        match by.doubted.filter(|_| by.config.loss.standby_after.is_none() && !self.resumed_low) {
+        let could_run = self.life.reached() && !self.resumed_low;
+        match by.doubted.filter(|_| could_run && by.config.loss.standby_after.is_none()) {
             Some(since) => Some(at.max(since.checked_add(CONFIRMS_WITHIN)?)),
             None => Some(at),
         }

@@ -244,7 +244,25 @@ impl Moving {
         }
     }
 
+    /// While an ECU with its own speed control has not reported its maximum, or not again after its link was lost, an rpm does
+    /// not rise: it could not be clamped.
+    fn within_maximum(&self, target: Demand, shape: &Shape) -> Demand {
+        match target {
+            Demand::Rpm(rpm) if !shape.governed && shape.max_rpm.is_none() => {
+                let highest = match self {
+                    Self::Rpm(ramp) => Rpm::new(ramp.value()),
+                    Self::Throttle(_) => {
+                        shape.rpm.map(|rpm| rpm.value).or(shape.idle_rpm).unwrap_or(Rpm::new(0))
+                    }
+                };
+                Demand::Rpm(rpm.min(highest))
+            }
+            target => target,
+        }
+    }
+
     fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
+        let target = self.within_maximum(target, shape);
         match (&mut *self, target) {
             (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
                 ramp.follow(now, throttle.tenths().into(), rates, STEP)

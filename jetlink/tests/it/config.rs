@@ -124,15 +124,15 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
 /// A record belongs to one engine: its protocol, port, name and kind. Every other setting may change without losing it.
 #[test]
 fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
-    use jetlink::ecu::amt::codec::Engine;
+    use jetlink::ecu::amt::codec::EngineModel;
     let line = Line::new(9600);
     let others = [
         amt(0, line),
         amt(1, line),
         zk(0, line, Rate::Hz20),
         EngineConfig::amt("other", 0, line, None),
-        EngineConfig::amt("amt", 0, line, Some(Engine::Olympus)),
-        EngineConfig::amt("amt", 0, line, Some(Engine::Titan)),
+        EngineConfig::amt("amt", 0, line, Some(EngineModel::Olympus)),
+        EngineConfig::amt("amt", 0, line, Some(EngineModel::Titan)),
     ];
     for (i, one) in others.iter().enumerate() {
         for (j, other) in others.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 /// The engines of the document's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Engine {
+pub enum EngineModel {
     /// Mercury.
     Mercury,
     /// Pegasus.
@@ -17,7 +17,7 @@ pub enum Engine {
     Lynx,
 }
 
-impl Engine {
+impl EngineModel {
     /// Data 1 of the alternate set (AMT-4).
     pub const fn id(self) -> u8 {
         match self {
@@ -122,7 +122,7 @@ fn unit(value: f64) -> u8 {
 /// Content of normal and error sets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Values {
-    pub(super) engine: Engine,
+    pub(super) engine: EngineModel,
     pub(super) rpm: f64,
     pub(super) egt: f64,
     pub(super) throttle_half_percent: u8,
@@ -159,7 +159,7 @@ pub(super) struct Voltages {
     pub(super) external: f64,
 }
 
-pub(super) fn alternate(engine: Engine, id: u8, voltages: Voltages) -> [u8; 6] {
+pub(super) fn alternate(engine: EngineModel, id: u8, voltages: Voltages) -> [u8; 6] {
     let pump = |volts: f64| unit(volts * 255.0 / engine.pump_scale());
     [
         0xFF,
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_normal_set_by_hand() {
         let values = Values {
-            engine: Engine::Olympus,
+            engine: EngineModel::Olympus,
             rpm: 108_500.0,
             egt: 700.0,
             throttle_half_percent: 100,
@@ -201,14 +201,19 @@ mod tests {
         assert_eq!(values.normal(Status::MaximumRpm, 0x11)[1], 0x81);
         assert_eq!(values.error(0b0010_1001), [0xFF, 0, 0x29, 163, 100, 190]);
 
-        let mercury = Values { engine: Engine::Mercury, rpm: 151_200.0, ..values };
+        let mercury = Values { engine: EngineModel::Mercury, rpm: 151_200.0, ..values };
         assert_eq!(mercury.normal(Status::Starting, 0x14), [0xFF, 0x14, 216, 163, 100, 253]);
     }
 
     #[test]
     fn no_data_byte_is_ever_the_head() {
-        let values =
-            Values { engine: Engine::Pegasus, rpm: 1e9, egt: 1e9, throttle_half_percent: 255, pump_v: 1e9 };
+        let values = Values {
+            engine: EngineModel::Pegasus,
+            rpm: 1e9,
+            egt: 1e9,
+            throttle_half_percent: 255,
+            pump_v: 1e9,
+        };
         assert_eq!(values.normal(Status::MaximumRpm, 4)[1..], [0x84, 254, 254, 254, 254]);
         assert_eq!(values.error(255)[1..], [0, 254, 254, 254, 254]);
         let cold = Values { rpm: -1.0, egt: -100.0, pump_v: f64::NAN, ..values };
@@ -219,7 +224,7 @@ mod tests {
     fn an_alternate_set_by_hand() {
         let voltages = Voltages { idle: 1.3, maximum: 6.2, battery: 7.4, external: 12.0 };
         // 1.3 x 255 / 8.3 = 39.9; 190.5; 7.4 x 25.5 = 188.7; 5 x 255 / 9.3 = 137.1
-        assert_eq!(alternate(Engine::Titan, 0x20, voltages), [0xFF, 0x20, 40, 190, 189, 137]);
+        assert_eq!(alternate(EngineModel::Titan, 0x20, voltages), [0xFF, 0x20, 40, 190, 189, 137]);
     }
 
     #[test]

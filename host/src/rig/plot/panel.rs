@@ -1,10 +1,10 @@
 //! One engine of a plot: what happened above, shaft speed and EGT, the throttle in a strip of its own, the switch below.
 
 use super::super::audit::Said;
+use super::super::chronicle::{Happening, Subject};
 use super::super::record::{Band, Point};
 use super::palette::Palette;
 use super::scale::{Scale, thousands};
-use super::subject::{Happening, Subject};
 use super::svg::{Anchor, Svg, width};
 
 /// Lines of text for what happened.

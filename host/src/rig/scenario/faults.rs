@@ -6,12 +6,12 @@ use super::check::{ON_WIRE, all, is_run};
 use super::cockpit::Cockpit;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
-use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, SECOND};
 
 pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
     // An ECU that forgets a fault after 40 s, and starts on run alone, however hot.
-    let mut config = AmtConfig::new(Engine::Olympus).on(c.line(0));
+    let mut config = AmtConfig::new(EngineModel::Olympus).on(c.line(0));
     config.temper.starts_hot = true;
     config.temper.trips_clear_after = Some(40 * SECOND);
     c.plug_in(0, AmtEcu::new(config));

@@ -300,7 +300,7 @@ fn a_fault_shows_what_the_node_does_about_it() {
     let played = pair(52.0, &cut, "cut");
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("left: nothing is received from its ECU"), "{screen}");
-    assert!(screen.contains("LINK LOST") && screen.contains("set by you: cut"), "{screen}");
+    assert!(screen.contains("ECU link lost") && screen.contains("set by you: cut"), "{screen}");
     // No window missed is held against it, and the other engine is left alone.
     assert_eq!(super::super::summary::problems(&played.outcomes), Vec::<String>::new());
     assert!(played.outcomes.engines[1].played.is_none());

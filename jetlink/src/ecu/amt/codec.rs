@@ -31,7 +31,7 @@ const TEXT: usize = 5;
 
 closed_enum! {
     /// An AMT engine. It gives telemetry its scale.
-    pub enum Engine {
+    pub enum EngineModel {
         /// Mercury.
         Mercury => "mercury",
         /// Pegasus.
@@ -71,7 +71,7 @@ impl VoltageScale {
     }
 }
 
-impl Engine {
+impl EngineModel {
     /// From the engine ID of an alternate set, old and new numbers (AMT-4).
     pub const fn from_id(id: u8) -> Option<Self> {
         match id {
@@ -364,13 +364,13 @@ pub enum Message {
         switch: SwitchPosition,
         /// Engine state.
         state: State,
-        /// Raw rpm; its scale is [`Engine::rpm_step`].
+        /// Raw rpm; its scale is [`EngineModel::rpm_step`].
         rpm: u8,
         /// Exhaust gas temperature.
         egt: EgtByte,
         /// Throttle.
         throttle: ThrottleByte,
-        /// Raw Vout; its scale is [`Engine::vout_scale`].
+        /// Raw Vout; its scale is [`EngineModel::vout_scale`].
         vout: u8,
     },
     /// Error information (AMT-8).
@@ -381,20 +381,20 @@ pub enum Message {
         egt: EgtByte,
         /// Throttle.
         throttle: ThrottleByte,
-        /// Raw Vout; its scale is [`Engine::vout_scale`].
+        /// Raw Vout; its scale is [`EngineModel::vout_scale`].
         vout: u8,
     },
     /// Alternate information: one after ten normal sets.
     Alternate {
-        /// Engine ID as received; [`Engine::from_id`] identifies it.
+        /// Engine ID as received; [`EngineModel::from_id`] identifies it.
         engine_id: u8,
-        /// Raw idle voltage; its scale is [`Engine::vout_scale`].
+        /// Raw idle voltage; its scale is [`EngineModel::vout_scale`].
         idle: u8,
-        /// Raw maximum rpm voltage; its scale is [`Engine::vout_scale`].
+        /// Raw maximum rpm voltage; its scale is [`EngineModel::vout_scale`].
         max: u8,
-        /// Raw battery voltage; its scale is [`Engine::battery_scale`].
+        /// Raw battery voltage; its scale is [`EngineModel::battery_scale`].
         battery: u8,
-        /// Raw external battery voltage; its scale is [`Engine::external_scale`].
+        /// Raw external battery voltage; its scale is [`EngineModel::external_scale`].
         external: u8,
     },
     /// ECU set-up, once after power-up (AMT-9).
@@ -435,11 +435,11 @@ impl Setup {
     }
 
     /// The engine, identified by the version's first number.
-    pub fn engine(&self) -> Option<Engine> {
+    pub fn engine(&self) -> Option<EngineModel> {
         let (major, _) = self.version().split_once('.')?;
         // `parse` alone would accept "+9" and "09", which no ECU sends.
         let digits = major.bytes().all(|byte| byte.is_ascii_digit()) && !major.starts_with('0');
-        Engine::from_version(major.parse().ok().filter(|_| digits)?)
+        EngineModel::from_version(major.parse().ok().filter(|_| digits)?)
     }
 
     const fn version_len(&self) -> usize {

@@ -13,7 +13,8 @@
 //! ```
 
 use super::codec::{
-    Control, Decoder, Engine, ErrorBits, FRAME_LEN, Frame, Message, Ops, State, SwitchPosition, VoltageScale,
+    Control, Decoder, EngineModel, ErrorBits, FRAME_LEN, Frame, Message, Ops, State, SwitchPosition,
+    VoltageScale,
 };
 use super::config::{Config, REPLY_WINDOW, Service};
 use crate::command::{Demand, Order, Rejected};
@@ -58,7 +59,7 @@ pub struct AmtLink {
     /// The engine runs, so the demand is sent; until then the start throttle is (AMT-14).
     released: bool,
     /// `Some(None)`: the ECU reported an engine that is in no table.
-    engine: Debounced<Option<Engine>>,
+    engine: Debounced<Option<EngineModel>>,
 }
 
 impl AmtLink {
@@ -135,14 +136,14 @@ impl AmtLink {
                 self.sign = Some(Sign::Stateless);
                 // An ID that is in no table is also another engine: its scale is then unknown (AMT-4).
                 let certain = self.engine.get().is_none();
-                self.identify(now, Engine::from_id(engine_id), certain);
+                self.identify(now, EngineModel::from_id(engine_id), certain);
                 let engine = self.engine();
-                let vout = engine.and_then(Engine::vout_scale);
+                let vout = engine.and_then(EngineModel::vout_scale);
                 self.status.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
                 self.status.report.pump_max = Some(Timed::new(reading(max, vout), now));
-                let battery = reading(battery, engine.and_then(Engine::battery_scale));
+                let battery = reading(battery, engine.and_then(EngineModel::battery_scale));
                 self.status.report.supply = Some(Timed::new(battery, now));
-                let external = reading(external, engine.and_then(Engine::external_scale));
+                let external = reading(external, engine.and_then(EngineModel::external_scale));
                 self.status.report.external_battery = Some(Timed::new(external, now));
             }
             Message::Setup(setup) => {
@@ -179,7 +180,7 @@ impl AmtLink {
         // AMT-5: without a scale there is no rpm, and an old one would be wrong.
         self.status.report.rpm = self
             .engine()
-            .and_then(Engine::rpm_step)
+            .and_then(EngineModel::rpm_step)
             .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
     }
 
@@ -194,7 +195,7 @@ impl AmtLink {
         if let Some(throttle) = throttle.throttle() {
             self.status.report.throttle = Some(Timed::new(throttle, now));
         }
-        let scale = self.engine().and_then(Engine::vout_scale);
+        let scale = self.engine().and_then(EngineModel::vout_scale);
         self.status.report.pump = Some(Timed::new(reading(vout, scale), now));
     }
 
@@ -202,7 +203,7 @@ impl AmtLink {
         self.state.faults(now, Faults::Amt(bits), &mut self.status.report, &mut self.outbox);
     }
 
-    fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
+    fn identify(&mut self, now: Instant, engine: Option<EngineModel>, certain: bool) {
         let before = self.engine.get();
         if certain {
             self.engine.set(engine);
@@ -224,7 +225,7 @@ impl AmtLink {
         }
     }
 
-    fn engine(&self) -> Option<Engine> {
+    fn engine(&self) -> Option<EngineModel> {
         self.engine.get().flatten()
     }
 
@@ -372,7 +373,7 @@ impl Link for AmtLink {
                 Ok(())
             }
             AnyService::Amt(Service::Ctf) => Err(Rejected::NotOrderedToRun),
-            AnyService::Zk(_) => Err(Rejected::NotSupported),
+            _ => Err(Rejected::NotSupported),
         }
     }
 

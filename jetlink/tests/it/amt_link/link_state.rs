@@ -99,7 +99,7 @@ fn amt_9_a_restart_of_the_ecu_is_reported() {
     let mut bench = running();
     reply_to(&mut bench, &setup("9.35 140617 "));
     let events = bench.event_kinds();
-    assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
+    assert_eq!(events, [Event::EngineIdentified(EngineModel::Olympus), Event::EcuStarted]);
     let report = &bench.machine.status().report;
     assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
     assert_eq!(report.amt_setup.unwrap().at, at_us(bench.now_us()));

@@ -7,13 +7,13 @@ use super::*;
 fn amt_5_amt_6_the_engine_sets_the_scales_of_rpm_and_voltages() {
     // engine, rpm of 100, mV of 51 idle, 102 maximum, 204 battery, 153 external, 255-step Vout of 51
     for (engine, rpm, idle, max, battery, external) in [
-        (Engine::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
-        (Engine::Pegasus, Some(50_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
-        (Engine::Olympus, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
-        (Engine::Titan, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
-        (Engine::Nike, None, Some(1660), Some(3320), None, Some(12_580)),
-        (Engine::Lynx, None, None, None, None, None),
-        (Engine::Orion, None, None, None, None, None),
+        (EngineModel::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (EngineModel::Pegasus, Some(50_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (EngineModel::Olympus, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (EngineModel::Titan, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (EngineModel::Nike, None, Some(1660), Some(3320), None, Some(12_580)),
+        (EngineModel::Lynx, None, None, None, None, None),
+        (EngineModel::Orion, None, None, None, None, None),
     ] {
         let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
         bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID says nothing
@@ -68,7 +68,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
             .collect();
         (told, bench.machine.status().report.amt_engine.map(|engine| engine.value))
     };
-    use Engine::{Mercury, Olympus, Pegasus, Titan};
+    use EngineModel::{Mercury, Olympus, Pegasus, Titan};
     let configured = || {
         let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
         bench.order(0, Order::Standby).unwrap();
@@ -218,7 +218,7 @@ fn amt_8_faults_are_reported_when_they_change() {
 /// AMT-8: Data2 of an error set is no rpm.
 #[test]
 fn amt_8_an_error_set_gives_no_rpm() {
-    let mut bench = amt(Config { engine: Some(Engine::Titan), ..Config::DEFAULT }, SLOW);
+    let mut bench = amt(Config { engine: Some(EngineModel::Titan), ..Config::DEFAULT }, SLOW);
     bench.order(0, Order::Standby).unwrap();
     reply_to(&mut bench, &error(0x20));
     let report = &bench.machine.status().report;

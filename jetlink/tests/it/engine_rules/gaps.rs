@@ -162,3 +162,27 @@ fn zk_13_a_service_command_is_not_repeated_after_a_gap() {
         assert_eq!(sets(scenario.bench.bytes()) > 0, repeated, "gap: {gap}");
     }
 }
+
+/// "A demand beyond the maximum is clamped": also until an ECU has reported its maximum again, after the link was lost.
+#[test]
+fn an_rpm_demand_does_not_rise_before_the_maximum_is_reported_again() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+    let demand = Command::Run(rpm(200_000));
+    scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+    scenario.bench.frames();
+    scenario.silent().fly_us(demand, Origin::Rc, SECOND);
+    scenario.says(Says::Running).fly_us(demand, Origin::Rc, 3 * SECOND);
+    let codes = |scenario: &mut Scenario| -> Vec<u16> {
+        let frames = scenario.bench.bytes();
+        let frames = frames.iter().filter(|frame| frame[1] >> 4 == 7);
+        frames.map(|frame| u16::from_be_bytes([frame[1] & 0x0F, frame[2]])).collect()
+    };
+    let without = codes(&mut scenario);
+    assert!(without.iter().all(|code| *code == 4000), "160 000 rpm is code 4000: {without:?}");
+    // With a lower maximum the demand falls: 100 000 rpm in steps of 30.
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [100, 0, 5 << 2]));
+    }
+    scenario.fly_us(demand, Origin::Rc, 3 * SECOND);
+    assert_eq!(codes(&mut scenario).last(), Some(&3333));
+}

@@ -218,3 +218,21 @@ fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
 }
+
+/// A start whose source died ends 10 s after the fail-safe stage, also when a gap raises doubt just before: there is no running
+/// engine that the doubt could be about.
+#[test]
+fn a_gap_does_not_prolong_a_start_whose_source_is_silent() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        let last = scenario.now_us();
+        scenario.says(Says::Starting);
+        // Timeout, hold and run-out: 0.5 s, 1 s and 10 s.
+        scenario.run_to_us(last + 11 * SECOND);
+        scenario.silent().run_to_us(last + 11_450_000);
+        assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
+        scenario.run_to_us(last + 11_550_000);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+    }
+}

@@ -72,7 +72,7 @@ pub struct Values {
 impl Ecu {
     pub fn config(self) -> EngineConfig {
         match self {
-            Self::Amt => EngineConfig::amt("a", 0, Line::new(9600), Some(amt::codec::Engine::Olympus)),
+            Self::Amt => EngineConfig::amt("a", 0, Line::new(9600), Some(amt::codec::EngineModel::Olympus)),
             Self::Zk => EngineConfig::zk("z", 0, Line::new(9600), Rate::Hz20),
         }
     }
