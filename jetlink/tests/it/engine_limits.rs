@@ -41,7 +41,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
 
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
 #[test]
-fn a_limit_is_passed_by_two_consecutive_values() {
+fn a_limit_is_violated_by_two_consecutive_values() {
     use LimitKind::{LowRpm, OverSpeed, OverTemperature};
     type Change = fn(&mut Limits);
     let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
@@ -118,7 +118,7 @@ fn a_limit_is_reported_with_its_time() {
 
 /// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
 #[test]
-fn without_a_limit_the_engines_own_figures_serve() {
+fn without_a_limit_the_engines_own_figures_apply() {
     let values = |rpm| Values { rpm: Some(rpm), egt_celsius: 26, half_percents: 0, fault: 0 };
     let quiet = |limits: &mut Limits| {
         limits.implausible = Limit::NONE;
@@ -361,7 +361,7 @@ fn each_limit_takes_its_action() {
 
 /// A limit with an action that is passed refuses a start; one that is only told does not.
 #[test]
-fn a_limit_that_is_passed_refuses_a_start() {
+fn a_violated_limit_refuses_a_start() {
     for (action, expected) in [
         (Action::Report, Ok(Accepted::InForce)),
         (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),

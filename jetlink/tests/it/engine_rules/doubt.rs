@@ -4,7 +4,7 @@ use super::*;
 
 /// "in mode 3 the demand as ID 7 in turn with it ... While a source is fresh this goes on".
 #[test]
-fn in_doubt_an_rpm_demand_goes_out_for_as_long_as_its_source_is_fresh() {
+fn in_doubt_an_rpm_demand_is_sent_for_as_long_as_its_source_is_fresh() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     let fly = Command::Run(rpm(100_000));
     scenario.fly_us(fly, Origin::Rc, SECOND);

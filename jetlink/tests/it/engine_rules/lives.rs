@@ -27,7 +27,7 @@ fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
 
 /// "When the fault clears, the reply to the first normal sets is not run unless they say running."
 #[test]
-fn amt_when_a_fault_clears_run_waits_for_sets_that_say_running() {
+fn amt_when_a_fault_clears_run_waits_for_sets_that_report_running() {
     for state in [0b00001, 0b00010, 0b00100, 0b01000, 0b11111] {
         let mut scenario = flying(Ecu::Amt, 90);
         // The exhaust burns.
@@ -155,7 +155,7 @@ fn stopped_in_a_gap(gap: u64) {
 /// "When no set was answered for the ECU's serial delay time the order is given up": a reply that the transmitter did not send
 /// answers nothing.
 #[test]
-fn amt_replies_that_were_not_sent_keep_no_order() {
+fn amt_replies_that_were_not_sent_do_not_keep_an_order() {
     for (sends, given_up) in [(true, false), (false, true)] {
         let mut scenario = flying(Ecu::Amt, 50);
         scenario.silent().pass_us(600_000);

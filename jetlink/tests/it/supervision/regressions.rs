@@ -15,7 +15,7 @@ use jetlink::units::{Celsius, Throttle};
 
 /// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
 #[test]
-fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
+fn alternating_sources_do_not_hold_a_lost_demand() {
     for ecu in BOTH {
         let mut scenario = Scenario::started_with(
             ecu,
@@ -35,7 +35,7 @@ fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
 /// A source that was lost and speaks again does not rule yet, so its new demand is not the one that is held when
 /// the ruling source falls silent.
 #[test]
-fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
+fn a_demand_of_a_source_not_yet_in_control_is_not_held() {
     for ecu in BOTH {
         let mut scenario =
             Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
@@ -54,7 +54,7 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
 
 /// A source that flaps may not start an engine against a steady one below it.
 #[test]
-fn a_source_that_is_not_there_yet_starts_nothing() {
+fn a_source_not_yet_in_control_starts_no_engine() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.fly_us(Command::Standby, Origin::Bench, 2 * SECOND);
@@ -94,7 +94,7 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 /// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
 /// that is kept is released by it.
 #[test]
-fn a_command_before_the_engine_begins_leaves_a_retained_stop() {
+fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
     let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };

@@ -253,7 +253,7 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
 /// ZK-8, ZK-9: a hand-over from mode 3 leads from run to PWM, and not through the switch that ID 1 carried before
 /// the start.
 #[test]
-fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
+fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
     bench.order(bench.now_us(), Order::Standby).unwrap();

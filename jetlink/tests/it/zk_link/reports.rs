@@ -139,7 +139,7 @@ fn zk_5_values_carry_their_time() {
 
 /// ZK-5: a throttle above 100 % has no meaning and is not taken over.
 #[test]
-fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
+fn zk_5_a_throttle_above_100_percent_is_ignored() {
     let mut bench = link(Config::DEFAULT, LINE);
     bench.receive(&zk::status(3, 0, [101, 0, 0]));
     assert_eq!(bench.machine.status().report.throttle, None);
@@ -149,7 +149,7 @@ fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
 
 /// Events when something changes, and only then.
 #[test]
-fn events_come_when_something_changes_and_only_then() {
+fn events_are_published_on_changes_only() {
     let mut bench = link(Config::DEFAULT, LINE);
     let version = Version::new(4).unwrap();
     for (frame, events) in [

@@ -4,7 +4,7 @@ use super::*;
 
 /// ZK-13: ID 3 immediately before ID 4 or 5, with nothing in between, and status ID 5 confirms.
 #[test]
-fn zk_13_an_unlock_goes_immediately_before_its_command() {
+fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
     for (command, frame, before, shown) in [
         (curve(40), zk::curve(40), zk::settings(7, 39), zk::settings(7, 40)),
         (ignition(2000), zk::ignition_pump(100), zk::settings(99, 39), zk::settings(100, 39)),
@@ -65,7 +65,7 @@ fn zk_13_a_command_fails_after_three_attempts() {
 
 /// ZK-13: an emergency stop between the unlock and its command goes first; the command does not follow a stop.
 #[test]
-fn zk_13_a_stop_between_unlock_and_command_goes_first() {
+fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     let mut bench = ecu(3);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
@@ -193,7 +193,7 @@ fn zk_13_an_unlock_that_failed_is_sent_again() {
 
 /// A plain action goes out once, between two frames of the demand.
 #[test]
-fn an_action_goes_out_once() {
+fn an_action_is_sent_once() {
     for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.code())) {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
@@ -208,7 +208,7 @@ fn an_action_goes_out_once() {
 
 /// An action is told as sent when its last stop bit is out.
 #[test]
-fn an_action_is_reported_when_it_is_out() {
+fn an_action_is_reported_when_it_was_sent() {
     let mut bench = ecu(5);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Drain)).unwrap();

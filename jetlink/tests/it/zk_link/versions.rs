@@ -5,7 +5,7 @@ use super::*;
 /// ZK-7: a command that the ECU's version does not know is refused with both versions; while no two reports agree on the
 /// version only version 1 commands are taken.
 #[test]
-fn zk_7_each_version_gets_its_commands_only() {
+fn zk_7_each_version_is_sent_only_its_commands() {
     let services = Action::ALL
         .into_iter()
         .map(|one| {
