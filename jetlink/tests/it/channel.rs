@@ -1,4 +1,4 @@
-//! A source of commands is a capability: whoever holds it is the only one who speaks for it.
+//! A source of commands is a capability: only its owner can command in its name.
 
 use jetlink::channel::{Channel, ClaimError};
 use jetlink::command::{Accepted, Command, Origin};

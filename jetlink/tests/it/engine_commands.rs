@@ -1,4 +1,4 @@
-//! Service commands, the hand-over to PWM, what is told, and any schedule of all of it. For both ECUs.
+//! Service commands, the hand-over to PWM, reports, and random schedules of all of them. For both ECUs.
 
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action};
@@ -132,7 +132,7 @@ fn zk_8_a_hand_over_counts_as_a_start() {
 // Service commands and refusals
 // ---------------------------------------------------------------------------------------------
 
-/// An ECU that was not heard for three frames may be another one when it comes back.
+/// An ECU that was silent for three frames may be another one when it returns.
 #[test]
 fn zk_13_services_that_move_fuel_are_refused_in_a_gap() {
     for service in MOVE_FUEL {
@@ -255,7 +255,7 @@ fn refusals_change_nothing() {
     }
 }
 
-/// The order is told when it changes in kind or hands, not at every new throttle.
+/// The order is reported when it changes in kind or origin, not at every new throttle.
 #[test]
 fn orders_are_reported_when_they_change_in_kind() {
     for ecu in BOTH {

@@ -128,7 +128,7 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
         let mut scenario = at(governed(|_| {}), 60, 80_000);
         scenario.fly_us(target(85_000), Origin::Rc, 2 * SECOND);
         assert!(throttle(&scenario) > 500);
-        // Error sets: heard, and without an rpm.
+        // Error sets: received, without an rpm.
         let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
         let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
         scenario.silent();
@@ -183,7 +183,7 @@ fn a_lost_source_lowers_the_governors_throttle() {
     let held = scenario.tenths();
     scenario.pass_us(500_000 - 100_000 + SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
-    // The shaft falls, and nobody pushes it up.
+    // The shaft slows down, and nothing accelerates it.
     scenario.values.rpm = Some(60_000);
     let mut before = scenario.tenths();
     assert!(before <= held + 5);

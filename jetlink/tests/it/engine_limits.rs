@@ -29,7 +29,7 @@ fn burns(scenario: &mut Scenario) {
     scenario.fly_us(run(50), Origin::Rc, SECOND);
 }
 
-/// What is told when some frames in a row say this, and the engine's own values after it.
+/// Events after some consecutive frames with these values, and then the engine's own values.
 fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
     let before = scenario.values;
     scenario.values = values;
@@ -133,7 +133,7 @@ fn without_a_limit_the_engines_own_figures_apply() {
         let mut scenario = running(Ecu::Zk, quiet);
         assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
     }
-    // Low while it stands or starts is nothing.
+    // A low speed at rest or during a start is no violation.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(run(0)).unwrap();
     scenario.values.rpm = Some(1_000);
@@ -146,7 +146,7 @@ fn without_a_limit_the_engines_own_figures_apply() {
 #[test]
 fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
     for ecu in BOTH {
-        // °C per second, and whether that is told: the default is 200.
+        // °C per second, and whether that is reported: the default is 200.
         for (rate, says, told) in
             [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
         {

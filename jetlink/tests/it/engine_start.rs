@@ -1,4 +1,4 @@
-//! What an engine is said to do, and what it takes to start one. For both ECUs, to the tick.
+//! The reported state of an engine, and the conditions for a start. For both ECUs, exact to the tick.
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
@@ -110,7 +110,7 @@ fn zk_each_state_is_reported_as_its_phase() {
     }
 }
 
-/// A state ages: an ECU that is heard and no longer says it is not known, one that is not heard is offline.
+/// A state ages: it is unknown if a received ECU no longer reports it, and offline if the ECU is silent.
 #[test]
 fn a_state_is_as_old_as_its_report() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
@@ -374,7 +374,7 @@ fn one_engine_of_a_group_starts_at_a_time() {
     }
 }
 
-/// Whoever is refused is told why, once, and nothing has changed but its permission to start, which is gone.
+/// A refusal is reported once with its reason, and changes nothing but the start permission, which it uses up.
 #[test]
 fn a_refusal_is_typed_counted_and_reported_once() {
     for ecu in BOTH {
@@ -546,7 +546,7 @@ fn a_start_times_out_exactly_to_the_tick() {
     }
 }
 
-/// Where the ECU gives its own start-up time, twice that counts, and the event says so.
+/// Where the ECU reports its own start-up time, twice that time applies, and the event shows it.
 #[test]
 fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
@@ -657,7 +657,7 @@ fn one_odd_report_does_not_end_a_start() {
     }
 }
 
-/// A loss that ends in the moment it is found makes the link new all the same.
+/// A loss that ends at the moment when it is detected still restarts the stable time of the link.
 #[test]
 fn a_link_loss_that_ends_at_once_restarts_the_stable_link_time() {
     for ecu in BOTH {

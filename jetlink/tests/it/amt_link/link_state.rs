@@ -84,7 +84,7 @@ fn amt_1_damaged_frames_do_not_keep_the_link_up() {
     assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
-/// An ECU that is never heard is lost once, too.
+/// An ECU that was never received is also lost once.
 #[test]
 fn an_ecu_that_was_never_received_is_lost_once() {
     let mut bench = default();

@@ -306,7 +306,7 @@ fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
     }
 }
 
-/// AMT-3: a state without a name is kept, and does not drop the throttle of a running engine.
+/// AMT-3: an unnamed state is stored, and does not drop the throttle of a running engine.
 #[test]
 fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
     let unknown = hot(normal(0b10101, RUN, 100));

@@ -150,7 +150,7 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_repeated() {
     }
 }
 
-/// AMT-11: the smallest time left in the window is kept; a reply that ended late is counted.
+/// AMT-11: the smallest margin in the window is recorded; a reply that ended late is counted.
 #[test]
 fn amt_11_the_smallest_margin_of_the_window_is_counted() {
     let mut bench = default().by_hand();

@@ -103,7 +103,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     assert!(bench.event_kinds().contains(&Event::EngineUnknown));
     assert_eq!((bench.machine.status().report.rpm, bench.machine.status().report.amt_engine), (None, None));
 
-    // What was configured is told when the ECU says so itself; what the ECU says wins.
+    // The configured engine is reported when the ECU confirms it; the ECU's own report takes precedence.
     let mut bench = configured();
     assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not said it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
@@ -112,7 +112,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     assert_eq!(named(&mut bench, &alternate(0x10)), (vec![Pegasus], Some(Pegasus)));
 }
 
-/// AMT-3: the ECU's state in plain words.
+/// AMT-3: the phase for the ECU's state.
 #[test]
 fn amt_3_each_state_has_its_phase() {
     for (state, switch, rpm, phase) in [
@@ -226,7 +226,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
     assert_eq!(report.egt.unwrap().value.tenths(), 420); // Data3..5 as in the normal set: 20 × 4.6 − 50
 }
 
-/// AMT-2: a frame of an unknown kind is counted, and its bytes are kept.
+/// AMT-2: a frame of an unknown kind is counted, and its bytes are stored.
 #[test]
 fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
     let mut bench = default();
@@ -256,7 +256,7 @@ fn amt_1_a_line_error_discards_the_values_but_not_the_reply() {
     assert_eq!(ops_thr(&mut bench, &normal(STARTING, AUTO_STOP, 1)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report, report);
     assert_eq!(bench.machine.status().counters.damaged_frames, 1);
-    // The next is believed again.
+    // The next one is used again.
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }

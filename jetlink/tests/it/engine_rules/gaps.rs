@@ -69,7 +69,7 @@ fn frames_at_a_new_status_rate_are_no_gaps() {
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
     }
-    // At 100 Hz until it is told 20 Hz.
+    // At 100 Hz until 20 Hz is commanded.
     scenario.bench.frames();
     let mut doubt = 0;
     let mut slow = false;
@@ -126,7 +126,8 @@ fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
     );
 }
 
-/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby, too.
+/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby,
+/// too.
 #[test]
 fn amt_13_an_engine_that_ctf_was_stopping_does_not_resume_after_a_long_gap() {
     let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));

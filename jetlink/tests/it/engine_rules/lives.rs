@@ -67,7 +67,7 @@ fn amt_a_life_in_doubt_ends_within_a_bound() {
     let end = scenario.now_us() + 600 * SECOND;
     while scenario.now_us() < end {
         let _ = scenario.command(run(90));
-        // Running, and the shaft stands.
+        // Running, with the shaft at rest.
         hear(&mut scenario, &amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 0));
     }
     assert!(

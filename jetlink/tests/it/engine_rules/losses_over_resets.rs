@@ -1,4 +1,4 @@
-//! Losses go on over resets.
+//! Losses continue across resets.
 
 use super::*;
 

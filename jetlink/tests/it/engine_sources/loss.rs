@@ -242,7 +242,7 @@ fn a_lost_link_and_a_lost_source_are_handled_separately() {
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Up, LossStage::FailSafe));
 
-        // Both: the stages run all the same.
+        // Both: the stages run in the same way.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.silent().pass_us(3 * SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
@@ -265,7 +265,7 @@ fn there_is_no_loss_without_a_demand() {
     }
 }
 
-/// A demand is kept fresh by demands alone, not by whatever else the same source says.
+/// Only demands keep a demand fresh, not other commands of the same source.
 #[test]
 fn only_a_demand_keeps_a_demand_fresh() {
     for ecu in BOTH {

@@ -224,7 +224,7 @@ fn the_active_source_is_reported_in_standby() {
     }
 }
 
-/// The end of a loss in standby shows until somebody commands.
+/// A loss that ends in standby is reported until a source commands.
 #[test]
 fn standby_by_loss_is_reported_until_a_source_commands() {
     for ecu in BOTH {

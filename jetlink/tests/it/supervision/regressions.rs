@@ -32,8 +32,8 @@ fn alternating_sources_do_not_hold_a_lost_demand() {
     }
 }
 
-/// A source that was lost and speaks again does not rule yet, so its new demand is not the one that is held when
-/// the ruling source falls silent.
+/// A source that was lost and commands again is not in control yet, so its new demand is not the one that is held when
+/// the source in control falls silent.
 #[test]
 fn a_demand_of_a_source_not_yet_in_control_is_not_held() {
     for ecu in BOTH {
@@ -43,7 +43,7 @@ fn a_demand_of_a_source_not_yet_in_control_is_not_held() {
         // RC is lost for longer than a gap that is none; the bench waits to take over.
         scenario.fly_us(run(10), Origin::Bench, 1_600_000);
         assert_eq!(scenario.tenths(), 300, "{ecu:?}");
-        // RC speaks again, with another demand, and both fall silent.
+        // RC commands again, with another demand, and both fall silent.
         assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
         for _ in 0..30 {
             scenario.pass_us(COMMAND_PERIOD_US);
@@ -61,7 +61,7 @@ fn a_source_not_yet_in_control_starts_no_engine() {
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.order(), Order::Standby);
-        // Beside it: it has said standby for a second, and starts it.
+        // For comparison: it has commanded standby for a second, and starts the engine.
         scenario.says(Says::Standby);
         scenario.fly_us(Command::Standby, Origin::Rc, 1_200_000);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
@@ -108,7 +108,7 @@ fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
 }
 
-/// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
+/// A reset retains the demand on the wire, not one that a slew has not reached yet.
 #[test]
 fn the_retained_demand_is_no_higher_than_the_one_on_the_wire() {
     for ecu in BOTH {
@@ -138,7 +138,7 @@ fn a_start_that_a_reset_cut_short_does_not_resume() {
         assert_eq!(after.order(), Order::Listen, "{ecu:?}");
         after.fly_us(run(72), Origin::Rc, SECOND);
         assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
-        // Beside it: an engine that has reached running goes on.
+        // For comparison: an engine that has reached running resumes.
         scenario.values.rpm = None;
         scenario.says(Says::Running);
         let mut after = scenario.reset(ecu.config());
@@ -194,7 +194,7 @@ fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
             scenario.says(Says::Running);
             assert_eq!(scenario.order(), then, "{ecu:?}");
         }
-        // Beside it: with nothing said the retained one goes on.
+        // For comparison: without a command the retained demand resumes.
         let mut scenario = retained();
         scenario.says(Says::Running);
         assert_eq!(scenario.order(), Order::Run(percent(33)), "{ecu:?}");

@@ -28,7 +28,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
             frames.rotate_left(1);
         }
         assert_eq!(frames, expected, "{order:?} of version {version}");
-        // When the link is lost the version is forgotten; the engine is in mode 3 all the same.
+        // When the link is lost the version is discarded; the engine is still in mode 3.
         bench.run_to_us(bench.now_us() + 600_000);
         bench.frames();
         let mut frames = turns(&mut bench, 4);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Up after one frame, because it has a CRC; lost by the timer to the tick, once; the turns go on (ZK-10).
+/// Up after one frame, because it has a CRC; lost by the timer, exact to the tick, once; the send slots continue (ZK-10).
 #[test]
 fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     let mut bench = link(Config::DEFAULT, LINE);
@@ -26,7 +26,7 @@ fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     assert_eq!(bench.event_kinds(), [Event::Phase(Phase::Standby)], "two agree");
 }
 
-/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are kept.
+/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are stored.
 #[test]
 fn zk_15_unknown_ids_are_frames() {
     for id in [0, 10, 11, 12, 13, 14] {
@@ -57,7 +57,7 @@ fn zk_15_unknown_numbers_are_kept() {
     assert_eq!((error.code(), error.name()), (29, "unknown"));
 }
 
-/// ZK-8, ZK-5: the state in plain words and the switch that the ECU says it obeys.
+/// ZK-8, ZK-5: the phase and the switch that the ECU reports.
 #[test]
 fn zk_8_each_state_has_its_phase_and_reported_switch() {
     for (states, phase) in [

@@ -106,7 +106,7 @@ fn a_stop_ends_a_waiting_service_command() {
     }
 }
 
-/// An order other than standby ends a service command at every stage, and says so; standby ends none.
+/// An order other than standby ends a service command at every stage and reports it; standby ends none.
 #[test]
 fn an_order_ends_a_service_command_at_every_stage() {
     let orders = [throttle(0), rpm(50_000), Order::EmergencyStop, Order::Pwm];
@@ -206,7 +206,7 @@ fn an_action_is_sent_once() {
     }
 }
 
-/// An action is told as sent when its last stop bit is out.
+/// An action is reported as sent when its last stop bit has been sent.
 #[test]
 fn an_action_is_reported_when_it_was_sent() {
     let mut bench = ecu(5);
@@ -244,7 +244,7 @@ fn a_service_command_that_never_gets_through_has_failed() {
     }
 }
 
-/// An action that the UART did not send is sent again, and is told when it went out.
+/// An action that the UART did not send is sent again, and reported when it was sent.
 #[test]
 fn an_action_that_was_not_sent_is_sent_again() {
     let mut bench = ecu(5).by_hand();

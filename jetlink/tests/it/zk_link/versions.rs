@@ -129,7 +129,7 @@ fn zk_6_voltages_wait_for_the_version() {
             let reading = reading.unwrap().value;
             assert_eq!((reading.raw, reading.voltage.map(Millivolts::get)), (raw, voltage), "{version:?}");
         }
-        // The maximum pump voltage stands in the same frame as the version.
+        // The maximum pump voltage is in the same frame as the version.
         let max = report.pump_max.map(|max| max.value.voltage.unwrap().get());
         assert_eq!(max, version.map(|version| if version <= 3 { 10_000 } else { 20_000 }));
     }
