@@ -9,7 +9,7 @@ use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
 use crate::line::{Line, Timing};
 use crate::mistake::Sentence;
-use crate::setting::{Setting, SettingError, SettingId};
+use crate::setting::{Row, Setting, SettingError, SettingId};
 
 /// One engine and its port.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -75,6 +75,11 @@ impl EngineConfig {
         Supervision::TABLE.into_iter().chain([Timing::SETTINGS, self.ecu.settings()]).flatten()
     }
 
+    /// The same table without its texts, as a firmware offers it as parameters.
+    pub fn rows(&self) -> impl Iterator<Item = &'static Row> {
+        Supervision::TABLE_ROWS.into_iter().chain([Timing::ROWS, self.ecu.rows()]).flatten()
+    }
+
     /// The value of a setting; [`crate::setting::OFF`] where it is off.
     pub fn number(&self, name: &str) -> Option<i32> {
         self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(|| self.ecu.number(name))
@@ -89,8 +94,15 @@ impl EngineConfig {
         if !setting.allows(number) {
             return Err(SettingError::OutOfRange(setting));
         }
-        let done = self.timing.set_own(name, number) || self.ecu.set(name, number);
-        if done { Ok(()) } else { self.supervision.set(name, number) }
+        if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
+    }
+
+    /// Changes a setting whose row ([`EngineConfig::rows`]) allows this number. False: there is none of this name, or it belongs
+    /// to something that is off.
+    pub fn change(&mut self, name: &str, number: i32) -> bool {
+        self.timing.set_own(name, number)
+            || self.ecu.set(name, number)
+            || self.supervision.change(name, number)
     }
 }
 

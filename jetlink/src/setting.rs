@@ -35,6 +35,8 @@ pub enum Unit {
     Frames,
     /// A number as the ECU sends it.
     Raw,
+    /// A plain number: an identifier or a choice.
+    Number,
     /// 0 is no, 1 is yes.
     YesNo,
     /// 0 reports, 1 is the fail-safe throttle, 2 is standby.
@@ -42,6 +44,8 @@ pub enum Unit {
 }
 
 /// The symbol of a kind's unit, as a literal.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! symbol {
     (ms) => {
         "ms"
@@ -96,6 +100,12 @@ macro_rules! symbol {
     };
     (raw) => {
         "as the ECU sends it"
+    };
+    (pulse) => {
+        "µs"
+    };
+    (number) => {
+        "as a number"
     };
     (yes_no) => {
         "0 no, 1 yes"
@@ -154,7 +164,46 @@ impl Setting {
     }
 }
 
-pub(crate) const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
+/// What a firmware needs of a row to offer it as a parameter. An image that uses these and no [`Setting`] does not hold the
+/// texts of the table.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Row {
+    /// Name, as of its [`Setting`].
+    pub name: &'static str,
+    /// Least value.
+    pub min: i32,
+    /// Greatest value.
+    pub max: i32,
+    /// It may be [`OFF`], too.
+    pub may_be_off: bool,
+    /// When a new value takes effect.
+    pub effect: Effect,
+}
+
+impl Row {
+    /// Whether this number is within the range.
+    pub const fn allows(&self, value: i32) -> bool {
+        allows(value, self.min, self.max, self.may_be_off)
+    }
+}
+
+/// The rows of a table.
+#[doc(hidden)]
+pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
+    let empty = Row { name: "", min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce };
+    let mut rows = [empty; N];
+    let mut i = 0;
+    while i < N {
+        let Setting { name, min, max, may_be_off, effect, .. } = settings[i];
+        rows[i] = Row { name, min, max, may_be_off, effect };
+        i += 1;
+    }
+    rows
+}
+
+#[doc(hidden)]
+pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
     value >= min && value <= max || may_be_off && value == OFF
 }
 
@@ -197,7 +246,9 @@ impl core::error::Error for SettingError {}
 
 /// Kinds of settings: the type of the field, its unit, and its value as a whole number. A number that does not fit the type
 /// becomes the closest one; every number is checked against its range first.
-pub(crate) mod kind {
+#[doc(hidden)]
+pub mod kind {
+    #![allow(missing_docs, reason = "for the macro")]
     use super::OFF;
 
     /// A number that does not fit in 32 bits is out of every range.
@@ -272,6 +323,8 @@ pub(crate) mod kind {
     kind!(millivolts, Millivolts, Millivolts, |of| clamp(of.get() as u64), |v| Millivolts::new(v as u32));
     kind!(frames, u8, Frames, |of| *of as i32, |v| v as u8);
     kind!(raw, u8, Raw, |of| *of as i32, |v| v as u8);
+    kind!(pulse, u16, Microseconds, |of| *of as i32, |v| v as u16);
+    kind!(number, u8, Number, |of| *of as i32, |v| v as u8);
     kind!(yes_no, bool, YesNo, |of| *of as i32, |v| v != 0);
     kind!(action, crate::limit::Action, Action, |of| *of as i32, |v| match v {
         1 => crate::limit::Action::FailSafe,
@@ -289,7 +342,9 @@ pub(crate) mod kind {
     optional_kind!(percent_or_off, percent);
 }
 
-/// Declares a struct of settings. See the head of this file; in use in `engine/config.rs`.
+/// Declares a struct of settings. See the head of `setting.rs`; in use in `engine/config.rs`. A package with settings of its
+/// own may declare them with it, so that one table serves all; it needs a feature `defmt`, if only an empty one.
+#[macro_export]
 macro_rules! settings {
     (
         $(#[$meta:meta])*
@@ -306,7 +361,7 @@ macro_rules! settings {
             $(
                 #[doc = $text]
                 #[doc = ""]
-                #[doc = concat!("Setting `", $name, "`: default ", $default, ", ", $min, " to ", $max, " ", $crate::setting::symbol!($kind), ".")]
+                #[doc = concat!("Setting `", $name, "`: default ", $default, ", ", $min, " to ", $max, " ", $crate::symbol!($kind), ".")]
                 $(#[$more])*
                 pub $field: $crate::setting::kind::$kind::Type,
             )*
@@ -328,10 +383,14 @@ macro_rules! settings {
                     may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
                     effect: $crate::setting::Effect::$effect,
                     text: $text,
-                    symbol: $crate::setting::symbol!($kind),
-                    message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::setting::symbol!($kind)),
+                    symbol: $crate::symbol!($kind),
+                    message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
                 },
             )* ];
+
+            /// The same rows without their texts.
+            pub const ROWS: &'static [$crate::setting::Row] =
+                &$crate::setting::rows::<{ Self::SETTINGS.len() }>(Self::SETTINGS);
 
             /// All as the table has them.
             pub const DEFAULT: Self = Self {
@@ -374,5 +433,6 @@ macro_rules! settings {
     };
 }
 
-pub(crate) use settings;
-pub(crate) use symbol;
+#[doc(hidden)]
+pub use crate::symbol;
+pub use settings;

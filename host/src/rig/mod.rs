@@ -13,6 +13,7 @@ mod faults;
 mod frames;
 mod limiter;
 mod lines;
+mod mavlink;
 mod message;
 mod node;
 mod options;

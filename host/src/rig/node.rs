@@ -7,6 +7,7 @@ use super::engines::Engine;
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
+use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
@@ -39,6 +40,8 @@ pub enum Cause {
 #[derive(Debug)]
 pub struct Node<'a> {
     engines: &'a [Engine],
+    /// Their configuration at the next start, where it was changed.
+    configs: RefCell<Vec<Option<EngineConfig>>>,
     /// What a reset leaves alone.
     memory: &'static [RetainedMemory],
     channels: RefCell<Option<Rc<[Channel]>>>,
@@ -57,6 +60,7 @@ impl<'a> Node<'a> {
     pub fn new(engines: &'a [Engine]) -> Self {
         let node = Self {
             engines,
+            configs: RefCell::new(vec![None; engines.len()]),
             // It lives as long as the program, as in the firmware; there is one node in a run.
             memory: Box::leak(engines.iter().map(|_| RetainedMemory::new()).collect()),
             channels: RefCell::new(None),
@@ -77,10 +81,10 @@ impl<'a> Node<'a> {
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         let channels: Rc<[Channel]> = self
-            .engines
+            .memory
             .iter()
-            .zip(self.memory)
-            .map(|(engine, memory)| Channel::new(&engine.config, Some((memory, reset))))
+            .enumerate()
+            .map(|(i, memory)| Channel::new(&self.config(i), Some((memory, reset))))
             .collect();
         let last = self.last.replace(channels.iter().map(|channel| channel.handle().telemetry()).collect());
         for (before, last) in self.before.borrow_mut().iter_mut().zip(last) {
@@ -88,6 +92,18 @@ impl<'a> Node<'a> {
         }
         self.channels.replace(Some(channels.clone()));
         channels
+    }
+
+    /// The configuration of an engine at the next start.
+    pub fn config(&self, engine: usize) -> EngineConfig {
+        self.configs.borrow()[engine].unwrap_or(self.engines[engine].config)
+    }
+
+    /// Keeps a configuration for the next start, as a board that stores its settings does.
+    pub fn configure(&self, engine: usize, config: EngineConfig) {
+        if let Some(kept) = self.configs.borrow_mut().get_mut(engine) {
+            *kept = Some(config);
+        }
     }
 
     /// It is no more: the last of its channels goes with the caller's.

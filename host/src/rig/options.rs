@@ -2,6 +2,7 @@
 
 use super::engines;
 use super::faults::Faults;
+use super::mavlink::{Address, MOST_PORTS, Mavlink};
 use super::plan::Plan;
 use super::play::action::Action;
 use super::play::script::{Header, Script};
@@ -71,6 +72,14 @@ CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported
   wire_throttle_pct and wire_rpm (last sent), faults (as the ECU reports them), events (since the row before,
   separated by |)
   The file is flushed every second: `tail -f`, a FIFO and /dev/stdout work. Text goes to the standard error then.
+
+MAVLink:
+  --mavlink tcpin:127.0.0.1:5790         a ground station connects here, as to a board's USB
+  --mavlink tcpout:127.0.0.1:5762        connects to an autopilot, as a board's telemetry port does (SERIAL1 of a
+                                         simulated ArduPlane)
+  udpin:HOST:PORT, udpout:HOST:PORT and serial:DEVICE:BAUD are the same over UDP and on a serial port. tcpout, udpout
+  and serial are the autopilot's side. The pilots do not fly then: who speaks MAVLink commands the engines, and the run
+  goes on until it is ended or for --duration. Settings are kept in memory until then. docs/mavlink.md has the rest.
 
 Exit status:
   0  no reply window was missed on a clean line, and every engine reached its targets; with --scenario: all expected
@@ -156,6 +165,14 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
     pub scenario: Option<String>,
 
+    /// Serve MAVLink here, in place of the pilots; repeatable
+    #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["fast", "standby", "script", "scenario"])]
+    pub mavlink: Vec<String>,
+
+    /// For tests: engine time passes so many times as fast
+    #[arg(long, value_name = "NUMBER", hide = true, requires = "mavlink")]
+    pub speed: Option<u32>,
+
     /// Explain each scenario in a line
     #[arg(long)]
     pub list_scenarios: bool,
@@ -196,7 +213,9 @@ pub fn order(args: &Args) -> Result<Order, String> {
         Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
         None => header.engines.clone(),
     };
-    let tour = scenario.is_none() && header == Header { seed: header.seed, ..Header::default() };
+    let tour = scenario.is_none()
+        && args.mavlink.is_empty()
+        && header == Header { seed: header.seed, ..Header::default() };
     let setup = setup(args, &header, scenario, &described, tour)?;
     let script = match (script, &args.script) {
         (Some(script), Some(path)) => {
@@ -223,6 +242,18 @@ fn header(args: &Args) -> Result<Header, String> {
     })
 }
 
+/// Opens the ports of `--mavlink`.
+fn mavlink(addresses: &[String], engines: &[engines::Engine]) -> Result<Option<Mavlink>, String> {
+    if addresses.len() > MOST_PORTS {
+        return Err(format!(
+            "--mavlink: {} ports are too many: the rig has up to {MOST_PORTS}",
+            addresses.len()
+        ));
+    }
+    let addresses = addresses.iter().map(|text| Address::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    if addresses.is_empty() { Ok(None) } else { Mavlink::open(&addresses, engines).map(Some) }
+}
+
 fn setup(
     args: &Args,
     header: &Header,
@@ -241,7 +272,7 @@ fn setup(
         .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
         .transpose()?;
     let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
-    let mut plan = Plan::new(&engines, duration, header.standby, &mut faults)?;
+    let mut plan = Plan::new(&engines, duration, header.standby || !args.mavlink.is_empty(), &mut faults)?;
     faults.check(&plan, &engines)?;
     if let Some(scenario) = scenario {
         plan.length = scenario.length();
@@ -250,5 +281,18 @@ fn setup(
         plan = plan.with_a_silence();
     }
     let details = args.capture.is_some();
-    Ok(Setup { engines, plan, faults, scenario, seed: header.seed, fast: args.fast, details, panic_at })
+    let mavlink = mavlink(&args.mavlink, &engines)?;
+    Ok(Setup {
+        engines,
+        plan,
+        faults,
+        scenario,
+        seed: header.seed,
+        fast: args.fast,
+        details,
+        panic_at,
+        mavlink,
+        speed: args.speed.unwrap_or(1),
+        ends: duration.is_some(),
+    })
 }

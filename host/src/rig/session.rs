@@ -5,6 +5,7 @@ use super::control::{Control, Situation};
 use super::desk::{Desk, Notes, look};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
+use super::mavlink::Mavlink;
 use super::message::Message;
 use super::node::Node;
 use super::outcome::{End, Outcome, Outcomes};
@@ -52,6 +53,12 @@ pub struct Setup {
     pub fast: bool,
     /// Somebody looks at every detail, the bytes on the wires included.
     pub details: bool,
+    /// Ports of MAVLink, in place of the pilots.
+    pub mavlink: Option<Mavlink>,
+    /// How many times as fast as the wall clock.
+    pub speed: u32,
+    /// The run ends with the plan's length, although nobody has pilots that are done.
+    pub ends: bool,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
 }
@@ -63,7 +70,7 @@ type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 /// Runs. `control` steers; `show` is called with all that is to be shown and says whether to go on.
 pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
-    clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::RealTime });
+    clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::Times(setup.speed) });
 
     let count = setup.engines.len();
     let notes = Notes::default();
@@ -104,6 +111,18 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 flown.replace(Some(result.clone()));
             });
         }));
+    } else if setup.mavlink.is_some() {
+        // Whoever speaks MAVLink commands, and nobody else but a person at the keyboard.
+        for (i, desk) in desks.iter().enumerate() {
+            desk.audit.borrow_mut().judge_no_orders();
+            let player = &player;
+            tasks.push(Box::pin(async move {
+                loop {
+                    player.taken(i).await;
+                    player.drive(i).await;
+                }
+            }));
+        }
     } else {
         for (i, ((desk, plan), flown)) in desks.iter().zip(&setup.plan.engines).zip(&flown).enumerate() {
             let (node, player, seed) = (&node, &player, seeds.u64(..));
@@ -166,6 +185,10 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
                 "the moment of --panic-at"
             );
+            if setup.mavlink.is_some() && setup.ends && Instant::now() >= Instant::MIN + setup.plan.length {
+                end.replace(End::Interrupted);
+                return;
+            }
             look(&desks, &plugs);
             let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
             for (desk, telemetry) in desks.iter().zip(&telemetry) {
@@ -225,7 +248,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         }
     };
     let world = until_done(watch, tasks);
-    let run = || clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes));
+    let run =
+        || clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes, setup.mavlink.as_ref()));
     // What was seen until a panic is still worth its summary. Nothing runs any more then.
     if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
         let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
@@ -250,6 +274,7 @@ async fn with_node(
     plugs: &[Plug<AnyEcu>],
     cockpit: &Cockpit<'_>,
     notes: &Notes,
+    mavlink: Option<&Mavlink>,
 ) {
     let mut world = std::pin::pin!(world);
     loop {
@@ -268,6 +293,9 @@ async fn with_node(
                 tasks.push(Box::pin(async move {
                     runner.run(rx, tx, errors).await;
                 }));
+            }
+            if let Some(mavlink) = mavlink {
+                tasks.push(Box::pin(mavlink.serve(node, &channels)));
             }
             let reset = Cell::new(None);
             let away = async { reset.set(Some(node.wanted().await)) };

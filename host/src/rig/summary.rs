@@ -112,7 +112,7 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     row("frames received by node", &|o| o.node.frames.to_string());
     row("commands sent by the node", &|o| o.audit.frames.to_string());
     row("commands accepted by ECU", &|o| o.ecu.accepted.to_string());
-    row("unsolicited commands", &|o| o.audit.not_given.to_string());
+    row("unsolicited commands", &|o| if o.audit.judged { o.audit.not_given.to_string() } else { dash() });
     row("replies inside the window", &|o| amt(o, o.ecu.in_window.to_string()));
     row("replies outside the window", &|o| amt(o, o.ecu.late.to_string()));
     row("windows without a reply", &|o| amt(o, o.ecu.unanswered.to_string()));

@@ -7,7 +7,7 @@ pub mod vendor;
 pub mod zk;
 
 use crate::line::Line;
-use crate::setting::Setting;
+use crate::setting::{Row, Setting};
 use vendor::{VendorFaults, VendorService};
 
 /// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU. A new one is a
@@ -38,6 +38,13 @@ macro_rules! vendor_types {
             pub(crate) fn settings(&self) -> &'static [Setting] {
                 match self {
                     $(Self::$name(_) => <$config>::SETTINGS,)+
+                }
+            }
+
+            /// The same without their texts.
+            pub(crate) fn rows(&self) -> &'static [Row] {
+                match self {
+                    $(Self::$name(_) => <$config>::ROWS,)+
                 }
             }
 

@@ -2,7 +2,7 @@
 
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
-use crate::setting::{Setting, SettingError, SettingId, kind, settings, symbol};
+use crate::setting::{Row, Setting, SettingError, SettingId, kind, rows, settings, symbol};
 use embassy_time::Duration;
 
 settings! {
@@ -121,6 +121,9 @@ macro_rules! limits {
                 Self::action("LIM_FAULT_ACT", "limits.ecu_fault"),
             ];
 
+            /// The same rows without their texts.
+            pub const ROWS: &'static [Row] = &rows::<{ Self::SETTINGS.len() }>(Self::SETTINGS);
+
             const fn action(name: &'static str, field: &'static str) -> Setting {
                 Setting {
                     name,
@@ -236,9 +239,11 @@ settings! {
     }
 }
 
+/// Name of [`Supervision::governor`].
+const GOVERNOR_NAME: &str = "GOV_ENABLE";
 /// Row of [`Supervision::governor`], which is optional.
 const GOVERNOR: Setting = Setting {
-    name: "GOV_ENABLE",
+    name: GOVERNOR_NAME,
     field: "governor",
     unit: kind::yes_no::UNIT,
     min: 0,
@@ -263,6 +268,19 @@ impl Supervision {
         Limits::SETTINGS,
         &[GOVERNOR],
         Governor::SETTINGS,
+    ];
+
+    /// The same table without its texts.
+    pub const TABLE_ROWS: [&'static [Row]; 9] = [
+        SourceTimeouts::ROWS,
+        Takeover::ROWS,
+        Loss::ROWS,
+        StartRules::ROWS,
+        Slew::ROWS,
+        Self::ROWS,
+        Limits::ROWS,
+        &rows::<1>(&[GOVERNOR]),
+        Governor::ROWS,
     ];
 
     /// Checks every range.
@@ -332,7 +350,7 @@ impl Supervision {
     /// The value of a setting; [`crate::setting::OFF`] where it is off. For a governor that is off: its default.
     pub fn number(&self, name: &str) -> Option<i32> {
         let governor = self.governor.unwrap_or(Governor::DEFAULT);
-        if name == GOVERNOR.name {
+        if name == GOVERNOR_NAME {
             return Some(i32::from(self.governor.is_some()));
         }
         self.timeouts
@@ -356,20 +374,25 @@ impl Supervision {
         if !setting.allows(number) {
             return Err(SettingError::OutOfRange(setting));
         }
-        if name == GOVERNOR.name {
+        if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
+    }
+
+    /// Changes a setting whose range has been checked. False: there is none of this name, or it belongs to a governor that is
+    /// off.
+    pub(crate) fn change(&mut self, name: &str, number: i32) -> bool {
+        if name == GOVERNOR_NAME {
             let on = self.governor.unwrap_or(Governor::DEFAULT);
             self.governor = (number != 0).then_some(on);
-            return Ok(());
+            return true;
         }
-        let done = self.timeouts.set_own(name, number)
+        self.timeouts.set_own(name, number)
             || self.takeover.set_own(name, number)
             || self.loss.set_own(name, number)
             || self.start.set_own(name, number)
             || self.slew.set_own(name, number)
             || self.set_own(name, number)
             || self.limits.set_own(name, number)
-            || self.governor.as_mut().is_some_and(|governor| governor.set_own(name, number));
-        if done { Ok(()) } else { Err(SettingError::Off(setting)) }
+            || self.governor.as_mut().is_some_and(|governor| governor.set_own(name, number))
     }
 }
 

@@ -1,10 +1,12 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
 use super::super::control::{Control, Scripted, Situation, Turn};
+use super::super::desk::Stage;
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
 use super::super::play::script;
 use super::super::session;
+use super::super::tour::Tour;
 use super::draw::draw;
 use super::model::{Asked, Model, Page, Popup};
 use super::picture;
@@ -149,6 +151,31 @@ fn the_tour_says_what_happens_and_why() {
             "right cools: its starter turns it until the exhaust is below 100 °C",
         ]
     );
+}
+
+/// In seconds of whoever looks on, by the speeds that the tour chooses.
+#[test]
+fn the_tour_is_worth_watching() {
+    let played = play("watching", HEAD, &[], 230.0);
+    let record = &played.model.record;
+    let (mut tour, mut watched) = (Tour::default(), 0.0);
+    let (mut moves, mut all_run) = (None, None);
+    for i in 0..record.points(0).len() {
+        let points: Vec<_> = (0..4).map(|engine| record.points(engine)[i]).collect();
+        let stages: Vec<Stage> = points.iter().map(|point| point.stage).collect();
+        watched += 0.1 / f64::from(tour.speed(&stages));
+        if points.iter().any(|point| point.rpm.is_some_and(|rpm| rpm.most > 1000.0)) {
+            moves.get_or_insert(watched);
+        }
+        if !stages.iter().any(|stage| matches!(stage, Stage::Standby | Stage::Start)) {
+            all_run.get_or_insert(watched);
+        }
+        if stages.iter().all(|stage| *stage == Stage::Done) {
+            break;
+        }
+    }
+    let (moves, all_run) = (moves.expect("a gauge moves"), all_run.expect("all run"));
+    assert!(moves <= 5.0 && all_run <= 30.0 && watched <= 90.0, "{moves} s, {all_run} s, {watched} s");
 }
 
 #[test]

@@ -1,0 +1,85 @@
+//! Where a MAVLink port of the rig is, written as `mavlink-core` writes addresses.
+
+use jetlink_mavlink::port::PortConfig;
+
+/// Bytes a second of a connection to an autopilot: those of a UART with 57 600 baud, as a board's telemetry port has.
+const UART_BAUD: u32 = 57_600;
+
+/// Where a port is.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Address {
+    /// Listens for a connection.
+    TcpIn(String),
+    /// Connects, and connects again.
+    TcpOut(String),
+    /// Receives here, and answers whoever sent last.
+    UdpIn(String),
+    /// Sends there.
+    UdpOut(String),
+    /// A serial port, with its baud rate.
+    Serial(String, u32),
+}
+
+impl Address {
+    /// Reads one.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "--mavlink: `{text}` is not an address: use tcpin:HOST:PORT, tcpout:HOST:PORT, udpin:HOST:PORT, \
+                 udpout:HOST:PORT or serial:DEVICE:BAUD"
+            )
+        };
+        let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
+        let (place, number) = rest.rsplit_once(':').ok_or_else(wrong)?;
+        if place.is_empty() {
+            return Err(wrong());
+        }
+        if kind == "serial" {
+            let baud: u32 = number.parse().map_err(|_| wrong())?;
+            return if baud >= 1200 { Ok(Self::Serial(place.to_owned(), baud)) } else { Err(wrong()) };
+        }
+        let _: u16 = number.parse().map_err(|_| wrong())?;
+        match kind {
+            "tcpin" => Ok(Self::TcpIn(rest.to_owned())),
+            "tcpout" => Ok(Self::TcpOut(rest.to_owned())),
+            "udpin" => Ok(Self::UdpIn(rest.to_owned())),
+            "udpout" => Ok(Self::UdpOut(rest.to_owned())),
+            _ => Err(wrong()),
+        }
+    }
+
+    /// Whether the autopilot is there. Who connects to the rig is a ground station, as on a board's USB.
+    pub const fn is_autopilot(&self) -> bool {
+        matches!(self, Self::TcpOut(_) | Self::UdpOut(_) | Self::Serial(..))
+    }
+
+    /// What it carries.
+    pub const fn config(&self) -> PortConfig {
+        match self {
+            Self::TcpIn(_) | Self::UdpIn(_) => PortConfig::usb(),
+            Self::TcpOut(_) | Self::UdpOut(_) => PortConfig::uart(UART_BAUD),
+            Self::Serial(_, baud) => PortConfig::uart(*baud),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read_and_mistakes_named() {
+        assert_eq!(Address::parse("tcpin:127.0.0.1:5760"), Ok(Address::TcpIn("127.0.0.1:5760".into())));
+        assert_eq!(Address::parse("tcpout:[::1]:5762"), Ok(Address::TcpOut("[::1]:5762".into())));
+        assert_eq!(
+            Address::parse("serial:/dev/ttyACM0:57600"),
+            Ok(Address::Serial("/dev/ttyACM0".into(), 57_600))
+        );
+        for text in
+            ["", "tcp:127.0.0.1:1", "tcpin:127.0.0.1", "tcpin::", "udpin:host:70000", "serial:/dev/x:fast"]
+        {
+            let error = Address::parse(text).unwrap_err();
+            assert!(error.contains("tcpin:HOST:PORT"), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! `jetlink rig --mavlink` against pymavlink: a ground station and an autopilot that know MAVLink from elsewhere.
+//!
+//! The test makes a virtual environment with the pinned pymavlink, once. Where that is not possible (no python3, no package
+//! index) it says what was not run, and fails only in CI.
+#![cfg(unix)]
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+const PYMAVLINK: &str = "pymavlink==2.4.50";
+/// Engine time passes so many times as fast.
+const SPEED: &str = "8";
+
+/// The interpreter with pymavlink, or why there is none.
+fn python() -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(PYMAVLINK.replace("==", "-"));
+    let python = folder.join("bin/python");
+    if folder.join("complete").exists() {
+        return Ok(python);
+    }
+    let run = |command: &mut Command| {
+        let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() { Ok(()) } else { Err(format!("{command:?}: {text}")) }
+    };
+    run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", PYMAVLINK]))?;
+    std::fs::write(folder.join("complete"), PYMAVLINK).map_err(|error| error.to_string())?;
+    Ok(python)
+}
+
+/// Ends a program at the end of a test, however it ends.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A port that nobody uses at the moment.
+fn free_port() -> u16 {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    listener.local_addr().expect("its number").port()
+}
+
+fn rig(arguments: &[String]) -> Ended {
+    let child = Command::new(env!("CARGO_BIN_EXE_jetlink"))
+        .args(["rig", "--engine", "name=left", "--engine", "name=right,ecu=zk,baud=115200"])
+        .args(arguments)
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("it starts");
+    Ended(child)
+}
+
+/// Runs a script of tests/mavlink, which prints the port that it listens on and gets that of the rig.
+fn play(python: &Path, script: &str, variables: &[(&str, &str)]) -> Output {
+    let mut pilot = Command::new(python)
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mavlink").join(script))
+        .env("SPEED", SPEED)
+        .envs(variables.iter().copied())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("python starts");
+    let mut out = BufReader::new(pilot.stdout.take().expect("piped"));
+    let mut line = String::new();
+    out.read_line(&mut line).expect("a line");
+    let autopilot = line.trim().strip_prefix("listening ").unwrap_or_default().to_owned();
+    let ground = free_port();
+    let _rig = rig(&[
+        "--mavlink".into(),
+        format!("tcpout:127.0.0.1:{autopilot}"),
+        "--mavlink".into(),
+        format!("tcpin:127.0.0.1:{ground}"),
+        "--speed".into(),
+        variables.iter().find(|(name, _)| *name == "SPEED").map_or(SPEED, |(_, speed)| speed).into(),
+    ]);
+    writeln!(pilot.stdin.take().expect("piped"), "{ground}").expect("it reads");
+    let mut rest = Vec::new();
+    std::io::Read::read_to_end(&mut out, &mut rest).expect("its output");
+    let output = pilot.wait_with_output().expect("its end");
+    Output { stdout: rest, ..output }
+}
+
+#[test]
+fn another_implementation_flies_the_rig() {
+    let python = match python() {
+        Ok(python) => python,
+        Err(why) => {
+            assert!(std::env::var_os("CI").is_none(), "{why}");
+            eprintln!("NOT RUN: the rig against {PYMAVLINK}: {why}");
+            return;
+        }
+    };
+    let output = play(&python, "pilot.py", &[]);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
+    assert!(!errors.contains("Exception"), "{errors}");
+    println!("{text}");
+}
+
+/// Path of an ArduPlane that was built for simulation (docs/mavlink.md).
+const ARDUPLANE: &str = "JETLINK_ARDUPLANE";
+
+#[test]
+fn a_real_arduplane_throttles_two_engines() {
+    let Ok(arduplane) = std::env::var(ARDUPLANE) else {
+        eprintln!("NOT RUN: the rig under a real ArduPlane: {ARDUPLANE} is not set");
+        return;
+    };
+    let python = python().expect("pymavlink");
+    let speed = std::env::var("JETLINK_ARDUPLANE_SPEED").unwrap_or_else(|_| "4".to_owned());
+    let variables = [("VEHICLE", "1"), ("SPEED", speed.as_str()), (ARDUPLANE, arduplane.as_str())];
+    let output = play(&python, "arduplane.py", &variables);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("flown with a real ArduPlane"), "{text}{errors}");
+    println!("{text}");
+}
+
+#[test]
+fn addresses_that_cannot_be_are_refused() {
+    for (arguments, part) in [
+        (&["--mavlink", "tcp:1"][..], "tcpin:HOST:PORT"),
+        (&["--mavlink", "tcpin:256.0.0.1:1"], "cannot open"),
+        (&["--mavlink", "serial:/dev/nothing-there:57600"], "cannot open"),
+        (&["--mavlink", "tcpin:127.0.0.1:1", "--fast"], "--fast"),
+    ] {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_jetlink")).arg("rig").args(arguments).output().expect("it runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{errors}");
+        assert!(errors.contains(part), "{errors}");
+    }
+}

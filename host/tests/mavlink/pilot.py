@@ -1,0 +1,156 @@
+"""A pilot written from the MAVLink documents, against `jetlink rig --mavlink`: two engines, left (AMT) and right (ZK)."""
+
+import socket
+import sys
+
+from peers import *
+
+STANDBY, STARTING, RUNNING = 3, 6, 7
+
+
+def discovery(ground, plane):
+    until("the autopilot is learnt", 20, lambda: plane.last("HEARTBEAT", NODE))
+    for peer in (ground, plane):
+        for component in (NODE, LEFT, RIGHT):
+            beat = until("a heartbeat", 5, lambda: peer.last("HEARTBEAT", component))
+            assert beat.get_srcSystem() == VEHICLE
+            assert (beat.type, beat.autopilot, beat.base_mode, beat.mavlink_version) == (0, 8, 1, 3), beat
+    until("standby", 60, lambda: ground.state(LEFT) == STANDBY and ground.state(RIGHT) == STANDBY)
+    until("the outputs are asked for", 5, lambda: plane.requests)
+    assert plane.requests == [25_000], plane.requests
+    efi = {message.get_srcComponent() for message in plane.since(0, "EFI_STATUS")}
+    assert efi == {LEFT}, "the autopilot gets one engine"
+    assert {message.get_srcComponent() for message in ground.since(0, "EFI_STATUS")} == {LEFT, RIGHT}
+
+
+def parameters(ground):
+    mark = len(ground.received)
+    ground.say(mav.MAVLink_param_request_list_message(VEHICLE, 0))
+
+    def all_listed():
+        values = ground.since(mark, "PARAM_VALUE")
+        counts = {value.get_srcComponent(): value.param_count for value in values}
+        return values if len(counts) == 3 and len(values) >= sum(counts.values()) else None
+
+    values = until("all parameters", 20, all_listed)
+    wait(1)
+    listed = {}
+    for value in values:
+        assert value.param_type == 9 and value.get_srcSystem() == VEHICLE
+        listed.setdefault(value.get_srcComponent(), []).append((value.param_index, value.param_id))
+    for component, of_component in listed.items():
+        assert [index for index, _ in of_component] == list(range(len(of_component))), component
+        assert len({name for _, name in of_component}) == len(of_component)
+        print(f"component {component}: {len(of_component)} parameters")
+    assert ground.read(RIGHT, "LOSS_THR") == 0
+    assert ground.set(RIGHT, "LOSS_THR", 100) == 100
+    # A busy computer is no lost source.
+    assert ground.set(RIGHT, "SRC_MAV_TOUT", 20_000) == 20_000
+    assert ground.set(RIGHT, "LOSS_THR", 5000) == 100, "out of range"
+    assert ground.set(RIGHT, "LOSS_THR", 0.5) == 100, "not whole"
+    assert ground.read(RIGHT, "LOSS_THR") == 100
+
+
+def refusals(ground, plane):
+    answer, text = ground.command(RIGHT, START, 1)
+    assert answer == NOT_NOW and "arm the vehicle" in text, (answer, text)
+    plane.armed = True
+    wait(8)
+    assert ground.state(RIGHT) == STANDBY, "arming starts nothing"
+    assert ground.command(RIGHT, START, 1, 0, 5)[0] == DENIED, "a height delay"
+    assert ground.command(RIGHT, START, float("nan"))[0] == DENIED
+    assert ground.command(RIGHT, 400, 1)[0] == UNSUPPORTED
+    assert ground.command(NODE, START, 1)[0] == UNSUPPORTED
+    for system, component in ((VEHICLE, 0), (0, RIGHT), (7, RIGHT), (VEHICLE, 99)):
+        assert ground.command(component, START, 1, system=system, answered=False)[0] is None, (system, component)
+    # What is not in the dialect, and what ends in the middle.
+    ground.say(mav.MAVLink_radio_status_message(1, 1, 0, 0, 0, 0, 0))
+    with ground.lock:
+        ground.write(b"\xfd\x20\x00\x00\x01\xff\xbe\x4c\x00\x00\x00\x00")
+        ground.write(bytes(range(256)) * 2)
+    wait(5)
+    assert ground.state(RIGHT) == STANDBY
+
+
+def flight(ground, plane):
+    answer, text = ground.command(RIGHT, START, 1)
+    assert answer == ACCEPTED and "refused" not in text, (answer, text)
+    assert ground.command(RIGHT, START, 1)[0] == ACCEPTED, "a repeat within 5 s"
+    until("running", 120, lambda: ground.state(RIGHT) == RUNNING)
+    plane.pulse = 1500
+    until("half throttle", 15, lambda: ground.last("EFI_STATUS", RIGHT).throttle_out == 50)
+    wait(12)
+    efi = ground.last("EFI_STATUS", RIGHT)
+    assert abs(efi.throttle_position - 50) <= 1 and efi.health == 1 and efi.ecu_index == 1, efi
+    assert efi.exhaust_gas_temperature == efi.cylinder_head_temperature > 300, efi
+    print(f"steady: {efi.rpm:.0f} rpm, {efi.exhaust_gas_temperature:.1f} C, {efi.fuel_flow:.0f} ml/min")
+    named = {message.name for message in plane.since(0, "NAMED_VALUE_FLOAT", RIGHT)}
+    assert {"rpm2", "egt2", "flow2", "thr2", "pumpv2", "link2"} <= named, named
+    assert ground.set(RIGHT, "MAV_THR_OUT", 7) == 3, "refused while it turns"
+    assert ground.command(NODE, REBOOT, 1)[0] == NOT_NOW
+    # Another vehicle's outputs, on the same line.
+    with plane.lock:
+        plane.mav.srcSystem = 7
+        plane.mav.send(mav.MAVLink_servo_output_raw_message(4_000_000_000, 0, *[1900] * 8))
+        plane.mav.srcSystem = VEHICLE
+    wait(0.5)
+    assert ground.last("EFI_STATUS", RIGHT).throttle_out == 50
+    # A ground station's stop acts against the stream.
+    mark = len(ground.received)
+    ground.say(mav.MAVLink_command_long_message(VEHICLE, RIGHT, START, 0, 0, 0, 0, 0, 0, 0, 0))
+    ack = until("an answer", 0.5, lambda: ground.since(mark, "COMMAND_ACK", RIGHT))[0]
+    assert ack.result == ACCEPTED
+    until("no throttle", 1, lambda: ground.last("EFI_STATUS", RIGHT).throttle_out == 0)
+    answer, text = ground.command(RIGHT, START, 1, confirmation=1)
+    assert answer == NOT_NOW and "repeat" in text, (answer, text)
+    plane.pulse = 1100
+
+
+def restart(ground):
+    """Parameters are kept over a restart of the node, and stations find it again."""
+    until("at rest", 400, lambda: ground.state(RIGHT) == STANDBY and ground.last("EFI_STATUS", RIGHT).rpm < 500)
+    assert ground.set(RIGHT, "MAV_THR_MAX", 2000) == 2000
+    mark = len(ground.received)
+    assert ground.command(NODE, REBOOT, 1)[0] == ACCEPTED
+    until("a heartbeat", 15, lambda: len(ground.since(mark, "HEARTBEAT", RIGHT)) > 2)
+    assert ground.read(RIGHT, "LOSS_THR") == 100
+    assert ground.read(RIGHT, "MAV_THR_MAX") == 2000
+
+
+def emergency(ground):
+    assert ground.command(RIGHT, USER, 1, 0)[0] == DENIED, "without its number"
+    assert ground.command(RIGHT, USER, 1, 21196)[0] == ACCEPTED
+    until("it is shown", 2, lambda: ground.last("HEARTBEAT", RIGHT).system_status == 8)
+    assert ground.last("HEARTBEAT", LEFT).system_status != 8
+    answer, text = ground.command(RIGHT, START, 1)
+    assert answer == NOT_NOW, text
+    assert ground.command(RIGHT, USER, 2, 0)[0] == DENIED
+    assert ground.command(RIGHT, USER, 2, 21196)[0] == ACCEPTED
+    until("released", 3, lambda: ground.last("HEARTBEAT", RIGHT).system_status != 8)
+    wait(5)
+    answer, text = ground.command(RIGHT, START, 1)
+    assert answer == NOT_NOW and "disarm the vehicle" in text, (answer, text)
+
+
+def main():
+    listener = socket.socket()
+    listener.bind(("127.0.0.1", 0))
+    listener.listen()
+    # The rig connects there, and is connected to on the port that comes back.
+    print(f"listening {listener.getsockname()[1]}", flush=True)
+    ground_port = int(sys.stdin.readline())
+    plane = Plane(listener)
+    ground = Ground(ground_port)
+    discovery(ground, plane)
+    parameters(ground)
+    refusals(ground, plane)
+    flight(ground, plane)
+    restart(ground)
+    emergency(ground)
+    damaged = ground.since(0, "BAD_DATA") + plane.since(0, "BAD_DATA")
+    assert not damaged, damaged
+    print("all as the documents have it")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,466 @@
+//! One engine as MAVLink commands it: its switch, its demand source, and what arms it.
+//!
+//! Start and throttle are two roles that together are one source. The *switch* goes to run by an accepted start and to
+//! stopped by a stop, a failed start or an ended life. The *demand source* carries a demand only: no value of it starts an
+//! engine or means standby.
+
+use crate::frame::Address;
+use crate::ids::Ack;
+use crate::refusal::Refusal;
+use crate::settings::{DemandSource, EngineSettings};
+use crate::vehicle::{Arming, Vehicle};
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+use jetlink::channel::{Events, Source};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::Service;
+use jetlink::engine::state::EngineState;
+use jetlink::telemetry::Telemetry;
+use jetlink::units::Throttle;
+
+/// Time in which the same start of the same sender is a repeat.
+const REPEAT: Duration = Duration::from_secs(5);
+/// Age of the last heartbeat of the system that commanded, where it keeps the order alive.
+pub(crate) const HEARTBEAT_AGE: Duration = Duration::from_secs(5);
+/// Time between two commands that keep MAVLink present, waiting or idling.
+const REFRESH: Duration = Duration::from_millis(200);
+/// Senders whose last start is remembered.
+const SENDERS: usize = 4;
+/// Longest time in which a demand that was held rises at once.
+const LONGEST_STEP: Duration = Duration::from_millis(100);
+/// Shaft speed below which an engine counts as at rest.
+const REST_RPM: u32 = 1000;
+
+/// Position of the switch.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Switch {
+    Stopped,
+    /// A start waits for another engine.
+    Waiting,
+    Run,
+    /// Found running: the demand source takes it over when the vehicle is armed.
+    Found,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct LastStart {
+    from: Address,
+    at: Instant,
+    ack: Ack,
+}
+
+#[derive(Debug)]
+pub(crate) struct Engine<'a> {
+    pub source: Source<'a>,
+    /// Settings of the supervision, the link and the ECU, as the parameters have them.
+    pub config: EngineConfig,
+    pub settings: EngineSettings,
+    pub events: Option<Events<'a>>,
+    switch: Switch,
+    /// The last demand of its source.
+    demand: Option<(Throttle, Instant)>,
+    /// What the demand has risen to since it was held at idle, and when.
+    held: Option<(Throttle, Instant)>,
+    /// System whose heartbeat keeps the order alive. After a reset it is not known: then any that may command.
+    ordered_by: Option<u8>,
+    /// The vehicle's arming was passed on.
+    armed: bool,
+    /// A start that was allowed while disarmed is under way.
+    armed_for_start: bool,
+    /// Time of an emergency stop after which the vehicle has not shown disarmed.
+    must_disarm: Option<Instant>,
+    /// That stop is latched, and was noted.
+    stop_noted: bool,
+    /// The last start of each sender.
+    last_starts: Vec<LastStart, SENDERS>,
+    stopped_at: Option<Instant>,
+    refreshed: Option<Instant>,
+    /// The vehicle was disarmed for so long that standby was commanded.
+    stood_by: bool,
+}
+
+/// What is known besides the engine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Situation<'a> {
+    pub now: Instant,
+    pub vehicle: &'a Vehicle,
+    /// Systems that may command, with their last heartbeat.
+    pub heard: &'a [(u8, Instant)],
+}
+
+impl Situation<'_> {
+    fn is_heard(&self, system: u8) -> bool {
+        self.heard.iter().any(|&(other, at)| other == system && self.now < at + HEARTBEAT_AGE)
+    }
+
+    fn anybody_is_heard(&self) -> bool {
+        self.heard.iter().any(|&(_, at)| self.now < at + HEARTBEAT_AGE)
+    }
+}
+
+impl<'a> Engine<'a> {
+    pub fn new(source: Source<'a>, config: EngineConfig, settings: EngineSettings) -> Self {
+        let events = source.handle().events();
+        Self {
+            source,
+            config,
+            settings,
+            events,
+            switch: Switch::Stopped,
+            demand: None,
+            held: None,
+            ordered_by: None,
+            armed: false,
+            armed_for_start: false,
+            must_disarm: None,
+            stop_noted: false,
+            last_starts: Vec::new(),
+            stopped_at: None,
+            refreshed: None,
+            stood_by: false,
+        }
+    }
+
+    pub fn name(&self) -> &'static str {
+        self.source.handle().name()
+    }
+
+    pub fn telemetry(&self) -> Telemetry {
+        self.source.handle().telemetry()
+    }
+
+    /// Whether its switch is at run.
+    pub fn is_at_run(&self) -> bool {
+        self.switch != Switch::Stopped
+    }
+
+    /// Takes a demand of its demand source. Each is passed on at once, so that the engine sees how old it is.
+    pub fn take_demand(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
+        self.demand = Some((throttle, situation.now));
+        if matches!(self.switch, Switch::Run | Switch::Waiting) {
+            self.pass_on(situation, throttle)
+        } else {
+            None
+        }
+    }
+
+    /// Passes a demand on: idle while a start waits and while the vehicle is disarmed. During a start the engine itself stays at
+    /// idle, and then rises at its rate.
+    fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
+        let held = situation.vehicle.arming() == Arming::Disarmed || self.switch == Switch::Waiting;
+        let throttle = self.hold(situation.now, throttle, held);
+        self.refreshed = Some(situation.now);
+        match self.source.command(Command::Run(Demand::Throttle(throttle))) {
+            Ok(Accepted::InForce) if self.switch == Switch::Waiting => {
+                self.switch = Switch::Run;
+                None
+            }
+            // The run has ended, and a stream starts none.
+            Err(Rejected::StandbyFirst | Rejected::StopLatched) => {
+                self.switch = Switch::Stopped;
+                None
+            }
+            Err(why) if self.switch == Switch::Waiting => {
+                self.switch = Switch::Stopped;
+                Some(why.into())
+            }
+            _ => None,
+        }
+    }
+
+    /// Idle while it is held; then the demand rises at the engine's rate, until it has reached its source's.
+    fn hold(&mut self, now: Instant, throttle: Throttle, held: bool) -> Throttle {
+        if held {
+            self.held = Some((Throttle::IDLE, now));
+            return Throttle::IDLE;
+        }
+        let Some((from, at)) = self.held else { return throttle };
+        // A gap in the stream is no time to rise in.
+        let elapsed = now.saturating_duration_since(at).min(LONGEST_STEP).as_micros();
+        let rise = elapsed * u64::from(self.config.supervision.rise) / 1_000_000;
+        let most = u16::try_from(rise).unwrap_or(u16::MAX).saturating_add(from.tenths());
+        if throttle.tenths() <= most {
+            self.held = None;
+            return throttle;
+        }
+        // Below the demand, so it is a throttle. What rose by less than 0.1 % waits for the next frame.
+        let raised = Throttle::from_tenths(most).unwrap_or(from);
+        if raised > from {
+            self.held = Some((raised, now));
+        }
+        raised
+    }
+
+    /// Starts the engine: standby and run of this source in one, judged once.
+    pub fn start(
+        &mut self,
+        situation: Situation<'_>,
+        from: Address,
+        confirmation: u8,
+        while_disarmed: bool,
+    ) -> Result<(), (Ack, Option<Refusal>)> {
+        let now = situation.now;
+        let last = self.last_starts.iter().find(|last| last.from == from);
+        if let Some(last) = last.filter(|last| confirmation > 0 || now < last.at + REPEAT) {
+            let stopped = self.stopped_at.is_some_and(|at| at >= last.at);
+            return Err(match stopped {
+                true => (Refusal::Stopped.ack(), Some(Refusal::Stopped)),
+                // The last answer once more.
+                false => (last.ack, (last.ack != Ack::Accepted).then_some(Refusal::Repeated)),
+            });
+        }
+        let answer = self.try_start(situation, from, while_disarmed);
+        let ack = match answer {
+            Ok(()) => Ack::Accepted,
+            Err(why) => why.ack(),
+        };
+        self.note_start(LastStart { from, at: now, ack });
+        answer.map_err(|why| (ack, Some(why)))
+    }
+
+    fn note_start(&mut self, start: LastStart) {
+        if let Some(last) = self.last_starts.iter_mut().find(|last| last.from == start.from) {
+            *last = start;
+        } else if let Err(start) = self.last_starts.push(start)
+            && let Some(oldest) = self.last_starts.iter_mut().min_by_key(|last| last.at)
+        {
+            *oldest = start;
+        }
+    }
+
+    fn try_start(
+        &mut self,
+        situation: Situation<'_>,
+        from: Address,
+        while_disarmed: bool,
+    ) -> Result<(), Refusal> {
+        if self.switch != Switch::Stopped {
+            return Err(Refusal::AlreadyRuns);
+        }
+        if self.settings.demand_source() == DemandSource::None {
+            if !situation.is_heard(from.system) {
+                return Err(Refusal::NoHeartbeat);
+            }
+        } else {
+            let timeout = self.config.supervision.timeouts.mavlink;
+            match self.demand {
+                Some((throttle, at)) if situation.now < at + timeout => {
+                    if throttle > self.config.supervision.start.idle_band && !self.settings.relight {
+                        return Err(Refusal::NotIdle);
+                    }
+                }
+                _ => return Err(Refusal::NoDemand),
+            }
+        }
+        let armed = situation.vehicle.arming() == Arming::Armed;
+        if armed && self.must_disarm.is_some() {
+            return Err(Refusal::ArmedBeforeStop);
+        }
+        if !armed && !while_disarmed {
+            return Err(Refusal::NotArmed);
+        }
+        // Nobody else commands in between: what is in force now is what the start is judged by.
+        let answer = critical_section::with(|_| {
+            match self.telemetry().ordered.order {
+                Order::Standby => {}
+                Order::EmergencyStop => return Err(Rejected::StopLatched.into()),
+                Order::Listen => return Err(Rejected::Listening.into()),
+                Order::Run(_) | Order::Doubt(_) | Order::Pwm => return Err(Refusal::AlreadyRuns),
+            }
+            self.source.command(Command::Arm)?;
+            match self.source.command(Command::Standby)? {
+                Accepted::InForce => {}
+                Accepted::Behind(active) => return Err(Rejected::Behind(active).into()),
+                _ => return Err(Refusal::NotInControl),
+            }
+            match self.source.command(Command::Run(Demand::Throttle(Throttle::IDLE)))? {
+                Accepted::InForce => Ok(Switch::Run),
+                Accepted::StartWaits => Ok(Switch::Waiting),
+                Accepted::Behind(active) => Err(Rejected::Behind(active).into()),
+                _ => Err(Refusal::NotInControl),
+            }
+        });
+        match answer {
+            Ok(switch) => {
+                self.switch = switch;
+                self.ordered_by = Some(from.system);
+                self.refreshed = Some(situation.now);
+                if armed {
+                    self.armed = true
+                } else {
+                    self.armed_for_start = true
+                }
+                Ok(())
+            }
+            Err(why) => {
+                if !armed {
+                    self.disarm();
+                }
+                Err(why)
+            }
+        }
+    }
+
+    /// Shuts the engine down at once, with cooling.
+    pub fn stop(&mut self, now: Instant) -> Result<(), Refusal> {
+        self.switch = Switch::Stopped;
+        self.stopped_at = Some(now);
+        match self.source.command(Command::ShutDown) {
+            // An emergency stop is more than this.
+            Ok(_) | Err(Rejected::StopLatched) => Ok(()),
+            Err(why) => Err(why.into()),
+        }
+    }
+
+    /// Stops the engine at once, without cooling. Latched.
+    pub fn emergency_stop(&mut self, now: Instant) {
+        self.switch = Switch::Stopped;
+        self.stopped_at = Some(now);
+        // It is never refused.
+        let _ = self.source.command(Command::EmergencyStop);
+        self.note_emergency_stop(now);
+    }
+
+    fn note_emergency_stop(&mut self, now: Instant) {
+        (self.armed, self.armed_for_start) = (false, false);
+        (self.must_disarm, self.stop_noted) = (Some(now), true);
+    }
+
+    /// Releases an emergency stop.
+    pub fn release(&mut self) -> Result<(), Refusal> {
+        self.source.command(Command::ReleaseStop)?;
+        Ok(())
+    }
+
+    /// Passes a service command on.
+    pub fn service(&mut self, service: Service) -> Result<(), Refusal> {
+        self.source.command(Command::Service(service))?;
+        Ok(())
+    }
+
+    fn disarm(&mut self) {
+        (self.armed, self.armed_for_start) = (false, false);
+        // It is never refused.
+        let _ = self.source.command(Command::Disarm);
+    }
+
+    /// The vehicle was armed and shows disarmed: a start that is under way ends, however it was allowed.
+    pub fn vehicle_disarmed(&mut self) {
+        self.disarm();
+    }
+
+    /// What has to be done without a command: arming, taking over an engine that was found running, keeping an order alive
+    /// or MAVLink present. Call it ten times a second or more often. Returns why a waiting start was refused.
+    pub fn update(&mut self, situation: Situation<'_>) -> Option<Refusal> {
+        let telemetry = self.telemetry();
+        self.follow(situation, &telemetry);
+        self.arm(situation, &telemetry);
+        let standby = self.settings.disarmed_standby.zip(situation.vehicle.disarmed_since());
+        let due = standby.is_some_and(|(after, since)| situation.now >= since + after);
+        if due && self.is_at_run() && !core::mem::replace(&mut self.stood_by, true) {
+            // Never refused but in an emergency stop.
+            let _ = self.stop(situation.now);
+        }
+        self.stood_by &= due;
+        if self.refreshed.is_some_and(|at| situation.now < at + REFRESH) {
+            return None;
+        }
+        match self.switch {
+            // Present, but without a command: when the start comes, this source has been received without a gap.
+            Switch::Stopped if telemetry.ordered.order == Order::Listen => None,
+            Switch::Stopped => {
+                self.refreshed = Some(situation.now);
+                let _ = self.source.command(Command::Present);
+                None
+            }
+            Switch::Found => None,
+            Switch::Waiting | Switch::Run => {
+                let alive = self.settings.demand_source() == DemandSource::None
+                    && self
+                        .ordered_by
+                        .map_or_else(|| situation.anybody_is_heard(), |system| situation.is_heard(system));
+                if alive { self.pass_on(situation, Throttle::IDLE) } else { None }
+            }
+        }
+    }
+
+    /// Sets the switch by what the engine is ordered to do.
+    fn follow(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
+        let runs = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
+        // Any source may have commanded it.
+        if telemetry.stop_latched && !self.stop_noted {
+            self.note_emergency_stop(situation.now);
+        }
+        self.stop_noted &= telemetry.stop_latched;
+        match self.switch {
+            Switch::Run | Switch::Found if !runs => self.switch = Switch::Stopped,
+            // The library gave the wait up.
+            Switch::Waiting if telemetry.start_waits_until.is_none() => {
+                self.switch = if runs { Switch::Run } else { Switch::Stopped };
+            }
+            Switch::Stopped if runs => match telemetry.active_source {
+                // Ours before a reset.
+                Origin::Mavlink => self.switch = Switch::Run,
+                Origin::Node => self.switch = Switch::Found,
+                _ => {}
+            },
+            _ => {}
+        }
+        if self.switch == Switch::Found && situation.vehicle.arming() == Arming::Armed {
+            self.switch = Switch::Run;
+        }
+    }
+
+    /// Passes the vehicle's arming on.
+    fn arm(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
+        let vehicle = situation.vehicle;
+        let start_is_over = telemetry.start_by.is_none() && self.switch != Switch::Waiting;
+        if self.armed_for_start && start_is_over {
+            self.armed_for_start = false;
+            if vehicle.arming() != Arming::Armed {
+                self.disarm();
+            }
+        }
+        match vehicle.arming() {
+            Arming::Armed => {
+                if !self.armed && self.must_disarm.is_none() && !telemetry.stop_latched {
+                    self.armed = self.source.command(Command::Arm).is_ok();
+                }
+            }
+            Arming::Disarmed => {
+                // It has to show that after the stop.
+                let shown = self.must_disarm.is_some_and(|stop| vehicle.last_shown() > Some(stop));
+                if shown {
+                    self.must_disarm = None;
+                    self.disarm();
+                }
+                if self.armed {
+                    self.disarm();
+                }
+            }
+            Arming::Unknown => {
+                // Without a vehicle, the release of the stop is what a person has to do.
+                if self.must_disarm.is_some() && !telemetry.stop_latched {
+                    self.must_disarm = None;
+                    self.disarm();
+                }
+            }
+        }
+    }
+
+    /// Whether it turns, or is ordered to, or a start of it waits.
+    pub fn turns(&self) -> bool {
+        let telemetry = self.telemetry();
+        let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+        let state = matches!(
+            telemetry.state,
+            EngineState::StartRequested
+                | EngineState::Starting(_)
+                | EngineState::Running
+                | EngineState::ShuttingDown
+        );
+        let rpm = telemetry.current(telemetry.report.rpm).is_some_and(|rpm| rpm.get() > REST_RPM);
+        ordered || state || rpm || self.is_at_run()
+    }
+}

@@ -1,0 +1,337 @@
+//! Frames of MAVLink: bytes to messages (version 1 and 2) and messages to bytes (version 2).
+//!
+//! A frame with a wrong checksum is searched for another one from its second byte on. A frame of an unknown message is
+//! skipped as a whole: what it carries may look like a frame.
+
+use crate::dialect::MavMessage;
+use heapless::Vec;
+use mavlink_core::{MavlinkVersion, Message, MessageData};
+
+/// Largest frame: header, payload, checksum and signature.
+pub const MAX_FRAME: usize = 10 + 255 + 2 + 13;
+/// Largest frame that is sent here: `EFI_STATUS`.
+pub const MAX_SENT: usize = 10 + 73 + 2;
+
+const START_V1: u8 = 0xFE;
+const START_V2: u8 = 0xFD;
+const SIGNED: u8 = 0x01;
+const SIGNATURE: usize = 13;
+
+const CHECKSUM: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
+
+/// Component of a system on the network.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Address {
+    /// System: a vehicle or a ground station.
+    pub system: u8,
+    /// Component of the system.
+    pub component: u8,
+}
+
+/// A message with its sender.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Frame {
+    /// Who sent it.
+    pub from: Address,
+    /// The message.
+    pub message: MavMessage,
+}
+
+/// Counters of what a port received. All wrap.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Received {
+    /// Good frames of known messages.
+    pub frames: u32,
+    /// Frames of messages that jetlink does not use. Their checksum cannot be verified.
+    pub unknown: u32,
+    /// Wrong checksums.
+    pub bad_checksums: u32,
+    /// Bytes that belonged to no frame.
+    pub skipped: u32,
+}
+
+/// Finds frames in a stream of bytes.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    /// The beginning of a frame, or nothing.
+    buffer: Vec<u8, MAX_FRAME>,
+    counters: Received,
+}
+
+/// What the bytes of the buffer are.
+enum Found {
+    /// The beginning of a frame.
+    Incomplete,
+    /// No frame begins here.
+    Nothing,
+    /// A frame of a message that is not used.
+    Unknown(usize),
+    /// A frame, as long as this.
+    Frame(usize, Frame),
+}
+
+impl Decoder {
+    /// Without a byte.
+    pub const fn new() -> Self {
+        Self {
+            buffer: Vec::new(),
+            counters: Received { frames: 0, unknown: 0, bad_checksums: 0, skipped: 0 },
+        }
+    }
+
+    /// What was received.
+    pub const fn counters(&self) -> Received {
+        self.counters
+    }
+
+    /// Takes bytes until a frame is complete. Returns how many it took, and the frame. With none left to take, it may still
+    /// hold frames: call it until it returns none.
+    pub fn receive(&mut self, bytes: &[u8]) -> (usize, Option<Frame>) {
+        if let Some(frame) = self.search() {
+            return (0, Some(frame));
+        }
+        for (i, &byte) in bytes.iter().enumerate() {
+            // It never holds a whole frame here, so there is space.
+            if self.buffer.push(byte).is_err() {
+                self.buffer.clear();
+            }
+            if let Some(frame) = self.search() {
+                return (i + 1, Some(frame));
+            }
+        }
+        (bytes.len(), None)
+    }
+
+    /// Searches the buffer until it holds the beginning of a frame or nothing.
+    fn search(&mut self) -> Option<Frame> {
+        loop {
+            match self.look() {
+                Found::Incomplete => return None,
+                Found::Nothing => {
+                    let next = self.buffer.iter().skip(1).position(|&byte| is_start(byte));
+                    let gone = next.map_or(self.buffer.len(), |at| at + 1);
+                    self.counters.skipped = self.counters.skipped.wrapping_add(gone as u32);
+                    self.drop_first(gone);
+                }
+                Found::Unknown(len) => {
+                    self.counters.unknown = self.counters.unknown.wrapping_add(1);
+                    self.drop_first(len);
+                }
+                Found::Frame(len, frame) => {
+                    self.counters.frames = self.counters.frames.wrapping_add(1);
+                    self.drop_first(len);
+                    return Some(frame);
+                }
+            }
+        }
+    }
+
+    fn drop_first(&mut self, count: usize) {
+        let count = count.min(self.buffer.len());
+        let left = self.buffer.len() - count;
+        self.buffer.rotate_left(count);
+        self.buffer.truncate(left);
+    }
+
+    fn look(&mut self) -> Found {
+        let (&start, rest) = match self.buffer.split_first() {
+            Some(parts) => parts,
+            None => return Found::Incomplete,
+        };
+        if !is_start(start) {
+            return Found::Nothing;
+        }
+        let Some(&len) = rest.first() else { return Found::Incomplete };
+        let (header, signature) = if start == START_V1 {
+            (6, 0)
+        } else {
+            match rest.get(1) {
+                None => return Found::Incomplete,
+                Some(&flags) if flags & !SIGNED != 0 => return Found::Nothing,
+                Some(&flags) => (10, if flags & SIGNED != 0 { SIGNATURE } else { 0 }),
+            }
+        };
+        let end = header + usize::from(len);
+        let whole = end + 2 + signature;
+        if self.buffer.len() < whole {
+            return Found::Incomplete;
+        }
+        let at = |i: usize| self.buffer.get(i).copied().unwrap_or(0);
+        let (version, from, id) = if start == START_V1 {
+            (MavlinkVersion::V1, Address { system: at(3), component: at(4) }, u32::from(at(5)))
+        } else {
+            let id = u32::from_le_bytes([at(7), at(8), at(9), 0]);
+            (MavlinkVersion::V2, Address { system: at(5), component: at(6) }, id)
+        };
+        if !MavMessage::all_ids().contains(&id) {
+            return Found::Unknown(whole);
+        }
+        let checked = self.buffer.get(1..end).unwrap_or_default();
+        if checksum(checked, MavMessage::extra_crc(id)).to_le_bytes() != [at(end), at(end + 1)] {
+            self.counters.bad_checksums = self.counters.bad_checksums.wrapping_add(1);
+            return Found::Nothing;
+        }
+        let payload = self.buffer.get(header..end).unwrap_or_default();
+        match MavMessage::parse(version, id, payload) {
+            Ok(message) => Found::Frame(whole, Frame { from, message }),
+            Err(_) => Found::Unknown(whole),
+        }
+    }
+}
+
+const fn is_start(byte: u8) -> bool {
+    byte == START_V1 || byte == START_V2
+}
+
+fn checksum(bytes: &[u8], extra: u8) -> u16 {
+    let mut digest = CHECKSUM.digest();
+    digest.update(bytes);
+    digest.update(&[extra]);
+    digest.finalize()
+}
+
+/// Encodes a message as a frame of MAVLink 2.
+pub fn encode<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u8, MAX_FRAME> {
+    let mut payload = [0; 255];
+    let len = message.ser(MavlinkVersion::V2, &mut payload);
+    let payload = payload.get(..len).unwrap_or_default();
+    let [low, mid, high, _] = M::ID.to_le_bytes();
+    let header = [
+        START_V2,
+        payload.len() as u8, // 255 at most
+        0,
+        0,
+        sequence,
+        from.system,
+        from.component,
+        low,
+        mid,
+        high,
+    ];
+    let mut frame = Vec::new();
+    // The largest frame fits.
+    let _ = frame.extend_from_slice(&header);
+    let _ = frame.extend_from_slice(payload);
+    let sum = checksum(frame.get(1..).unwrap_or_default(), M::EXTRA_CRC);
+    let _ = frame.extend_from_slice(&sum.to_le_bytes());
+    frame
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA};
+
+    const FROM: Address = Address { system: 7, component: 25 };
+
+    fn heartbeat() -> HEARTBEAT_DATA {
+        HEARTBEAT_DATA {
+            custom_mode: 0x0102_0304,
+            mavtype: 0,
+            autopilot: 8,
+            base_mode: 1,
+            system_status: 4,
+            mavlink_version: 3,
+        }
+    }
+
+    /// Known answer of pymavlink 2.4.50: `HEARTBEAT` 7/25, sequence 5.
+    #[test]
+    fn a_heartbeat_is_what_another_implementation_sends() {
+        let frame = encode(FROM, 5, &heartbeat());
+        assert_eq!(frame[..], KNOWN_HEARTBEAT);
+    }
+
+    /// The same message in MAVLink 1.
+    #[test]
+    fn version_1_is_received() {
+        let (taken, frame) = Decoder::new().receive(&KNOWN_HEARTBEAT_V1);
+        assert_eq!(taken, KNOWN_HEARTBEAT_V1.len());
+        assert_eq!(frame, Some(Frame { from: FROM, message: MavMessage::HEARTBEAT(heartbeat()) }));
+    }
+
+    const KNOWN_HEARTBEAT: [u8; 21] = [
+        0xFD, 0x09, 0x00, 0x00, 0x05, 0x07, 0x19, 0x00, 0x00, 0x00, 0x04, 0x03, 0x02, 0x01, 0x00, 0x08, 0x01,
+        0x04, 0x03, 0x41, 0x51,
+    ];
+    const KNOWN_HEARTBEAT_V1: [u8; 17] = [
+        0xFE, 0x09, 0x05, 0x07, 0x19, 0x00, 0x04, 0x03, 0x02, 0x01, 0x00, 0x08, 0x01, 0x04, 0x03, 0x79, 0x3A,
+    ];
+
+    fn all(decoder: &mut Decoder, mut bytes: &[u8]) -> std::vec::Vec<Frame> {
+        let mut frames = std::vec::Vec::new();
+        loop {
+            let (taken, frame) = decoder.receive(bytes);
+            bytes = &bytes[taken..];
+            match frame {
+                Some(frame) => frames.push(frame),
+                None => return frames,
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_is_found_behind_and_inside_of_noise() {
+        let good = encode(FROM, 1, &heartbeat());
+        let mut damaged = good.clone();
+        damaged[12] ^= 0x40;
+        // Noise, the beginning of a frame, and a damaged one.
+        let stream = [&[0x55, 0xFD, 0xFC][..], &good[..15], &damaged, &good, &good].concat();
+        for step in 1..stream.len() {
+            let mut decoder = Decoder::new();
+            let mut frames = std::vec::Vec::new();
+            for piece in stream.chunks(step) {
+                frames.extend(all(&mut decoder, piece));
+            }
+            assert_eq!(frames.len(), 2, "in pieces of {step} bytes: {:?}", decoder.counters());
+            assert!(decoder.counters().bad_checksums > 0 && decoder.counters().skipped > 0);
+        }
+    }
+
+    /// What looks like an unknown message costs its length, 280 bytes at most.
+    #[test]
+    fn a_start_byte_in_noise_costs_280_bytes_at_most() {
+        let good = encode(FROM, 1, &heartbeat());
+        for noise in [&[0xFE][..], &[0xFD], &[0xFD, 0xFF, 1, 0, 0, 1, 1, 99]] {
+            let mut stream = noise.to_vec();
+            (0..20).for_each(|_| stream.extend_from_slice(&good));
+            let frames = all(&mut Decoder::new(), &stream);
+            assert!(frames.len() >= 20 - (280 / good.len() + 1), "{noise:?}: {}", frames.len());
+        }
+    }
+
+    #[test]
+    fn a_command_inside_of_an_unknown_message_is_not_received() {
+        let command = COMMAND_LONG_DATA { command: 223, ..Default::default() };
+        let inner = encode(FROM, 1, &command);
+        assert_eq!(all(&mut Decoder::new(), &inner).len(), 1);
+        // FILE_TRANSFER_PROTOCOL, 110: not in the dialect.
+        let mut outer = std::vec![START_V2, inner.len() as u8, 0, 0, 0, 1, 1, 110, 0, 0];
+        outer.extend_from_slice(&inner);
+        outer.extend_from_slice(&[0, 0]);
+        outer.extend_from_slice(&encode(FROM, 2, &heartbeat()));
+        let mut decoder = Decoder::new();
+        let frames = all(&mut decoder, &outer);
+        assert!(matches!(&frames[..], [Frame { message: MavMessage::HEARTBEAT(_), .. }]), "{frames:?}");
+        assert_eq!(decoder.counters().unknown, 1);
+    }
+
+    #[test]
+    fn a_signed_frame_is_as_long_as_its_signature() {
+        let plain = encode(FROM, 1, &heartbeat());
+        let mut signed = plain.clone();
+        signed[2] = SIGNED;
+        let end = signed.len() - 2;
+        let sum = checksum(&signed[1..end], HEARTBEAT_DATA::EXTRA_CRC).to_le_bytes();
+        signed.truncate(end);
+        signed.extend_from_slice(&sum).unwrap();
+        signed.extend_from_slice(&[0xFD; SIGNATURE]).unwrap();
+        signed.extend_from_slice(&plain).unwrap();
+        assert_eq!(all(&mut Decoder::new(), &signed).len(), 2);
+        // Another flag means a frame that nobody here understands.
+        signed[2] = 0x02;
+        assert_eq!(all(&mut Decoder::new(), &signed).len(), 1);
+    }
+}

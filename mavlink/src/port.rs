@@ -1,0 +1,287 @@
+//! One port: frames in, a queue of frames out, and its share of telemetry.
+//!
+//! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
+//! moves at all.
+
+use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode};
+use embassy_time::{Duration, Instant};
+use heapless::{Deque, Vec};
+use mavlink_core::MessageData;
+
+/// Bytes that wait for the port.
+const QUEUE: usize = 1024;
+/// Bytes that may wait when telemetry is added. The rest is for answers.
+const TELEMETRY_QUEUE: usize = 384;
+/// Telemetry that may come at once, as a time of the port's quarter.
+const BURST: Duration = Duration::from_millis(400);
+
+/// Time between the named values of two engines.
+const STAGGER: Duration = Duration::from_millis(130);
+
+/// A port.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PortConfig {
+    /// Bytes a second that it carries. A UART of 57 600 baud: 5760.
+    pub bytes_per_second: u32,
+}
+
+impl PortConfig {
+    /// A UART, with 10 bits for a byte.
+    pub const fn uart(baud: u32) -> Self {
+        Self { bytes_per_second: baud / 10 }
+    }
+
+    /// USB, or a network: everything is sent at 10 Hz.
+    pub const fn usb() -> Self {
+        Self { bytes_per_second: 100_000 }
+    }
+
+    /// Whether it carries everything at 10 Hz.
+    pub(crate) const fn is_wide(self) -> bool {
+        self.bytes_per_second >= 20_000
+    }
+}
+
+/// Counters of a port. All wrap.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PortCounters {
+    /// What was received.
+    pub received: Received,
+    /// Frames that were queued for sending.
+    pub queued: u32,
+    /// Frames of telemetry that were dropped.
+    pub telemetry_dropped: u32,
+    /// Answers that were dropped: the port does not move.
+    pub answers_dropped: u32,
+}
+
+/// What a frame is sent for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Class {
+    /// An answer, or a heartbeat.
+    Answer,
+    Telemetry,
+}
+
+/// Rates of what one engine sends on a port; `None`: as the settings have it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Schedule {
+    pub interval: Interval,
+    pub next: Instant,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Interval {
+    Default,
+    Off,
+    Every(Duration),
+}
+
+impl Schedule {
+    const fn new(now: Instant) -> Self {
+        Self { interval: Interval::Default, next: now }
+    }
+
+    /// Whether it is due, with this interval by default. `None`: off by default.
+    pub fn is_due(&mut self, now: Instant, default: Option<Duration>) -> bool {
+        let every = match self.interval {
+            Interval::Default => default,
+            Interval::Off => None,
+            Interval::Every(every) => Some(every),
+        };
+        let Some(every) = every else { return false };
+        if now < self.next {
+            return false;
+        }
+        // In step, but never more than one behind.
+        let next = self.next.checked_add(every).unwrap_or(Instant::MAX);
+        self.next = if next <= now { now.checked_add(every).unwrap_or(Instant::MAX) } else { next };
+        true
+    }
+}
+
+/// What one engine sends on a port.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Streams {
+    pub efi: Schedule,
+    pub values: Schedule,
+    pub quality: crate::report::LinkQuality,
+    sequence: u8,
+}
+
+/// A list of parameters that is being sent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct List {
+    /// Place of the component: 0 is the node, then the engines.
+    pub place: usize,
+    /// Last place.
+    pub last: usize,
+    pub index: u16,
+    pub next: Instant,
+}
+
+#[derive(Debug)]
+pub(crate) struct Port<const N: usize> {
+    pub config: PortConfig,
+    pub decoder: Decoder,
+    pub streams: Vec<Streams, N>,
+    pub list: Option<List>,
+    queue: Deque<u8, QUEUE>,
+    /// Time up to which telemetry has used its share.
+    used_until: Instant,
+    sequence: u8,
+    counters: PortCounters,
+}
+
+impl<const N: usize> Port<N> {
+    pub fn new(now: Instant, config: PortConfig, engines: usize) -> Self {
+        let mut streams = Vec::new();
+        for engine in 0..engines.min(N) {
+            // Not all at one time.
+            let offset = STAGGER * (engine as u32 + 1);
+            // There is space for each.
+            let _ = streams.push(Streams {
+                efi: Schedule::new(now),
+                values: Schedule::new(now + offset),
+                quality: crate::report::LinkQuality::default(),
+                sequence: 0,
+            });
+        }
+        Self {
+            config,
+            decoder: Decoder::new(),
+            streams,
+            list: None,
+            queue: Deque::new(),
+            used_until: now,
+            sequence: 0,
+            counters: PortCounters::default(),
+        }
+    }
+
+    pub fn counters(&self) -> PortCounters {
+        PortCounters { received: self.decoder.counters(), ..self.counters }
+    }
+
+    /// Queues a frame. `engine`: which one sends it; `None`: the node.
+    pub fn send<M: MessageData>(
+        &mut self,
+        now: Instant,
+        from: Address,
+        engine: Option<usize>,
+        class: Class,
+        message: &M,
+    ) -> bool {
+        let sequence = match engine {
+            Some(engine) => match self.streams.get(engine) {
+                Some(stream) => stream.sequence,
+                None => return false,
+            },
+            None => self.sequence,
+        };
+        let frame = encode(from, sequence, message);
+        let free = QUEUE - self.queue.len();
+        let fits = match class {
+            Class::Answer => frame.len() <= free,
+            Class::Telemetry => {
+                self.queue.len() + frame.len() <= TELEMETRY_QUEUE && self.used_until <= now + BURST
+            }
+        };
+        if !fits {
+            let count = match class {
+                Class::Answer => &mut self.counters.answers_dropped,
+                Class::Telemetry => &mut self.counters.telemetry_dropped,
+            };
+            *count = count.wrapping_add(1);
+            return false;
+        }
+        if class == Class::Telemetry {
+            self.used_until = self.used_until.max(now) + self.quarter(frame.len());
+        }
+        let sequence = match engine.and_then(|engine| self.streams.get_mut(engine)) {
+            Some(stream) => &mut stream.sequence,
+            None => &mut self.sequence,
+        };
+        *sequence = sequence.wrapping_add(1);
+        self.counters.queued = self.counters.queued.wrapping_add(1);
+        self.push(&frame);
+        true
+    }
+
+    /// Counts bytes that are sent in any case as telemetry.
+    pub fn charge(&mut self, now: Instant, bytes: usize) {
+        let limit = now + BURST + BURST;
+        self.used_until = (self.used_until.max(now) + self.quarter(bytes)).min(limit);
+    }
+
+    /// Time in which a quarter of the port carries these bytes.
+    pub fn quarter(&self, bytes: usize) -> Duration {
+        let rate = u64::from(self.config.bytes_per_second).max(4);
+        Duration::from_micros(bytes as u64 * 4_000_000 / rate)
+    }
+
+    fn push(&mut self, frame: &Vec<u8, MAX_FRAME>) {
+        for byte in frame {
+            // There is space for the whole frame.
+            let _ = self.queue.push_back(*byte);
+        }
+    }
+
+    /// Takes bytes that are to be sent.
+    pub fn transmit(&mut self, bytes: &mut [u8]) -> usize {
+        let mut count = 0;
+        for slot in bytes {
+            let Some(byte) = self.queue.pop_front() else { break };
+            *slot = byte;
+            count += 1;
+        }
+        count
+    }
+
+    pub fn is_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dialect::{COMMAND_ACK_DATA, NAMED_VALUE_FLOAT_DATA};
+
+    const FROM: Address = Address { system: 1, component: 25 };
+
+    #[test]
+    fn telemetry_stays_below_a_quarter_and_answers_go_out() {
+        let start = Instant::from_secs(10);
+        let mut port: Port<1> = Port::new(start, PortConfig::uart(57_600), 1);
+        let value = NAMED_VALUE_FLOAT_DATA { value: 1.0, time_boot_ms: u32::MAX, ..Default::default() };
+        let mut bytes = [0; 64];
+        let mut sent = 0;
+        for ms in 0..10_000 {
+            let now = start + Duration::from_millis(ms);
+            port.send(now, FROM, Some(0), Class::Telemetry, &value);
+            while let count @ 1.. = port.transmit(&mut bytes) {
+                sent += count;
+            }
+        }
+        // 14 400 bytes in 10 s, and the burst.
+        assert!((14_000..15_100).contains(&sent), "{sent}");
+        assert!(port.counters().telemetry_dropped > 9000);
+
+        // Nothing moves any more: telemetry leaves space for answers.
+        let now = start + Duration::from_secs(60);
+        (0..100).for_each(|i| {
+            port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value);
+        });
+        assert!(port.queue.len() <= TELEMETRY_QUEUE);
+        let ack = COMMAND_ACK_DATA { command: 223, ..Default::default() };
+        assert!((0..20).all(|_| port.send(now, FROM, None, Class::Answer, &ack)));
+        assert_eq!(port.counters().answers_dropped, 0);
+        (0..100).for_each(|_| {
+            port.send(now, FROM, None, Class::Answer, &ack);
+        });
+        assert!(port.counters().answers_dropped > 0);
+    }
+}

@@ -1,0 +1,106 @@
+//! Why a command or a setting was refused: a sentence for a person, and the answer of MAVLink.
+
+use crate::ids::Ack;
+use jetlink::command::Rejected;
+use jetlink::setting::Row;
+
+/// Reason for refusing a command or a setting.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The engine refused it.
+    Engine(Rejected),
+    /// A system that may not command.
+    NotAllowed(u8),
+    /// A parameter of the command has a value that it cannot have.
+    Malformed(&'static str),
+    /// The vehicle is disarmed.
+    NotArmed,
+    /// It has not shown disarmed since the emergency stop.
+    ArmedBeforeStop,
+    /// The engine is ordered to run, or may run.
+    AlreadyRuns,
+    /// The demand source is silent.
+    NoDemand,
+    /// The system that commanded sends no heartbeats, which keep the order alive where the engine has no demand source.
+    NoHeartbeat,
+    /// The demand is above idle.
+    NotIdle,
+    /// The source is not in control yet.
+    NotInControl,
+    /// A repeat of a start from before the last stop.
+    Stopped,
+    /// A repeat of a start that was refused a moment ago.
+    Repeated,
+    /// An engine turns.
+    Turns,
+    /// No parameter has this name.
+    UnknownSetting,
+    /// A value is out of its range.
+    OutOfRange(&'static Row),
+    /// A setting belongs to something that is off.
+    SettingOff,
+    /// A setting is a whole number.
+    NotWhole,
+    /// The end points of a throttle are in the wrong order.
+    EndPoints,
+}
+
+impl Refusal {
+    /// The answer of MAVLink.
+    pub const fn ack(self) -> Ack {
+        match self {
+            Self::NotAllowed(_) | Self::Malformed(_) | Self::Engine(Rejected::NotSupported) => Ack::Denied,
+            _ => Ack::TemporarilyRejected,
+        }
+    }
+}
+
+impl From<Rejected> for Refusal {
+    fn from(why: Rejected) -> Self {
+        Self::Engine(why)
+    }
+}
+
+impl core::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Engine(why) => why.fmt(f),
+            Self::NotAllowed(system) => {
+                write!(f, "system {system} may not command here: see MAV_GCS_1, MAV_GCS_2, MAV_OWN_CMD")
+            }
+            Self::Malformed(what) => f.write_str(what),
+            Self::NotArmed => f.write_str("arm the vehicle, or allow a start while disarmed (param4 = 1)"),
+            Self::ArmedBeforeStop => {
+                f.write_str("disarm the vehicle, then arm it again: there was an emergency stop")
+            }
+            Self::AlreadyRuns => f.write_str("the engine is ordered to run: stop it first"),
+            Self::NoDemand => {
+                f.write_str("no throttle is received: check MAV_THR_SRC, MAV_THR_OUT and the autopilot")
+            }
+            Self::NoHeartbeat => {
+                f.write_str("no heartbeat of the commanding system: it has to keep the order alive")
+            }
+            Self::NotIdle => f.write_str("bring the throttle to idle first"),
+            Self::NotInControl => {
+                f.write_str("MAVLink is not in control of the engine yet: try again in 1 s")
+            }
+            Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
+            Self::Repeated => {
+                f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
+            }
+            Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
+            Self::UnknownSetting => f.write_str("no parameter has this name"),
+            Self::OutOfRange(row) => {
+                let off = if row.may_be_off { ", or -1" } else { "" };
+                write!(f, "use {} to {}{off}", row.min, row.max)
+            }
+            Self::SettingOff => f.write_str("turn on what it belongs to first"),
+            Self::NotWhole => f.write_str("the value has to be a whole number"),
+            Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}

@@ -1,0 +1,228 @@
+//! What an engine reports as messages: `HEARTBEAT`, `EFI_STATUS` and named values.
+//!
+//! `EFI_STATUS` has the fields of ArduPilot's own turbine driver. No field is ever NaN, and what a receiver casts to 8 bits is
+//! clamped: 0 stands for "not known" there.
+
+use crate::dialect::{EFI_STATUS_DATA, HEARTBEAT_DATA};
+use crate::ids::{AUTOPILOT_INVALID, MODE_CUSTOM, SystemStatus, TYPE_GENERIC};
+use jetlink::command::{Demand, Order};
+use jetlink::engine::state::EngineState;
+use jetlink::report::{Counters, LinkState};
+use jetlink::telemetry::Telemetry;
+
+/// Lowest byte of `custom_mode` of an engine.
+pub const fn state_number(state: EngineState) -> u8 {
+    match state {
+        EngineState::Offline => 0,
+        EngineState::NotKnown => 1,
+        EngineState::Stopped => 2,
+        EngineState::Standby => 3,
+        EngineState::Cooling => 4,
+        EngineState::StartRequested => 5,
+        EngineState::Starting(_) => 6,
+        EngineState::Running => 7,
+        EngineState::ShuttingDown => 8,
+        EngineState::Service => 9,
+        EngineState::Fault => 10,
+    }
+}
+
+/// Bits of `custom_mode` of an engine, above its state.
+pub mod flag {
+    /// The engine is armed.
+    pub const ARMED: u32 = 1 << 8;
+    /// The switch of MAVLink is at run.
+    pub const SWITCH_AT_RUN: u32 = 1 << 9;
+    /// An emergency stop is latched.
+    pub const STOP_LATCHED: u32 = 1 << 10;
+    /// It is in doubt whether the engine runs.
+    pub const IN_DOUBT: u32 = 1 << 11;
+    /// A limit holds the demand at the fail-safe throttle.
+    pub const LIMITED: u32 = 1 << 12;
+    /// The ECU does not obey.
+    pub const NOT_OBEYED: u32 = 1 << 13;
+    /// The engine ran, and stopped without a command.
+    pub const FAILED: u32 = 1 << 14;
+    /// First bit of the stage of loss, 0 to 3.
+    pub const LOSS_SHIFT: u32 = 16;
+}
+
+/// The heartbeat of an engine.
+pub(crate) fn heartbeat(telemetry: &Telemetry, at_run: bool) -> HEARTBEAT_DATA {
+    let bit = |set: bool, flag: u32| if set { flag } else { 0 };
+    let custom_mode = u32::from(state_number(telemetry.state))
+        | bit(telemetry.armed, flag::ARMED)
+        | bit(at_run, flag::SWITCH_AT_RUN)
+        | bit(telemetry.stop_latched, flag::STOP_LATCHED)
+        | bit(telemetry.in_doubt.is_some(), flag::IN_DOUBT)
+        | bit(telemetry.limited, flag::LIMITED)
+        | bit(!telemetry.obeyed, flag::NOT_OBEYED)
+        | bit(telemetry.failed, flag::FAILED)
+        | (telemetry.loss as u32) << flag::LOSS_SHIFT;
+    let status = if telemetry.stop_latched {
+        SystemStatus::FlightTermination
+    } else if telemetry.failed || telemetry.state == EngineState::Fault || faulty(telemetry) {
+        SystemStatus::Critical
+    } else {
+        match telemetry.state {
+            EngineState::Offline | EngineState::NotKnown => SystemStatus::Uninit,
+            EngineState::Stopped | EngineState::Standby | EngineState::Cooling | EngineState::Service => {
+                SystemStatus::Standby
+            }
+            _ => SystemStatus::Active,
+        }
+    };
+    heartbeat_of(custom_mode, status)
+}
+
+/// What the heartbeat of the node says of its engines.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Fleet {
+    pub engines: u8,
+    pub running: u8,
+    /// Engines that need attention.
+    pub attention: u8,
+}
+
+impl Fleet {
+    pub fn count(&mut self, telemetry: &Telemetry) {
+        self.engines = self.engines.saturating_add(1);
+        self.running = self.running.saturating_add((telemetry.state == EngineState::Running).into());
+        self.attention = self.attention.saturating_add(telemetry.needs_attention().into());
+    }
+}
+
+/// The heartbeat of the node: how many engines it has, how many of them run, and how many need attention.
+pub(crate) const fn node_heartbeat(fleet: Fleet) -> HEARTBEAT_DATA {
+    let custom_mode = u32::from_le_bytes([fleet.engines, fleet.running, fleet.attention, 0]);
+    let status = match (fleet.running, fleet.attention) {
+        (_, 1..) => SystemStatus::Critical,
+        (1.., _) => SystemStatus::Active,
+        _ => SystemStatus::Standby,
+    };
+    heartbeat_of(custom_mode, status)
+}
+
+/// Every field is filled: the default of the generated type is armed.
+const fn heartbeat_of(custom_mode: u32, status: SystemStatus) -> HEARTBEAT_DATA {
+    HEARTBEAT_DATA {
+        custom_mode,
+        mavtype: TYPE_GENERIC,
+        autopilot: AUTOPILOT_INVALID,
+        base_mode: MODE_CUSTOM,
+        system_status: status as u8,
+        mavlink_version: 3,
+    }
+}
+
+fn faulty(telemetry: &Telemetry) -> bool {
+    telemetry.current(telemetry.report.faults).is_some_and(|faults| !faults.is_empty())
+}
+
+/// Throttle that the engine is ordered to, in percent.
+fn ordered_percent(telemetry: &Telemetry) -> f32 {
+    let percent = match telemetry.ordered.order {
+        Order::Run(demand) | Order::Doubt(demand) => match demand {
+            Demand::Throttle(throttle) => f32::from(throttle.tenths()) / 10.0,
+            Demand::Rpm(rpm) => share(rpm.get(), telemetry.report.max_rpm.map(|max| max.value.get())),
+        },
+        _ => 0.0,
+    };
+    percent.clamp(0.0, 100.0)
+}
+
+fn share(rpm: u32, max: Option<u32>) -> f32 {
+    match max {
+        Some(max) if max > 0 => (rpm as f32 * 100.0 / max as f32).clamp(0.0, 100.0),
+        _ => 0.0,
+    }
+}
+
+/// `EFI_STATUS` of an engine, by its place from 0.
+pub(crate) fn efi_status(place: usize, telemetry: &Telemetry) -> EFI_STATUS_DATA {
+    let report = &telemetry.report;
+    let number = |value: Option<u32>| value.unwrap_or(0) as f32;
+    let rpm = telemetry.current(report.rpm).map(|rpm| rpm.get());
+    let egt = telemetry.current(report.egt).map_or(0.0, |egt| f32::from(egt.tenths()) / 10.0);
+    let throttle = telemetry.current(report.throttle).map_or(0.0, |it| f32::from(it.tenths()) / 10.0);
+    let volts = telemetry.current(report.supply).and_then(|supply| supply.voltage);
+    // 0 is "not known" in this field, and 0.0001 is 0 V.
+    let volts = volts.map_or(0.0, |volts| (volts.get() as f32 / 1000.0).max(0.0001));
+    let healthy = telemetry.link == LinkState::Up && !telemetry.failed && !faulty(telemetry);
+    EFI_STATUS_DATA {
+        ecu_index: place as f32,
+        rpm: number(rpm),
+        fuel_consumed: number(telemetry.current(report.fuel_total).map(|fuel| fuel.get())),
+        fuel_flow: number(telemetry.current(report.fuel_flow).map(|flow| flow.get())),
+        engine_load: share(rpm.unwrap_or(0), report.max_rpm.map(|max| max.value.get())),
+        throttle_position: throttle.clamp(0.0, 100.0),
+        spark_dwell_time: 0.0,
+        barometric_pressure: number(telemetry.current(report.pressure).map(|pressure| pressure.get()))
+            / 1000.0,
+        intake_manifold_pressure: 0.0,
+        intake_manifold_temperature: 0.0,
+        cylinder_head_temperature: egt,
+        ignition_timing: 0.0,
+        injection_time: 0.0,
+        exhaust_gas_temperature: egt,
+        throttle_out: ordered_percent(telemetry),
+        pt_compensation: 0.0,
+        health: u8::from(healthy),
+        ignition_voltage: volts,
+        fuel_pressure: 0.0,
+    }
+}
+
+/// Share of good frames since the last call, in percent.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LinkQuality {
+    before: Option<(u32, u32)>,
+}
+
+impl LinkQuality {
+    pub fn percent(&mut self, counters: &Counters) -> Option<f32> {
+        let bad =
+            counters.crc_failures.wrapping_add(counters.truncated).wrapping_add(counters.damaged_frames);
+        let now = (counters.frames, bad);
+        let before = self.before.replace(now)?;
+        let good = now.0.wrapping_sub(before.0);
+        let all = good.saturating_add(now.1.wrapping_sub(before.1));
+        Some(if all == 0 { 0.0 } else { good as f32 * 100.0 / all as f32 })
+    }
+}
+
+/// Names of the named values; the engine's number from 1 follows.
+pub(crate) const PUMP_VOLTS: &str = "pumpv";
+pub(crate) const REPLY_MARGIN: &str = "margin";
+pub(crate) const THRUST: &str = "thrust";
+pub(crate) const LINK_QUALITY: &str = "link";
+pub(crate) const RPM: &str = "rpm";
+pub(crate) const EGT: &str = "egt";
+pub(crate) const FUEL_FLOW: &str = "flow";
+pub(crate) const THROTTLE: &str = "thr";
+
+/// The named values of an engine that are known. `with_main`: also those that `EFI_STATUS` has, where that is not sent.
+pub(crate) fn named_values(
+    telemetry: &Telemetry,
+    link_quality: Option<f32>,
+    with_main: bool,
+) -> impl Iterator<Item = (&'static str, f32)> {
+    let report = &telemetry.report;
+    let main = |value: Option<f32>| value.filter(|_| with_main);
+    let volts = telemetry.current(report.pump).and_then(|pump| pump.voltage);
+    [
+        (RPM, main(telemetry.current(report.rpm).map(|rpm| rpm.get() as f32))),
+        (EGT, main(telemetry.current(report.egt).map(|egt| f32::from(egt.tenths()) / 10.0))),
+        (FUEL_FLOW, main(telemetry.current(report.fuel_flow).map(|flow| flow.get() as f32))),
+        (THROTTLE, main(telemetry.current(report.throttle).map(|it| f32::from(it.tenths()) / 10.0))),
+        (PUMP_VOLTS, volts.map(|volts| volts.get() as f32 / 1000.0)),
+        (
+            REPLY_MARGIN,
+            telemetry.counters.worst_reply_margin.map(|margin| margin.as_micros() as f32 / 1000.0),
+        ),
+        (THRUST, telemetry.current(report.thrust).map(|thrust| thrust.get() as f32 / 1000.0)),
+        (LINK_QUALITY, link_quality),
+    ]
+    .into_iter()
+    .filter_map(|(name, value)| Some((name, value?)))
+}

@@ -1,0 +1,115 @@
+//! The rate of `SERVO_OUTPUT_RAW`: asked for, measured, and asked for again when the autopilot has forgotten it.
+
+use embassy_time::{Duration, Instant};
+
+/// Intervals to ask for, the next one when an autopilot denies the one before. ArduPlane grants 25 ms at 50 Hz.
+const INTERVALS: [Duration; 3] =
+    [Duration::from_millis(25), Duration::from_millis(50), Duration::from_millis(100)];
+/// Time between two requests, unless one was denied.
+const AGAIN: Duration = Duration::from_secs(5);
+/// Time over which the rate is measured.
+const MEASURE: Duration = Duration::from_secs(2);
+
+/// What was asked for and what came.
+#[derive(Debug)]
+pub(crate) struct RateRequest {
+    /// Place in [`INTERVALS`].
+    place: usize,
+    asked: Option<Instant>,
+    granted: bool,
+    /// Frames since the measurement began.
+    frames: u32,
+    since: Instant,
+    /// Too few came in the last measurement.
+    slow: bool,
+}
+
+impl RateRequest {
+    pub const fn new(now: Instant) -> Self {
+        Self { place: 0, asked: None, granted: false, frames: 0, since: now, slow: true }
+    }
+
+    /// A frame has arrived.
+    pub const fn frame(&mut self) {
+        self.frames = self.frames.saturating_add(1);
+    }
+
+    /// The autopilot has answered a request.
+    pub fn answered(&mut self, now: Instant, accepted: bool) {
+        // An answer that nobody waits for is not ours.
+        if self.granted || self.asked.is_none_or(|at| now >= at + AGAIN) {
+            return;
+        }
+        if accepted {
+            (self.granted, self.frames, self.since, self.slow) = (true, 0, now, false);
+        } else if self.place + 1 < INTERVALS.len() {
+            self.place += 1;
+            self.asked = None;
+        }
+    }
+
+    /// The interval to ask for now, if any. `heard`: the autopilot's heartbeats come.
+    pub fn due(&mut self, now: Instant, heard: bool) -> Option<Duration> {
+        let interval = INTERVALS.get(self.place).copied()?;
+        if now >= self.since + MEASURE {
+            let expected = MEASURE.as_ticks() / interval.as_ticks();
+            self.slow = u64::from(self.frames) * 2 < expected;
+            (self.frames, self.since) = (0, now);
+        }
+        let wanted = !self.granted || self.slow;
+        if !heard || !wanted || self.asked.is_some_and(|at| now < at + AGAIN) {
+            return None;
+        }
+        if self.granted {
+            // It may have restarted: what it denied before it may grant now.
+            (self.granted, self.place) = (false, 0);
+        }
+        self.asked = Some(now);
+        INTERVALS.get(self.place).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_millis(100_000 + ms)
+    }
+
+    const MS: fn(u64) -> Option<Duration> = |ms| Some(Duration::from_millis(ms));
+
+    #[test]
+    fn a_denied_rate_falls_back_and_a_granted_one_is_measured() {
+        let mut request = RateRequest::new(at(0));
+        assert_eq!(request.due(at(0), false), None, "nobody is there to be asked");
+        assert_eq!(request.due(at(0), true), MS(25));
+        assert_eq!(request.due(at(100), true), None);
+        request.answered(at(200), false);
+        assert_eq!(request.due(at(200), true), MS(50));
+        request.answered(at(300), true);
+        // 20 a second are granted. 11 a second are enough, 9 are not.
+        for second in 0..20 {
+            (0..11).for_each(|_| request.frame());
+            assert_eq!(request.due(at(1300 + second * 1000), true), None, "second {second}");
+        }
+        let asked: std::vec::Vec<u64> = (20..40)
+            .filter(|second| {
+                (0..9).for_each(|_| request.frame());
+                request.due(at(1300 + second * 1000), true) == MS(25)
+            })
+            .collect();
+        assert!(asked.len() >= 3 && asked.windows(2).all(|two| two[1] - two[0] >= 5), "{asked:?}");
+    }
+
+    #[test]
+    fn an_autopilot_that_has_forgotten_is_asked_again() {
+        let mut request = RateRequest::new(at(0));
+        request.due(at(0), true);
+        request.answered(at(10), true);
+        assert_eq!(request.due(at(60_000), false), None, "no heartbeats: it is not there");
+        assert_eq!(request.due(at(61_000), true), MS(25));
+        // Without an answer, every 5 s.
+        assert_eq!((0..12).filter(|s| request.due(at(61_500 + s * 1000), true).is_some()).count(), 2);
+    }
+}

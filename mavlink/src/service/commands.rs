@@ -1,0 +1,223 @@
+//! Commands: each gets its final answer at once, and a text with the reason where it is refused.
+
+use super::{Place, Service};
+use crate::dialect::COMMAND_ACK_DATA;
+use crate::frame::Address;
+use crate::ids::{
+    Ack, CMD_DO_ENGINE_CONTROL, CMD_DO_FLIGHTTERMINATION, CMD_PREFLIGHT_REBOOT_SHUTDOWN, CMD_REQUEST_MESSAGE,
+    CMD_SET_MESSAGE_INTERVAL, CMD_USER_1, MESSAGE_EFI_STATUS, MESSAGE_HEARTBEAT, MESSAGE_NAMED_VALUE_FLOAT,
+    Severity,
+};
+use crate::number::whole;
+use crate::port::{Class, Interval};
+use crate::refusal::Refusal;
+use crate::services::{self, NodeService};
+use embassy_time::{Duration, Instant};
+
+/// Shortest interval of a message that may be asked for.
+const SHORTEST: Duration = Duration::from_millis(50);
+/// Bit of `DO_ENGINE_CONTROL`: a start while disarmed is allowed.
+const WHILE_DISARMED: i32 = 1;
+
+/// The answer to a command, with the reason of a refusal where a text has to say it.
+type Answer = Result<Ack, (Ack, Option<Refusal>)>;
+
+fn refuse(why: Refusal) -> Answer {
+    Err((why.ack(), Some(why)))
+}
+
+fn done(result: Result<(), Refusal>) -> Answer {
+    result.map_or_else(refuse, |()| Ok(Ack::Accepted))
+}
+
+impl<const N: usize, const P: usize> Service<'_, N, P> {
+    #[allow(clippy::too_many_arguments, reason = "the fields of two messages")]
+    pub(super) fn command(
+        &mut self,
+        now: Instant,
+        port: usize,
+        from: Address,
+        target: Address,
+        command: u16,
+        confirmation: u8,
+        params: [f32; 7],
+    ) {
+        // Component 0 is everybody: nobody obeys that.
+        let (true, Some(place)) =
+            (self.system(now, port) == Some(target.system), self.place(target.component))
+        else {
+            return;
+        };
+        self.counters.commands = self.counters.commands.wrapping_add(1);
+        let answer = if self.may_command(from.system) {
+            self.obey(now, port, from, place, command, confirmation, params)
+        } else {
+            refuse(Refusal::NotAllowed(from.system))
+        };
+        self.answer(now, port, from, place, command, answer);
+    }
+
+    fn answer(&mut self, now: Instant, port: usize, to: Address, place: Place, command: u16, answer: Answer) {
+        let (result, why) = match answer {
+            Ok(ack) => (ack, None),
+            Err((ack, why)) => (ack, why),
+        };
+        if !matches!(result, Ack::Accepted | Ack::Cancelled) {
+            self.counters.commands_refused = self.counters.commands_refused.wrapping_add(1);
+        }
+        let ack = COMMAND_ACK_DATA {
+            command,
+            result: result as u8,
+            progress: 0,
+            result_param2: 0,
+            target_system: to.system,
+            target_component: to.component,
+        };
+        self.send(now, port, place, Class::Answer, &ack);
+        if let Some(why) = why {
+            self.say(now, place, Severity::Warning, Some(port), format_args!("refused: {why}"));
+        }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "the fields of two messages")]
+    fn obey(
+        &mut self,
+        now: Instant,
+        port: usize,
+        from: Address,
+        place: Place,
+        command: u16,
+        confirmation: u8,
+        params: [f32; 7],
+    ) -> Answer {
+        let [first, second, third, fourth, ..] = params;
+        match (command, place) {
+            (CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
+                let numbers = (whole(first), whole(second), whole(third), whole(fourth));
+                match numbers {
+                    (Some(0), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) => {
+                        self.stop_engine(now, engine)
+                    }
+                    (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
+                        let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
+                        let situation = Self::situation(now, &self.vehicle, &self.heard);
+                        engine
+                            .start(situation, from, confirmation, bits == WHILE_DISARMED)
+                            .map(|()| Ack::Accepted)
+                    }
+                    _ => refuse(Refusal::Malformed(
+                        "DO_ENGINE_CONTROL: param1 0 or 1, param3 0, param4 0 or 1",
+                    )),
+                }
+            }
+            (CMD_DO_FLIGHTTERMINATION, _) => match whole(first) {
+                Some(1) => self.emergency_stop(now, place),
+                _ => refuse(Refusal::Malformed("DO_FLIGHTTERMINATION: param1 has to be 1")),
+            },
+            (CMD_USER_1, _) => self.user_service(now, place, params),
+            (CMD_PREFLIGHT_REBOOT_SHUTDOWN, Place::Node) => match whole(first) {
+                Some(1) if self.any_turns() => refuse(Refusal::Turns),
+                Some(1) => {
+                    self.reboot = true;
+                    Ok(Ack::Accepted)
+                }
+                _ => refuse(Refusal::Malformed("PREFLIGHT_REBOOT_SHUTDOWN: only a reboot, param1 = 1")),
+            },
+            (CMD_SET_MESSAGE_INTERVAL, _) => self.set_interval(port, place, first, second),
+            (CMD_REQUEST_MESSAGE, _) => self.request_message(now, port, place, first),
+            _ => Ok(Ack::Unsupported),
+        }
+    }
+
+    fn stop_engine(&mut self, now: Instant, engine: usize) -> Answer {
+        self.engines.get_mut(engine).map_or(Ok(Ack::Unsupported), |engine| done(engine.stop(now)))
+    }
+
+    /// Stops one engine, or all of them where the node is addressed.
+    fn emergency_stop(&mut self, now: Instant, place: Place) -> Answer {
+        for (i, engine) in self.engines.iter_mut().enumerate() {
+            if place == Place::Node || place == Place::Engine(i) {
+                engine.emergency_stop(now);
+            }
+        }
+        Ok(Ack::Accepted)
+    }
+
+    fn user_service(&mut self, now: Instant, place: Place, params: [f32; 7]) -> Answer {
+        let service = match services::find(params) {
+            Ok(service) => service,
+            Err(what) => return refuse(Refusal::Malformed(what)),
+        };
+        match (service, place) {
+            (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
+            (service, Place::Engine(engine)) => {
+                let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
+                done(match service {
+                    NodeService::EmergencyStop => Ok(()),
+                    NodeService::Release => engine.release(),
+                    NodeService::Stop => engine.stop(now),
+                    NodeService::Ecu(service) => engine.service(service),
+                })
+            }
+            (_, Place::Node) => refuse(Refusal::Malformed("address the component of an engine")),
+        }
+    }
+
+    /// `COMMAND_CANCEL` of a start is a stop.
+    pub(super) fn cancel(&mut self, now: Instant, port: usize, from: Address, target: Address, command: u16) {
+        let (true, Some(place)) =
+            (self.system(now, port) == Some(target.system), self.place(target.component))
+        else {
+            return;
+        };
+        self.counters.commands = self.counters.commands.wrapping_add(1);
+        let answer = match (command, place) {
+            _ if !self.may_command(from.system) => refuse(Refusal::NotAllowed(from.system)),
+            (CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
+                self.stop_engine(now, engine).map(|ack| match ack {
+                    Ack::Accepted => Ack::Cancelled,
+                    ack => ack,
+                })
+            }
+            _ => Ok(Ack::Unsupported),
+        };
+        self.answer(now, port, from, place, command, answer);
+    }
+
+    fn set_interval(&mut self, port: usize, place: Place, message: f32, interval: f32) -> Answer {
+        let (Some(message), Some(engine)) = (whole(message), place.engine()) else {
+            return Ok(Ack::Unsupported);
+        };
+        let streams = self.ports.get_mut(port).and_then(|port| port.streams.get_mut(engine));
+        let Some(streams) = streams else { return Ok(Ack::Unsupported) };
+        let schedule = match u32::try_from(message) {
+            Ok(MESSAGE_EFI_STATUS) => &mut streams.efi,
+            Ok(MESSAGE_NAMED_VALUE_FLOAT) => &mut streams.values,
+            _ => return Ok(Ack::Unsupported),
+        };
+        schedule.interval = match whole(interval) {
+            Some(-1) => Interval::Off,
+            Some(0) => Interval::Default,
+            Some(us @ 1..) if u64::from(us.unsigned_abs()) >= SHORTEST.as_micros() => {
+                Interval::Every(Duration::from_micros(us.unsigned_abs().into()))
+            }
+            _ => return refuse(Refusal::Malformed("SET_MESSAGE_INTERVAL: 50 000 us or longer, 0 or -1")),
+        };
+        Ok(Ack::Accepted)
+    }
+
+    fn request_message(&mut self, now: Instant, port: usize, place: Place, message: f32) -> Answer {
+        let message = whole(message).and_then(|message| u32::try_from(message).ok());
+        match (message, place) {
+            (Some(MESSAGE_HEARTBEAT), _) => self.send_heartbeat(now, port, place),
+            (Some(MESSAGE_EFI_STATUS), Place::Engine(engine)) => {
+                self.send_efi(now, port, engine, Class::Answer);
+            }
+            (Some(MESSAGE_NAMED_VALUE_FLOAT), Place::Engine(engine)) => {
+                self.send_values(now, port, engine, true, Class::Answer);
+            }
+            _ => return Ok(Ack::Unsupported),
+        }
+        Ok(Ack::Accepted)
+    }
+}

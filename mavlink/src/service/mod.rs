@@ -1,0 +1,324 @@
+//! The service: bytes of each port and the time in, frames out. It does no IO and reads no clock.
+
+mod commands;
+mod incoming;
+mod outgoing;
+pub mod parameters;
+
+use crate::engine::{Engine, Situation};
+use crate::frame::Address;
+use crate::ids::Severity;
+use crate::port::{Class, Port, PortConfig, PortCounters};
+use crate::report::Fleet;
+use crate::request::RateRequest;
+use crate::servo::FrameClock;
+use crate::settings::{EngineSettings, NodeSettings};
+use crate::text::{Limiter, pieces, text};
+use crate::vehicle::Vehicle;
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+use jetlink::channel::Source;
+use jetlink::config::EngineConfig;
+
+/// Time between two looks at the engines.
+const TICK: Duration = Duration::from_millis(50);
+/// Time in which an autopilot is heard, if there is one.
+const LISTEN: Duration = Duration::from_secs(3);
+/// Systems whose heartbeats are remembered: those that may command.
+const STATIONS: usize = 4;
+
+/// Counters of the service. All wrap.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Counters {
+    /// Commands that were addressed to a component of the node.
+    pub commands: u32,
+    /// Of them, refused or not known.
+    pub commands_refused: u32,
+    /// Parameters that were set.
+    pub parameters_set: u32,
+    /// Frames of our autopilot's outputs that counted.
+    pub demands: u32,
+    /// Frames of outputs that were repeated or late.
+    pub demands_late: u32,
+    /// Pulse widths that are not believed.
+    pub demands_odd: u32,
+    /// Texts that were lost, because too many came.
+    pub texts_lost: u32,
+    /// Events of engines that were lost before they became texts.
+    pub events_lost: u32,
+}
+
+/// What the node has to do besides.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Request {
+    /// Restart: no engine turns.
+    Reboot,
+}
+
+/// MAVLink of a node with up to `N` engines and `P` ports.
+#[derive(Debug)]
+pub struct Service<'a, const N: usize, const P: usize> {
+    settings: NodeSettings,
+    /// As they were at the start: a change counts from the next one on.
+    base: u8,
+    autopilot_port: Option<usize>,
+    engines: Vec<Engine<'a>, N>,
+    ports: Vec<Port<N>, P>,
+    vehicle: Vehicle,
+    request: RateRequest,
+    /// Clocks of outputs 1 to 16 and 17 to 32.
+    clocks: [FrameClock; 2],
+    /// Systems that may command, with their last heartbeat.
+    heard: Vec<(u8, Instant), STATIONS>,
+    /// Of the node, and of each engine.
+    node_texts: Limiter,
+    texts: Vec<Limiter, N>,
+    text_id: u16,
+    started: Instant,
+    next_tick: Instant,
+    next_heartbeat: Instant,
+    /// Engine that sends first: where a port is slow, not always the same is dropped.
+    first: usize,
+    reboot: bool,
+    counters: Counters,
+}
+
+/// One engine for the service: the right to command it as MAVLink, and its settings.
+#[derive(Debug)]
+pub struct EngineParts<'a> {
+    /// Claimed with [`jetlink::command::Origin::Mavlink`].
+    pub source: Source<'a>,
+    /// Its configuration, which its parameters change.
+    pub config: EngineConfig,
+    /// Its settings of MAVLink.
+    pub settings: EngineSettings,
+}
+
+/// Component of the node that a message is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Place {
+    Node,
+    Engine(usize),
+}
+
+impl Place {
+    const fn engine(self) -> Option<usize> {
+        match self {
+            Self::Node => None,
+            Self::Engine(place) => Some(place),
+        }
+    }
+}
+
+impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
+    /// A service for these engines and ports. What exceeds `N` or `P` is left out.
+    pub fn new(
+        now: Instant,
+        settings: NodeSettings,
+        engines: impl IntoIterator<Item = EngineParts<'a>>,
+        ports: impl IntoIterator<Item = PortConfig>,
+    ) -> Self {
+        let engines: Vec<Engine<'a>, N> = engines
+            .into_iter()
+            .take(N)
+            .map(|parts| Engine::new(parts.source, parts.config, parts.settings))
+            .collect();
+        let count = engines.len();
+        Self {
+            settings,
+            base: settings.identity.base,
+            autopilot_port: usize::from(settings.identity.autopilot_port).checked_sub(1),
+            texts: engines.iter().map(|_| Limiter::new(now)).collect(),
+            ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
+            engines,
+            vehicle: Vehicle::new(settings.identity.system),
+            request: RateRequest::new(now),
+            clocks: [FrameClock::default(); 2],
+            heard: Vec::new(),
+            node_texts: Limiter::new(now),
+            text_id: 0,
+            started: now,
+            next_tick: now,
+            next_heartbeat: now,
+            first: 0,
+            reboot: false,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Takes bytes of a port, counted from 0. Commands are carried out at once; call [`Service::poll`] and
+    /// [`Service::transmit`] afterwards.
+    pub fn receive(&mut self, now: Instant, port: usize, mut bytes: &[u8]) {
+        loop {
+            let Some(decoder) = self.ports.get_mut(port).map(|port| &mut port.decoder) else { return };
+            let (taken, frame) = decoder.receive(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            match frame {
+                Some(frame) => self.handle(now, port, frame),
+                None => return,
+            }
+        }
+    }
+
+    /// Does what is due, and returns when to call it again.
+    pub fn poll(&mut self, now: Instant) -> Instant {
+        if now >= self.next_tick {
+            self.next_tick = now + TICK;
+            self.tick(now);
+        }
+        let lists = self.send_lists(now);
+        lists.into_iter().chain([self.next_tick]).min().unwrap_or(self.next_tick)
+    }
+
+    /// Takes bytes to be sent on a port; 0: there are none.
+    pub fn transmit(&mut self, port: usize, bytes: &mut [u8]) -> usize {
+        self.ports.get_mut(port).map_or(0, |port| port.transmit(bytes))
+    }
+
+    /// Whether bytes wait for this port.
+    pub fn is_waiting(&self, port: usize) -> bool {
+        self.ports.get(port).is_some_and(Port::is_waiting)
+    }
+
+    /// What the node has to do besides; each is returned once.
+    pub fn take_request(&mut self) -> Option<Request> {
+        core::mem::take(&mut self.reboot).then_some(Request::Reboot)
+    }
+
+    /// What was counted.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// What was counted on a port.
+    pub fn port_counters(&self, port: usize) -> Option<PortCounters> {
+        self.ports.get(port).map(Port::counters)
+    }
+
+    /// The settings of the node, as the parameters have them.
+    pub fn settings(&self) -> &NodeSettings {
+        &self.settings
+    }
+
+    /// The settings of each engine, as the parameters have them.
+    pub fn engine_settings(&self) -> impl Iterator<Item = (&EngineConfig, &EngineSettings)> {
+        self.engines.iter().map(|engine| (&engine.config, &engine.settings))
+    }
+
+    /// The system id of the vehicle, once it is set or learnt.
+    pub fn system_id(&self) -> Option<u8> {
+        self.vehicle.id()
+    }
+
+    /// The system id on a port. While an autopilot is heard that has not been learnt, and on the autopilot's port, there is
+    /// none; elsewhere it is 1 until one is known.
+    fn system(&self, now: Instant, port: usize) -> Option<u8> {
+        match self.vehicle.id() {
+            Some(id) => Some(id),
+            None if self.autopilot_port == Some(port) || self.vehicle.is_learning(now) => None,
+            None if self.autopilot_port.is_some() && now < self.started + LISTEN => None,
+            None => Some(1),
+        }
+    }
+
+    fn component(&self, place: Place) -> u8 {
+        let offset = place.engine().map_or(0, |engine| engine + 1);
+        u8::try_from(offset).unwrap_or(u8::MAX).saturating_add(self.base)
+    }
+
+    /// The component with this id.
+    fn place(&self, component: u8) -> Option<Place> {
+        match component.checked_sub(self.base)? {
+            0 => Some(Place::Node),
+            engine => {
+                let engine = usize::from(engine) - 1;
+                (engine < self.engines.len()).then_some(Place::Engine(engine))
+            }
+        }
+    }
+
+    /// Whether a system may command and set.
+    fn may_command(&self, system: u8) -> bool {
+        let settings = &self.settings;
+        system != 0
+            && (system == settings.ground_1
+                || system == settings.ground_2
+                || settings.own_vehicle && self.vehicle.id() == Some(system))
+    }
+
+    fn situation<'b>(now: Instant, vehicle: &'b Vehicle, heard: &'b [(u8, Instant)]) -> Situation<'b> {
+        Situation { now, vehicle, heard }
+    }
+
+    /// Whether any engine turns or is ordered to.
+    fn any_turns(&self) -> bool {
+        self.engines.iter().any(Engine::turns)
+    }
+
+    /// Sends a message on a port.
+    fn send<M: mavlink_core::MessageData>(
+        &mut self,
+        now: Instant,
+        port: usize,
+        place: Place,
+        class: Class,
+        message: &M,
+    ) -> bool {
+        let Some(system) = self.system(now, port) else { return false };
+        let from = Address { system, component: self.component(place) };
+        self.ports.get_mut(port).is_some_and(|port| port.send(now, from, place.engine(), class, message))
+    }
+
+    /// Sends a text, on one port or on all.
+    fn say(
+        &mut self,
+        now: Instant,
+        place: Place,
+        severity: Severity,
+        port: Option<usize>,
+        what: core::fmt::Arguments<'_>,
+    ) {
+        let limiter = match place {
+            Place::Node => Some(&mut self.node_texts),
+            Place::Engine(engine) => self.texts.get_mut(engine),
+        };
+        if !limiter.is_some_and(|limiter| limiter.allows(now)) {
+            self.counters.texts_lost = self.counters.texts_lost.wrapping_add(1);
+            return;
+        }
+        self.say_unlimited(now, place, severity, port, what);
+    }
+
+    fn say_unlimited(
+        &mut self,
+        now: Instant,
+        place: Place,
+        severity: Severity,
+        port: Option<usize>,
+        what: core::fmt::Arguments<'_>,
+    ) {
+        let text = match place.engine().and_then(|engine| self.engines.get(engine)) {
+            Some(engine) => text(format_args!("{}: {what}", engine.name())),
+            None => text(what),
+        };
+        self.text_id = self.text_id.checked_add(1).unwrap_or(1);
+        let ports = match port {
+            Some(port) => port..port + 1,
+            None => 0..self.ports.len(),
+        };
+        for port in ports {
+            for piece in pieces(severity, &text, self.text_id) {
+                self.send(now, port, place, Class::Answer, &piece);
+            }
+        }
+    }
+
+    /// What the engines are, for the heartbeat of the node.
+    fn fleet(&self) -> Fleet {
+        let mut fleet = Fleet::default();
+        self.engines.iter().for_each(|engine| fleet.count(&engine.telemetry()));
+        fleet
+    }
+}

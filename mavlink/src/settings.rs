@@ -1,0 +1,99 @@
+//! Settings of MAVLink: of the node, and of each engine beside those of its supervision. All are parameters.
+
+use jetlink::setting::Effect;
+use jetlink::setting::{Row, settings};
+
+settings! {
+    /// Settings of the node that count from its next start on.
+    pub struct Identity, "identity.", AtNextStart {
+        system: number "MAV_SYSID" = 0 in 0..=255, "System id of the vehicle. 0: learn it from the autopilot.";
+        base: number "MAV_COMP_BASE" = 25 in 25..=90, "Component id of the node; engine 1 has the next, engine 2 the one after it.";
+        autopilot_port: number "MAV_AP_PORT" = 1 in 0..=8, "Port of the autopilot, from 1. 0: there is none.";
+    }
+}
+
+settings! {
+    /// Settings of the node.
+    pub struct NodeSettings, "", AtOnce {
+        ground_1: number "MAV_GCS_1" = 255 in 0..=255, "System id of a ground station that may command and set. 0: none.";
+        ground_2: number "MAV_GCS_2" = 0 in 0..=255, "System id of another one. 0: none.";
+        own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, "Components of our own vehicle may command and set.";
+        efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all; an ArduPilot mixes them.";
+        efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Time between two EFI_STATUS of an engine on the autopilot's port.";
+    }
+    groups {
+        /// Settings that count from the next start on.
+        identity: Identity = Identity::DEFAULT;
+    }
+}
+
+settings! {
+    /// Settings of an engine.
+    pub struct EngineSettings, "mavlink.", AtOnce {
+        source: number "MAV_THR_SRC" = 1 in 0..=2, "Source of its demand. 0: none, it idles. 1: an output of the autopilot (SERVO_OUTPUT_RAW). 2: RC_CHANNELS_OVERRIDE addressed to the engine.";
+        output: number "MAV_THR_OUT" = 3 in 1..=32, "Number of that output or channel.";
+        low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
+        high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle.";
+        reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, "The output is reversed: the shorter pulse is full throttle.";
+        relight: yes_no "MAV_RELIGHT" = 0 in 0..=1, "A start is accepted with the throttle above idle, for a relight in flight: the engine starts at idle and then rises to it.";
+        disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
+    }
+}
+
+/// Source of an engine's demand.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum DemandSource {
+    /// The engine idles.
+    None,
+    /// An output of the autopilot.
+    ServoOutput,
+    /// A channel of `RC_CHANNELS_OVERRIDE` that is addressed to the engine.
+    RcOverride,
+}
+
+impl EngineSettings {
+    pub(crate) const fn demand_source(&self) -> DemandSource {
+        match self.source {
+            1 => DemandSource::ServoOutput,
+            2 => DemandSource::RcOverride,
+            _ => DemandSource::None,
+        }
+    }
+
+    /// Whether a change of this one waits until the engine is at rest.
+    pub(crate) fn needs_rest(name: &str) -> bool {
+        Self::ROWS
+            .iter()
+            .any(|row| row.name == name && !matches!(row.name, "MAV_DISARM_STBY" | "MAV_RELIGHT"))
+    }
+}
+
+impl NodeSettings {
+    /// Table of settings. The order is fixed.
+    pub const TABLE: [&'static [jetlink::setting::Setting]; 2] = [Identity::SETTINGS, Self::SETTINGS];
+
+    /// The same table without its texts.
+    pub(crate) const TABLE_ROWS: [&'static [Row]; 2] = [Identity::ROWS, Self::ROWS];
+
+    /// The value of a setting.
+    pub fn number(&self, name: &str) -> Option<i32> {
+        self.identity.own(name).or_else(|| self.own(name))
+    }
+
+    /// Changes a setting whose range has been checked. False: there is none of this name.
+    pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
+        self.identity.set_own(name, number) || self.set_own(name, number)
+    }
+
+    /// Whether a change of this one waits until every engine is at rest: who may command, and all that counts from the next
+    /// start on.
+    pub(crate) fn needs_rest(name: &str) -> bool {
+        let row = Self::TABLE_ROWS.into_iter().flatten().find(|row| row.name == name);
+        row.is_some_and(|row| row.effect == Effect::AtNextStart)
+            || matches!(name, "MAV_GCS_1" | "MAV_GCS_2" | "MAV_OWN_CMD")
+    }
+}
+
+const _: () =
+    assert!(NodeSettings::DEFAULT.check_own().is_ok() && EngineSettings::DEFAULT.check_own().is_ok());
+const _: () = assert!(Identity::DEFAULT.check_own().is_ok());

@@ -1,0 +1,337 @@
+//! Commands: who is obeyed, when an engine starts and stops, and what is answered.
+
+use super::world::*;
+use crate::dialect::*;
+use crate::frame::Address;
+use crate::ids::*;
+use jetlink::command::Order;
+use jetlink::engine::state::EngineState;
+
+const ACCEPTED: Option<u8> = Some(0);
+const NOT_NOW: Option<u8> = Some(1);
+const DENIED: Option<u8> = Some(2);
+const UNSUPPORTED: Option<u8> = Some(3);
+const USER: u16 = CMD_USER_1;
+
+#[test]
+fn each_condition_of_a_start_is_named() {
+    run(async |world| {
+        world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
+        world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
+        world.pass(4.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("left: refused: arm the vehicle"), "{text}");
+        world.plane.armed.set(true);
+        world.throttle(1500);
+        world.pass(8.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("bring the throttle to idle first"), "{text}");
+        world.pass(1.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("less than 5 s ago"), "{text}");
+        world.throttle(0);
+        world.pass(6.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("no throttle is received"), "{text}");
+        world.throttle(IDLE_US);
+        world.pass(6.0).await;
+        // The refusals are forgotten: none of it starts anything later.
+        assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
+        assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
+        world.until("starting", 5, || matches!(world.telemetry(0).ordered.order, Order::Run(_))).await;
+        world.pass(6.0).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("stop it first"), "{text}");
+        assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "that cost nothing");
+    });
+}
+
+#[test]
+fn malformed_commands_are_denied() {
+    run(async |world| {
+        world.ready().await;
+        for params in [
+            &[1.0, 0.0, 5.0][..],
+            &[1.0, 0.0, f32::NAN],
+            &[2.0],
+            &[-1.0],
+            &[0.5],
+            &[f32::NAN],
+            &[f32::INFINITY],
+            &[1.0, 7.0],
+            &[1.0, 0.0, 0.0, 2.0],
+            &[0.0, 0.0, 1.0],
+        ] {
+            assert_eq!(world.control(1, params).await.0, DENIED, "{params:?}");
+            world.pass(1.0).await;
+        }
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+        for (component, command) in [
+            (NODE, CMD_DO_ENGINE_CONTROL),
+            (ENGINE[0], CMD_PREFLIGHT_REBOOT_SHUTDOWN),
+            (ENGINE[0], 400),
+            (NODE, 20),
+            (NODE, 65_535),
+        ] {
+            assert_eq!(
+                world.command(component, command, &[1.0]).await.0,
+                UNSUPPORTED,
+                "{component} {command}"
+            );
+        }
+    });
+}
+
+#[test]
+fn only_what_is_addressed_to_us_is_obeyed() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        let stop = [1.0, 21196.0];
+        for target in
+            [(SYSTEM, 0), (0, ENGINE[1]), (0, 0), (SYSTEM, 24), (SYSTEM, 28), (SYSTEM, 1), (7, ENGINE[1])]
+        {
+            for command in [USER, CMD_DO_FLIGHTTERMINATION, CMD_DO_ENGINE_CONTROL] {
+                let params = if command == CMD_DO_ENGINE_CONTROL { [0.0, 0.0] } else { stop };
+                let (answer, _) = world.command_from(TO_GROUND, GROUND, target, command, 0, &params).await;
+                assert_eq!(answer, None, "{target:?} {command}");
+            }
+        }
+        // Systems that may not command.
+        for system in [7, 254, 0] {
+            let from = Address { system, component: 190 };
+            let target = (SYSTEM, ENGINE[1]);
+            let (answer, text) = world.command_from(TO_GROUND, from, target, USER, 0, &stop).await;
+            assert_eq!(answer, DENIED, "{system}: {text}");
+        }
+        assert!(world.texts().contains("system 7 may not command here"), "{}", world.texts());
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        // The autopilot's own system may, and so does a setting.
+        let (answer, _) = world
+            .command_from(TO_AUTOPILOT, AUTOPILOT, (SYSTEM, ENGINE[1]), CMD_DO_ENGINE_CONTROL, 0, &[0.0])
+            .await;
+        assert_eq!(answer, ACCEPTED);
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+    });
+}
+
+#[test]
+fn a_stop_acts_against_the_stream_and_only_a_command_starts_again() {
+    run(async |world| {
+        world.ready().await;
+        for stop in [0, 1, 2] {
+            world.start(1).await;
+            world.throttle(1700);
+            world.until("it follows", 10, || world.ordered(1) == Some(750)).await;
+            match stop {
+                0 => assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED),
+                1 => assert_eq!(world.command(ENGINE[1], USER, &[3.0]).await.0, ACCEPTED),
+                _ => {
+                    let message = COMMAND_CANCEL_DATA {
+                        command: CMD_DO_ENGINE_CONTROL,
+                        target_system: SYSTEM,
+                        target_component: ENGINE[1],
+                    };
+                    let at = world.frames.borrow().len();
+                    world.say(TO_GROUND, GROUND, &message);
+                    world.pass(0.2).await;
+                    let frames = world.frames.borrow();
+                    let ack = frames.iter().skip(at).find_map(|(_, _, frame)| match &frame.message {
+                        MavMessage::COMMAND_ACK(ack) => Some((ack.command, ack.result)),
+                        _ => None,
+                    });
+                    assert_eq!(ack, Some((CMD_DO_ENGINE_CONTROL, Ack::Cancelled as u8)));
+                }
+            }
+            assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+            world.pass(20.0).await;
+            assert_eq!(world.telemetry(1).ordered.order, Order::Standby, "the stream starts nothing");
+            world.throttle(IDLE_US);
+            world.cold(1).await;
+        }
+    });
+}
+
+#[test]
+fn a_repeated_start_gets_the_last_answer_and_does_nothing() {
+    run(async |world| {
+        world.ready().await;
+        let target = (SYSTEM, ENGINE[1]);
+        let again = async |from: Address, confirmation: u8| {
+            world.command_from(TO_GROUND, from, target, CMD_DO_ENGINE_CONTROL, confirmation, &[1.0]).await
+        };
+        assert_eq!(again(GROUND, 0).await.0, ACCEPTED);
+        world.pass(1.0).await;
+        assert_eq!(again(GROUND, 0).await.0, ACCEPTED, "within 5 s");
+        world.pass(10.0).await;
+        assert_eq!(again(GROUND, 1).await.0, ACCEPTED, "a repeat by its number");
+        let (answer, text) = again(Address { system: 255, component: 191 }, 0).await;
+        assert_eq!(answer, NOT_NOW, "somebody else: {text}");
+        // After a stop the repeat is refused.
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        let (answer, text) = again(GROUND, 2).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("this start is a repeat"), "{text}");
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+        world.cold(1).await;
+        assert_eq!(again(GROUND, 0).await.0, ACCEPTED, "a new one");
+    });
+}
+
+#[test]
+fn disarming_ends_a_start_and_the_bit_allows_one() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+        world.pass(1.0).await;
+        world.plane.armed.set(false);
+        world.until("the start ends", 5, || world.telemetry(1).ordered.order == Order::Standby).await;
+        world.cold(1).await;
+        assert_eq!(world.control(1, &[1.0]).await.0, NOT_NOW);
+        world.pass(6.0).await;
+        // Disarmed all the time: the bit allows it, and nothing ends it.
+        assert_eq!(world.control(1, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
+        world.until("it runs", 120, || world.telemetry(1).state == EngineState::Running).await;
+        world.pass(1.0).await;
+        assert!(!world.telemetry(1).armed, "the bit arms for one start");
+        world.throttle(1900);
+        world.pass(5.0).await;
+        assert_eq!(world.ordered(1), Some(0), "disarmed: idle");
+        // From armed to disarmed ends one that was allowed by the bit, too.
+        world.throttle(IDLE_US);
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.cold(1).await;
+        assert_eq!(world.control(1, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
+        world.plane.armed.set(true);
+        world.pass(2.5).await;
+        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+        world.plane.armed.set(false);
+        world.until("the start ends", 5, || world.telemetry(1).ordered.order == Order::Standby).await;
+    });
+}
+
+#[test]
+fn an_emergency_stop_is_latched_and_arming_counts_only_after_disarmed() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        assert_eq!(world.command(ENGINE[1], USER, &[1.0]).await.0, DENIED, "without the number");
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        assert_eq!(world.command(ENGINE[1], USER, &[1.0, 21196.0]).await.0, ACCEPTED);
+        assert!(world.telemetry(1).stop_latched && !world.telemetry(0).stop_latched);
+        let (answer, text) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW, "{text}");
+        world.until("at rest", 300, || world.state(1) <= 3).await;
+        world.pass(60.0).await;
+        assert!(!world.telemetry(1).armed);
+        assert_eq!(world.command(ENGINE[1], USER, &[2.0, 0.0]).await.0, DENIED);
+        assert_eq!(world.command(ENGINE[1], USER, &[2.0, 21196.0]).await.0, ACCEPTED);
+        assert!(!world.telemetry(1).stop_latched);
+        world.until("standby", 60, || world.telemetry(1).state == EngineState::Standby).await;
+        world.pass(10.0).await;
+        let (answer, text) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("disarm the vehicle, then arm it again"), "{text}");
+        world.plane.armed.set(false);
+        world.pass(5.0).await;
+        world.plane.armed.set(true);
+        world.pass(5.0).await;
+        world.start(1).await;
+        // By the node's component all engines stop; so does DO_FLIGHTTERMINATION.
+        assert_eq!(world.command(NODE, CMD_DO_FLIGHTTERMINATION, &[0.0]).await.0, DENIED);
+        assert_eq!(world.command(NODE, CMD_DO_FLIGHTTERMINATION, &[1.0]).await.0, ACCEPTED);
+        assert!((0..2).all(|engine| world.telemetry(engine).stop_latched));
+    });
+}
+
+#[test]
+fn without_a_demand_source_the_commanding_station_keeps_the_order_alive() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
+        world.ground.set(false);
+        world.pass(10.0).await;
+        let (answer, text) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("no heartbeat of the commanding system"), "{text}");
+        world.ground.set(true);
+        world.pass(6.0).await;
+        world.start(1).await;
+        // The throttle of the autopilot is not its source.
+        world.throttle(1900);
+        world.pass(30.0).await;
+        assert_eq!((world.telemetry(1).loss as u8, world.ordered(1)), (0, Some(0)));
+        world.ground.set(false);
+        world.pass(4.0).await;
+        assert_eq!(world.telemetry(1).loss as u8, 0);
+        world.until("lost", 5, || world.telemetry(1).loss as u8 > 0).await;
+    });
+}
+
+#[test]
+fn after_a_restart_an_order_without_a_demand_source_needs_a_station_that_may_command() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
+        // The autopilot is one of them, so it must not be for this.
+        assert_eq!(world.set(NODE, "MAV_OWN_CMD", 0.0).await.0, Some(0.0));
+        world.start(1).await;
+        world.restart_service();
+        world.pass(30.0).await;
+        assert_eq!((world.telemetry(1).loss as u8, world.ordered(1)), (0, Some(0)), "the station is there");
+        world.ground.set(false);
+        world.until("lost", 10, || world.telemetry(1).loss as u8 > 0).await;
+        world.restart_service();
+        world.pass(20.0).await;
+        assert!(world.telemetry(1).loss as u8 > 0, "nobody is there");
+    });
+}
+
+#[test]
+fn a_start_waits_for_another_engine() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.ordered(1), None);
+        assert!(world.telemetry(1).start_waits_until.is_some());
+        let (echo, text) = world.set(ENGINE[1], "MAV_THR_OUT", 9.0).await;
+        assert_eq!(echo, Some(4.0), "what a waiting start was judged by stays: {text}");
+        world
+            .until("both run", 200, || (0..2).all(|i| world.telemetry(i).state == EngineState::Running))
+            .await;
+        // A waiting start is taken back by a stop.
+        for engine in 0..2 {
+            assert_eq!(world.control(engine, &[0.0]).await.0, ACCEPTED);
+        }
+        world.cold(0).await;
+        world.cold(1).await;
+        assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.pass(200.0).await;
+        assert_eq!(world.telemetry(0).state, EngineState::Running);
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+    });
+}
+
+#[test]
+fn the_node_restarts_only_with_all_engines_at_rest() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, NOT_NOW);
+        assert_eq!(world.service.borrow_mut().take_request(), None);
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.cold(1).await;
+        assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[2.0]).await.0, DENIED);
+        assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.service.borrow_mut().take_request(), Some(crate::service::Request::Reboot));
+        assert_eq!(world.service.borrow_mut().take_request(), None);
+    });
+}

@@ -1,0 +1,175 @@
+//! Parameters: listed, read, set and refused.
+
+use super::world::*;
+use crate::dialect::*;
+use crate::service::parameters::{engine_parameters, node_parameters};
+use crate::settings::NodeSettings;
+use jetlink::engine::state::EngineState;
+use std::collections::BTreeMap;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+fn list(world: &World<'_>, component: u8) {
+    let request = PARAM_REQUEST_LIST_DATA { target_system: SYSTEM, target_component: component };
+    world.say(TO_AUTOPILOT, AUTOPILOT, &request);
+}
+
+/// Parameters on the autopilot's port since frame `at`: component, index, count, name and value.
+fn listed(world: &World<'_>, at: usize) -> Vec<(u8, u16, u16, String, f32)> {
+    let frames = world.frames.borrow();
+    let values = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message {
+        MavMessage::PARAM_VALUE(value) if *port == TO_AUTOPILOT => Some((
+            frame.from.component,
+            value.param_index,
+            value.param_count,
+            value.param_id.to_str().unwrap().into(),
+            value.param_value,
+        )),
+        _ => None,
+    });
+    values.collect()
+}
+
+#[test]
+fn a_list_has_every_setting_once_at_twenty_a_second() {
+    run(async |world| {
+        world.ready().await;
+        let at = world.frames.borrow().len();
+        list(world, 0);
+        world.pass(1.0).await;
+        let first_second = listed(world, at).len();
+        assert!((18..=21).contains(&first_second), "{first_second}");
+        world.pass(15.0).await;
+        let listed = listed(world, at);
+        let mut expected = Vec::new();
+        let defaults = NodeSettings::DEFAULT;
+        let node: Vec<_> = node_parameters().collect();
+        for (i, row) in node.iter().enumerate() {
+            let value = defaults.number(row.name).unwrap() as f32;
+            expected.push((NODE, i as u16, node.len() as u16, row.name.to_string(), value));
+        }
+        let service = world.service.borrow();
+        for (component, (config, settings)) in ENGINE.into_iter().zip(service.engine_settings()) {
+            let rows: Vec<_> = engine_parameters(config).collect();
+            for (i, row) in rows.iter().enumerate() {
+                let value = config.number(row.name).or_else(|| settings.own(row.name)).unwrap() as f32;
+                expected.push((component, i as u16, rows.len() as u16, row.name.to_string(), value));
+            }
+        }
+        assert_eq!(listed, expected);
+        // No name twice in one component.
+        let mut names: BTreeMap<(u8, &str), u32> = BTreeMap::new();
+        listed.iter().for_each(|(component, .., name, _)| *names.entry((*component, name)).or_default() += 1);
+        assert!(names.values().all(|&count| count == 1));
+    });
+}
+
+#[test]
+fn of_one_component_only_its_own_are_listed_and_of_a_strange_one_none() {
+    run(async |world| {
+        world.ready().await;
+        for (component, some) in [(NODE, true), (ENGINE[1], true), (24, false), (28, false), (1, false)] {
+            let at = world.frames.borrow().len();
+            list(world, component);
+            world.pass(10.0).await;
+            let listed = listed(world, at);
+            assert_eq!(!listed.is_empty(), some, "{component}");
+            assert!(listed.iter().all(|(from, ..)| *from == component));
+        }
+    });
+}
+
+#[test]
+fn a_setting_is_set_and_counts() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "LOSS_THR", 200.0).await.0, Some(200.0));
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_MAX", 2000.0).await.0, Some(2000.0));
+        // A loss now ends at 20 %, and full throttle is another pulse.
+        world.start(1).await;
+        world.throttle(2000);
+        world.until("full throttle", 15, || world.ordered(1) == Some(1000)).await;
+        world.plane.alive.set(false);
+        world.pass(20.0).await;
+        assert_eq!(world.ordered(1), Some(200));
+        // Read by name and by index.
+        for (name, index) in [("LOSS_THR", -1), ("", 0)] {
+            let at = world.frames.borrow().len();
+            let read = PARAM_REQUEST_READ_DATA {
+                param_index: index,
+                target_system: SYSTEM,
+                target_component: ENGINE[1],
+                param_id: name.into(),
+            };
+            world.say(TO_AUTOPILOT, AUTOPILOT, &read);
+            world.pass(0.1).await;
+            let listed = listed(world, at);
+            assert_eq!(listed.len(), 1, "{listed:?}");
+            assert!(index == 0 || listed[0].4 == 200.0, "{listed:?}");
+        }
+    });
+}
+
+#[test]
+fn a_refused_setting_echoes_the_old_value() {
+    run(async |world| {
+        world.ready().await;
+        for (name, value, old, why) in [
+            ("LOSS_THR", 1001.0, 0.0, "use 0 to 1000"),
+            ("LOSS_THR", 0.5, 0.0, "whole number"),
+            ("LOSS_THR", f32::NAN, 0.0, "whole number"),
+            ("LOSS_HOLD", -1.0, 1000.0, "use 0 to 60000"),
+            ("MAV_THR_MIN", 1900.0, 1100.0, "MAV_THR_MIN has to be below"),
+            ("GOV_P", 9.0, 8.0, "turn on what it belongs to"),
+        ] {
+            let (echo, text) = world.set(ENGINE[0], name, value).await;
+            assert_eq!(echo, Some(old), "{name} {value}: {text}");
+            assert!(text.contains("not set") && text.contains(why), "{text}");
+        }
+        let (echo, text) = world.set(ENGINE[0], "NO_SUCH", 1.0).await;
+        assert!(echo.is_none() && text.contains("no parameter has this name"), "{text}");
+        // Component 0 sets nothing.
+        assert_eq!(world.set(0, "LOSS_THR", 5.0).await, (None, String::new()));
+        // Somebody who may not.
+        let set = PARAM_SET_DATA {
+            param_value: 5.0,
+            target_system: SYSTEM,
+            target_component: ENGINE[0],
+            param_id: "LOSS_THR".into(),
+            param_type: 9,
+        };
+        world.say(TO_GROUND, crate::frame::Address { system: 7, component: 1 }, &set);
+        world.pass(0.2).await;
+        let service = world.service.borrow();
+        let (config, _) = service.engine_settings().next().unwrap();
+        assert_eq!(config.number("LOSS_THR"), Some(0));
+        assert_eq!(service.counters().parameters_set, 0);
+    });
+}
+
+#[test]
+fn what_moves_an_engine_is_refused_while_one_turns() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(NODE, "MAV_GCS_2", 254.0).await.0, Some(254.0));
+        let (echo, text) = world.set(NODE, "MAV_COMP_BASE", 30.0).await;
+        assert_eq!(echo, Some(30.0));
+        assert!(text.contains("counts from the node's next start on"), "{text}");
+        world.start(1).await;
+        for (component, name, value, old) in [
+            (ENGINE[1], "MAV_THR_OUT", 1.0, 4.0),
+            (ENGINE[1], "MAV_THR_SRC", 0.0, 1.0),
+            (ENGINE[1], "MAV_THR_REV", 1.0, 0.0),
+            (NODE, "MAV_GCS_1", 1.0, 255.0),
+            (NODE, "MAV_SYSID", 9.0, 0.0),
+        ] {
+            let (echo, text) = world.set(component, name, value).await;
+            assert_eq!(echo, Some(old), "{name}");
+            assert!(text.contains("an engine turns"), "{text}");
+        }
+        // The other engine is at rest, and supervision may change at any time.
+        assert_eq!(world.set(ENGINE[0], "MAV_THR_OUT", 1.0).await.0, Some(1.0));
+        assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 2000.0).await.0, Some(2000.0));
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+    });
+}

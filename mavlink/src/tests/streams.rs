@@ -1,0 +1,202 @@
+//! What is sent without being asked: rates, the share of a port, identity, values.
+
+use super::world::*;
+use crate::dialect::*;
+use crate::ids::*;
+use crate::settings::{Identity, NodeSettings};
+use embassy_time::{Duration, Instant};
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+/// Messages of a component on a port within the last seconds, a second.
+fn rate(world: &World<'_>, seconds: u64, port: usize, component: u8, what: fn(&MavMessage) -> bool) -> f64 {
+    let from = Instant::now() - Duration::from_secs(seconds);
+    let frames = world.frames.borrow();
+    let recent = frames.iter().filter(|(at, on, frame)| {
+        *at >= from && *on == port && frame.from.component == component && what(&frame.message)
+    });
+    recent.count() as f64 / seconds as f64
+}
+
+const BEAT: fn(&MavMessage) -> bool = |message| matches!(message, MavMessage::HEARTBEAT(_));
+const EFI: fn(&MavMessage) -> bool = |message| matches!(message, MavMessage::EFI_STATUS(_));
+const VALUES: fn(&MavMessage) -> bool = |message| matches!(message, MavMessage::NAMED_VALUE_FLOAT(_));
+
+#[test]
+fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
+    run(async |world| {
+        world.pass(4.0).await;
+        assert_eq!(*world.bytes.borrow(), [0; 2], "an autopilot is heard that is not learnt yet");
+        world.pass(20.0).await;
+        for port in [TO_AUTOPILOT, TO_GROUND] {
+            for component in [NODE, ENGINE[0], ENGINE[1]] {
+                let rate = rate(world, 10, port, component, BEAT);
+                assert!((0.9..=1.1).contains(&rate), "{component}: {rate}");
+            }
+        }
+        for (_, _, frame) in &*world.frames.borrow() {
+            assert_eq!(frame.from.system, SYSTEM);
+            if let MavMessage::HEARTBEAT(beat) = &frame.message {
+                // Nothing that a ground station takes for a vehicle, or for one that is armed.
+                assert_eq!((beat.mavtype, beat.autopilot), (TYPE_GENERIC, AUTOPILOT_INVALID));
+                assert_eq!((beat.base_mode, beat.mavlink_version), (MODE_CUSTOM, 3));
+            }
+        }
+    });
+}
+
+#[test]
+fn without_an_autopilot_the_ground_station_sees_system_1() {
+    run(async |world| {
+        world.plane.alive.set(false);
+        world.pass(10.0).await;
+        let [to_autopilot, to_ground] = *world.bytes.borrow();
+        assert!(to_autopilot == 0 && to_ground > 1000);
+        assert!(world.frames.borrow().iter().all(|(.., frame)| frame.from.system == 1));
+    });
+    let identity = Identity { system: 42, ..Identity::DEFAULT };
+    run_with(NodeSettings { identity, ..NodeSettings::DEFAULT }, async |world| {
+        world.plane.alive.set(false);
+        world.pass(10.0).await;
+        assert!(world.bytes.borrow().iter().all(|&bytes| bytes > 1000));
+        assert!(world.frames.borrow().iter().all(|(.., frame)| frame.from.system == 42));
+    });
+}
+
+#[test]
+fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
+    run(async |world| {
+        world.ready().await;
+        world.pass(10.0).await;
+        assert!((3.9..=4.1).contains(&rate(world, 10, TO_AUTOPILOT, ENGINE[0], EFI)));
+        assert_eq!(rate(world, 10, TO_AUTOPILOT, ENGINE[1], EFI), 0.0);
+        let names = |component: u8| {
+            let frames = world.frames.borrow();
+            let mut names: Vec<String> = frames
+                .iter()
+                .filter(|(_, port, frame)| *port == TO_AUTOPILOT && frame.from.component == component)
+                .filter_map(|(.., frame)| match &frame.message {
+                    MavMessage::NAMED_VALUE_FLOAT(value) => Some(value.name.to_str().unwrap().into()),
+                    _ => None,
+                })
+                .collect();
+            names.sort_unstable();
+            names.dedup();
+            names
+        };
+        assert!(!names(ENGINE[0]).contains(&"rpm1".to_string()), "{:?}", names(ENGINE[0]));
+        assert!(names(ENGINE[0]).contains(&"margin1".to_string()), "{:?}", names(ENGINE[0]));
+        for name in ["rpm2", "egt2", "flow2", "thr2", "pumpv2", "link2"] {
+            assert!(names(ENGINE[1]).contains(&name.to_string()), "{name} of {:?}", names(ENGINE[1]));
+        }
+        // Both engines, as often as the setting allows: the share holds.
+        assert_eq!(world.set(NODE, "MAV_EFI_ENGINE", 255.0).await.0, Some(255.0));
+        assert_eq!(world.set(NODE, "MAV_EFI_EVERY", 100.0).await.0, Some(100.0));
+        world.pass(5.0).await;
+        let before = world.bytes.borrow()[TO_AUTOPILOT];
+        world.pass(60.0).await;
+        let share = (world.bytes.borrow()[TO_AUTOPILOT] - before) as f64 / 60.0 / 5760.0;
+        assert!((0.2..0.255).contains(&share), "{share}");
+        let efi = ENGINE.map(|component| rate(world, 60, TO_AUTOPILOT, component, EFI));
+        assert!(efi.iter().all(|&rate| rate > 3.0), "neither is left out: {efi:?}");
+        assert!(world.service.borrow().port_counters(TO_AUTOPILOT).unwrap().telemetry_dropped > 0);
+        // A wide port gets all.
+        assert!((9.5..=10.0).contains(&rate(world, 10, TO_GROUND, ENGINE[0], EFI)));
+        assert!(rate(world, 10, TO_GROUND, ENGINE[1], VALUES) > 20.0);
+    });
+}
+
+#[test]
+fn rates_are_per_port_and_a_message_comes_when_asked_for() {
+    run(async |world| {
+        world.ready().await;
+        let interval = [225.0, 500_000.0];
+        assert_eq!(world.command(ENGINE[1], CMD_SET_MESSAGE_INTERVAL, &interval).await.0, Some(0));
+        world.pass(20.0).await;
+        assert!((1.9..=2.1).contains(&rate(world, 10, TO_GROUND, ENGINE[1], EFI)));
+        assert!((3.9..=4.1).contains(&rate(world, 10, TO_AUTOPILOT, ENGINE[0], EFI)));
+        for (params, answer) in [
+            (&[225.0, -1.0][..], 0),
+            (&[251.0, -1.0], 0),
+            (&[225.0, 10.0], 2),
+            (&[225.0, f32::NAN], 2),
+            (&[30.0, 100_000.0], 3),
+        ] {
+            let answered = world.command(ENGINE[1], CMD_SET_MESSAGE_INTERVAL, params).await.0;
+            assert_eq!(answered, Some(answer), "{params:?}");
+        }
+        world.pass(3.0).await;
+        let quiet = |what| rate(world, 2, TO_GROUND, ENGINE[1], what) == 0.0;
+        assert!(quiet(EFI) && quiet(VALUES));
+        assert_eq!(world.command(ENGINE[1], CMD_REQUEST_MESSAGE, &[225.0]).await.0, Some(0));
+        assert!(!quiet(EFI));
+        assert_eq!(world.command(ENGINE[1], CMD_REQUEST_MESSAGE, &[30.0]).await.0, Some(3));
+    });
+}
+
+#[test]
+fn efi_status_is_what_the_engine_reports_and_never_a_number_that_cannot_be_cast() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1700);
+        world.pass(20.0).await;
+        let frames = world.frames.borrow();
+        let of = |component: u8| {
+            frames.iter().filter_map(move |(_, _, frame)| match &frame.message {
+                MavMessage::EFI_STATUS(efi) if frame.from.component == component => Some(efi),
+                _ => None,
+            })
+        };
+        for efi in of(ENGINE[0]).chain(of(ENGINE[1])) {
+            for value in [efi.ecu_index, efi.engine_load, efi.throttle_position, efi.throttle_out] {
+                assert!((0.0..=100.0).contains(&value), "{efi:?}");
+            }
+            let all = [
+                efi.rpm,
+                efi.fuel_flow,
+                efi.exhaust_gas_temperature,
+                efi.ignition_voltage,
+                efi.barometric_pressure,
+            ];
+            assert!(all.iter().all(|value| value.is_finite()), "{efi:?}");
+        }
+        let last = of(ENGINE[1]).next_back().unwrap();
+        let report = world.telemetry(1).report;
+        assert!((last.rpm - report.rpm.unwrap().value.get() as f32).abs() < 500.0, "{last:?}");
+        assert!(
+            (last.throttle_out - 75.0).abs() < 0.01 && (last.throttle_position - 75.0).abs() <= 1.0,
+            "{last:?}"
+        );
+        assert_eq!(last.exhaust_gas_temperature, last.cylinder_head_temperature);
+        assert!(last.exhaust_gas_temperature > 300.0 && last.fuel_flow > 50.0, "{last:?}");
+        assert_eq!((last.health, last.ecu_index), (1, 1.0));
+    });
+}
+
+#[test]
+fn the_state_of_an_engine_is_in_its_heartbeat_and_its_texts() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.pass(2.0).await;
+        let mut states = Vec::new();
+        for (_, port, frame) in &*world.frames.borrow() {
+            if let (TO_GROUND, MavMessage::HEARTBEAT(beat)) = (*port, &frame.message)
+                && frame.from.component == ENGINE[1]
+                && states.last() != Some(&(beat.custom_mode as u8))
+            {
+                states.push(beat.custom_mode as u8);
+            }
+        }
+        assert!(states.ends_with(&[3, 6, 7]) || states.ends_with(&[3, 5, 6, 7]), "{states:?}");
+        let texts = world.texts();
+        for text in [
+            "right: ECU reports starting",
+            "right: ECU reports running",
+            "right: run, throttle 0.0 %, from mavlink",
+        ] {
+            assert!(texts.contains(text), "{text}: {texts}");
+        }
+    });
+}

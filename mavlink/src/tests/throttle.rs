@@ -1,0 +1,245 @@
+//! Throttle from the autopilot: what it moves, what it never starts, and what its silence does.
+
+use super::world::*;
+use crate::dialect::RC_CHANNELS_OVERRIDE_DATA;
+use crate::frame::Address;
+use embassy_time::{Duration, Instant};
+use jetlink::engine::state::EngineState;
+use jetlink::event::LossStage;
+use std::vec::Vec;
+
+#[test]
+fn arming_and_the_stream_start_nothing() {
+    run(async |world| {
+        world.ready().await;
+        for pulse in [1000, 1100, 1500, 1900, 1100] {
+            world.throttle(pulse);
+            world.pass(10.0).await;
+        }
+        world.plane.armed.set(false);
+        world.pass(5.0).await;
+        world.plane.armed.set(true);
+        world.pass(10.0).await;
+        assert!((0..2).all(|engine| world.telemetry(engine).state == EngineState::Standby));
+        assert!((0..2).all(|engine| world.ordered(engine).is_none()));
+    });
+}
+
+#[test]
+fn a_start_runs_at_idle_and_then_follows_the_throttle() {
+    run(async |world| {
+        world.ready().await;
+        for engine in 0..2 {
+            assert_eq!(world.control(engine, &[1.0]).await.0, Some(0), "engine {engine}");
+            world.throttle(1500);
+            while world.telemetry(engine).state != EngineState::Running {
+                assert!(matches!(world.ordered(engine), None | Some(0)), "idle during the start");
+                world.pass(0.1).await;
+            }
+            world.rises_to(engine, 500).await;
+            world.throttle(IDLE_US);
+            world.until("idle", 10, || world.ordered(engine) == Some(0)).await;
+            world.pass(12.0).await;
+        }
+        // Pulse widths that nobody believes are silence: the last demand is held, then the fail-safe throttle.
+        world.throttle(1700);
+        world.until("both", 10, || (0..2).all(|engine| world.ordered(engine) == Some(750))).await;
+        world.throttle(0);
+        world.pass(1.5).await;
+        assert_eq!(world.telemetry(0).loss, LossStage::Hold);
+        world.until("fail-safe throttle", 10, || (0..2).all(|engine| world.ordered(engine) == Some(0))).await;
+        assert_eq!(world.telemetry(0).loss, LossStage::FailSafe);
+        assert_eq!(world.telemetry(0).state, EngineState::Running);
+        assert!(world.service.borrow().counters().demands_odd > 0);
+    });
+}
+
+#[test]
+fn disarmed_holds_at_idle_and_does_not_stop() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1500);
+        world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
+        world.plane.armed.set(false);
+        world.until("idle", 10, || world.ordered(1) == Some(0)).await;
+        world.pass(60.0).await;
+        assert_eq!((world.telemetry(1).state, world.ordered(1)), (EngineState::Running, Some(0)));
+        world.plane.armed.set(true);
+        world.rises_to(1, 500).await;
+    });
+}
+
+#[test]
+fn standby_after_a_time_disarmed_is_a_setting() {
+    run(async |world| {
+        world.ready().await;
+        let (echo, texts) = world.set(ENGINE[1], "MAV_DISARM_STBY", 20_000.0).await;
+        assert_eq!(echo, Some(20_000.0), "{texts}");
+        world.start(1).await;
+        world.plane.armed.set(false);
+        world.pass(19.0).await;
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        world.until("standby", 5, || world.ordered(1).is_none()).await;
+        // Armed again, it does not run again.
+        world.plane.armed.set(true);
+        world.pass(30.0).await;
+        assert_eq!(world.ordered(1), None);
+    });
+}
+
+#[test]
+fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1900);
+        world.until("full throttle", 15, || world.ordered(1) == Some(1000)).await;
+        world.plane.alive.set(false);
+        world.pass(1.5).await;
+        assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::Hold, Some(1000)));
+        world.until("fail-safe throttle", 10, || world.ordered(1) == Some(0)).await;
+        world.pass(30.0).await;
+        // It restarts: disarmed, its clock at 0, its throttle at full.
+        world.plane.armed.set(false);
+        world.plane.booted.set(Instant::now());
+        world.plane.alive.set(true);
+        let mut last = 0;
+        for _ in 0..200 {
+            world.pass(0.1).await;
+            let ordered = world.ordered(1).unwrap();
+            assert!(ordered <= last + 60, "from {last} to {ordered}");
+            last = ordered;
+        }
+        assert_eq!(last, 0, "disarmed");
+        world.plane.armed.set(true);
+        world.rises_to(1, 1000).await;
+        // It had forgotten the rate, and was asked again.
+        let requests = world.plane.requests.borrow();
+        assert!(requests.len() >= 2 && requests.iter().all(|(_, us)| *us == 25_000.0), "{requests:?}");
+        let gaps: Vec<Duration> = requests.windows(2).map(|two| two[1].0 - two[0].0).collect();
+        assert!(gaps.iter().all(|gap| *gap >= Duration::from_secs(5)), "{gaps:?}");
+    });
+}
+
+#[test]
+fn other_vehicles_and_other_ports_move_nothing() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.pass(3.0).await;
+        let time = |us: u32| (Instant::now() - world.plane.booted.get()).as_micros() as u32 + us;
+        for i in 0..100 {
+            let full = outputs(time(i), [1900; 16]);
+            for (port, system, component) in [
+                (TO_AUTOPILOT, 7, 1),
+                (TO_AUTOPILOT, SYSTEM, 2),
+                (TO_AUTOPILOT, 255, 190),
+                (TO_GROUND, SYSTEM, 1),
+            ] {
+                world.say(port, Address { system, component }, &full);
+            }
+            world.pass(0.02).await;
+            assert_eq!(world.ordered(1), Some(0));
+        }
+        // The same frame of our own autopilot counts.
+        world.throttle(1900);
+        world.pass(0.2).await;
+        assert!(world.ordered(1) > Some(0));
+    });
+}
+
+#[test]
+fn rc_override_is_a_throttle_only_where_it_is_chosen() {
+    run(async |world| {
+        world.ready().await;
+        let channels = |target_component: u8, pulse: u16| RC_CHANNELS_OVERRIDE_DATA {
+            chan4_raw: pulse,
+            target_system: SYSTEM,
+            target_component,
+            ..Default::default()
+        };
+        let send = async |from: Address, component: u8, pulse: u16| {
+            for _ in 0..30 {
+                world.say(TO_GROUND, from, &channels(component, pulse));
+                world.pass(0.1).await;
+            }
+        };
+        world.start(1).await;
+        send(GROUND, ENGINE[1], 1900).await;
+        assert_eq!(world.ordered(1), Some(0), "off by default");
+        world.control(1, &[0.0]).await;
+        world.cold(1).await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 2.0).await.0, Some(2.0));
+        send(GROUND, ENGINE[1], IDLE_US).await;
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        for _ in 0..20 {
+            send(GROUND, ENGINE[1], IDLE_US).await;
+        }
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        send(GROUND, ENGINE[1], 1900).await;
+        assert_eq!(world.ordered(1), Some(1000));
+        // Somebody else's, and what is addressed elsewhere, is silence.
+        send(Address { system: 7, component: 190 }, ENGINE[1], 1900).await;
+        send(GROUND, 0, 1900).await;
+        assert!(world.telemetry(1).loss != LossStage::None);
+    });
+}
+
+#[test]
+fn a_relight_with_the_throttle_up_is_a_setting() {
+    run(async |world| {
+        world.ready().await;
+        world.throttle(1500);
+        world.pass(1.0).await;
+        let (answer, text) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, Some(1));
+        assert!(text.contains("throttle to idle first"), "{text}");
+        assert_eq!(world.set(ENGINE[1], "MAV_RELIGHT", 1.0).await.0, Some(1.0));
+        world.pass(6.0).await;
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        while world.telemetry(1).state != EngineState::Running {
+            assert!(matches!(world.ordered(1), None | Some(0)), "idle during the start");
+            world.pass(0.1).await;
+        }
+        world.rises_to(1, 500).await;
+    });
+}
+
+#[test]
+fn an_id_that_changes_in_flight_is_a_lost_source() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.plane.system.set(9);
+        world.throttle(1900);
+        world.pass(20.0).await;
+        assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::FailSafe, Some(0)));
+        assert_eq!(world.service.borrow().system_id(), Some(SYSTEM));
+    });
+}
+
+/// ArduPlane's slow streams, as measured: 10 a second with gaps of 0.29 s do no harm; 1.25 a second with gaps of 2.1 s do.
+#[test]
+fn slow_streams_go_through_the_stages_of_loss_as_gaps_do() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1500);
+        world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
+        world.plane.every.set(Some(Duration::from_millis(290)));
+        for _ in 0..200 {
+            world.pass(0.1).await;
+            assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::None, Some(500)));
+        }
+        world.plane.every.set(Some(Duration::from_millis(2100)));
+        let (mut lost, mut lowest) = (false, 1000);
+        for _ in 0..400 {
+            world.pass(0.1).await;
+            lost |= world.telemetry(1).loss != LossStage::None;
+            lowest = lowest.min(world.ordered(1).unwrap());
+        }
+        assert!(lost && world.telemetry(1).state == EngineState::Running);
+        assert!(lowest < 500, "lowest {lowest}");
+    });
+}

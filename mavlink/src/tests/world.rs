@@ -1,0 +1,455 @@
+//! A node with two simulated engines, an autopilot on port 0 and a ground station on port 1, in virtual time.
+
+use crate::dialect::*;
+use crate::frame::{Address, Decoder, Frame, encode};
+use crate::ids::*;
+use crate::port::PortConfig;
+use crate::report::state_number;
+use crate::service::{EngineParts, Service};
+use crate::settings::{EngineSettings, NodeSettings};
+use embassy_futures::join::{join, join3};
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use jetlink::command::Origin;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::state::EngineState;
+use jetlink::line::Line;
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use jetlink::telemetry::Telemetry;
+use mavlink_core::MessageData;
+use sim::amt::{AmtConfig, AmtEcu};
+use sim::clock;
+use sim::zk::{ZkConfig, ZkEcu};
+use std::cell::{Cell, RefCell};
+use std::string::String;
+use std::vec::Vec;
+
+pub const SYSTEM: u8 = 3;
+pub const AUTOPILOT: Address = Address { system: SYSTEM, component: 1 };
+pub const GROUND: Address = Address { system: 255, component: 190 };
+pub const NODE: u8 = 25;
+/// Component of an engine, from 0.
+pub const ENGINE: [u8; 2] = [26, 27];
+pub const TO_AUTOPILOT: usize = 0;
+pub const TO_GROUND: usize = 1;
+pub const IDLE_US: u16 = 1100;
+
+static ERRORS: LineErrors = LineErrors::new();
+
+pub type TestService<'a> = Service<'a, 2, 2>;
+
+/// The simulated autopilot.
+#[derive(Debug)]
+pub struct Plane {
+    /// Heartbeats and outputs come.
+    pub alive: Cell<bool>,
+    pub armed: Cell<bool>,
+    pub system: Cell<u8>,
+    /// Pulse widths of outputs 1 to 16; engines use 3 and 4.
+    pub outputs: Cell<[u16; 16]>,
+    /// Time between two frames of outputs; `None`: as it granted.
+    pub every: Cell<Option<Duration>>,
+    granted: Cell<Option<Duration>>,
+    /// Its clock began then.
+    pub booted: Cell<Instant>,
+    pub requests: RefCell<Vec<(Instant, f32)>>,
+}
+
+/// Everything that a test looks at and moves.
+pub struct World<'a> {
+    pub service: RefCell<TestService<'a>>,
+    pub node: &'a Node<2>,
+    pub plane: Plane,
+    /// The ground station sends heartbeats.
+    pub ground: Cell<bool>,
+    pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
+    /// Bytes that were sent on each port.
+    pub bytes: RefCell<[usize; 2]>,
+}
+
+impl World<'_> {
+    pub fn say<M: MessageData>(&self, port: usize, from: Address, message: &M) {
+        let now = Instant::now();
+        self.service.borrow_mut().receive(now, port, &encode(from, 0, message));
+    }
+
+    pub fn telemetry(&self, engine: usize) -> Telemetry {
+        self.node.handles()[engine].telemetry()
+    }
+
+    pub fn state(&self, engine: usize) -> u8 {
+        state_number(self.telemetry(engine).state)
+    }
+
+    pub async fn pass(&self, seconds: f64) {
+        Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
+    }
+
+    /// Waits until it is so.
+    #[track_caller]
+    pub fn until(
+        &self,
+        what: &'static str,
+        seconds: u64,
+        done: impl Fn() -> bool,
+    ) -> impl Future<Output = ()> {
+        let caller = core::panic::Location::caller();
+        async move {
+            let end = Instant::now() + Duration::from_secs(seconds);
+            while !done() {
+                assert!(Instant::now() < end, "not within {seconds} s: {what} ({caller})");
+                Timer::after(Duration::from_millis(20)).await;
+            }
+        }
+    }
+
+    /// Sends a command and returns its answer, which comes within 0.5 s, with the texts that came with it.
+    pub async fn command_from(
+        &self,
+        port: usize,
+        from: Address,
+        (system, component): (u8, u8),
+        command: u16,
+        confirmation: u8,
+        params: &[f32],
+    ) -> (Option<u8>, String) {
+        let at = self.frames.borrow().len();
+        let param = |i: usize| params.get(i).copied().unwrap_or(0.0);
+        let message = COMMAND_LONG_DATA {
+            param1: param(0),
+            param2: param(1),
+            param3: param(2),
+            param4: param(3),
+            param5: param(4),
+            param6: param(5),
+            param7: param(6),
+            command,
+            target_system: system,
+            target_component: component,
+            confirmation,
+        };
+        self.say(port, from, &message);
+        self.pass(0.2).await;
+        let frames = self.frames.borrow();
+        let mut texts = String::new();
+        let mut result = None;
+        for (_, on, frame) in frames.iter().skip(at).filter(|(_, on, _)| *on == port) {
+            assert_eq!(*on, port);
+            match &frame.message {
+                MavMessage::COMMAND_ACK(ack) if ack.command == command => {
+                    assert_eq!((ack.target_system, ack.target_component), (from.system, from.component));
+                    assert_eq!((frame.from.system, frame.from.component), (system, component));
+                    assert_eq!(result.replace(ack.result), None, "answered twice");
+                }
+                MavMessage::STATUSTEXT(text) => texts += text.text.to_str().unwrap(),
+                _ => {}
+            }
+        }
+        (result, texts)
+    }
+
+    pub async fn command(&self, component: u8, command: u16, params: &[f32]) -> (Option<u8>, String) {
+        self.command_from(TO_GROUND, GROUND, (SYSTEM, component), command, 0, params).await
+    }
+
+    /// `DO_ENGINE_CONTROL`.
+    pub async fn control(&self, engine: usize, params: &[f32]) -> (Option<u8>, String) {
+        self.command(ENGINE[engine], CMD_DO_ENGINE_CONTROL, params).await
+    }
+
+    /// Sets a parameter and returns what comes back, with the texts.
+    pub async fn set(&self, component: u8, name: &str, value: f32) -> (Option<f32>, String) {
+        let at = self.frames.borrow().len();
+        let message = PARAM_SET_DATA {
+            param_value: value,
+            target_system: SYSTEM,
+            target_component: component,
+            param_id: name.into(),
+            param_type: PARAM_REAL32,
+        };
+        self.say(TO_GROUND, GROUND, &message);
+        self.pass(0.2).await;
+        let (mut echo, mut texts) = (None, String::new());
+        for (_, _, frame) in self.frames.borrow().iter().skip(at).filter(|(_, port, _)| *port == TO_GROUND) {
+            match &frame.message {
+                MavMessage::PARAM_VALUE(value) if value.param_id.to_str() == Ok(name) => {
+                    echo = Some(value.param_value)
+                }
+                MavMessage::STATUSTEXT(text) => texts += text.text.to_str().unwrap(),
+                _ => {}
+            }
+        }
+        (echo, texts)
+    }
+
+    /// The node's service begins anew, as after a reset: it knows nothing of before but the settings.
+    pub fn restart_service(&self) {
+        let (settings, engines): (_, Vec<_>) = {
+            let service = self.service.borrow();
+            (*service.settings(), service.engine_settings().map(|(config, of)| (*config, *of)).collect())
+        };
+        let now = Instant::now();
+        let ports = [PortConfig::uart(57_600), PortConfig::usb()];
+        // The sources are given back first.
+        self.service.replace(Service::new(now, settings, [], ports));
+        let parts = self.node.sources(Origin::Mavlink).into_iter().zip(engines);
+        let parts = parts.map(|(source, (config, settings))| EngineParts {
+            source: source.unwrap(),
+            config,
+            settings,
+        });
+        self.service.replace(Service::new(now, settings, parts, ports));
+    }
+
+    /// Outputs 3 and 4, which engines 0 and 1 follow.
+    pub fn throttle(&self, pulse: u16) {
+        let mut outputs = self.plane.outputs.get();
+        (outputs[2], outputs[3]) = (pulse, pulse);
+        self.plane.outputs.set(outputs);
+    }
+
+    /// Armed, learnt, in standby, with the throttle at idle.
+    pub async fn ready(&self) {
+        self.plane.armed.set(true);
+        self.until("the engines are in standby", 30, || {
+            (0..2).all(|engine| self.telemetry(engine).state == EngineState::Standby)
+        })
+        .await;
+        self.until("armed", 30, || (0..2).all(|engine| self.telemetry(engine).armed)).await;
+        self.pass(2.0).await;
+    }
+
+    /// Starts an engine and waits until it runs.
+    pub async fn start(&self, engine: usize) {
+        let (answer, texts) = self.control(engine, &[1.0]).await;
+        assert_eq!(answer, Some(0), "start of {engine}: {texts}");
+        assert!(!texts.contains("refused"), "{texts}");
+        self.until("the engine runs", 120, || self.telemetry(engine).state == EngineState::Running).await;
+    }
+
+    /// Waits until an engine that was stopped is cold and in standby.
+    pub async fn cold(&self, engine: usize) {
+        let (begin, mut since) = (Instant::now(), Instant::now());
+        // An ECU may report standby for a moment on its way.
+        while Instant::now() < since + Duration::from_secs(15) {
+            let telemetry = self.telemetry(engine);
+            let egt = telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
+            if telemetry.state != EngineState::Standby || !egt {
+                since = Instant::now();
+            }
+            assert!(Instant::now() < begin + Duration::from_secs(600), "never cold");
+            self.pass(0.1).await;
+        }
+    }
+
+    /// All texts on the ground station's port so far.
+    pub fn texts(&self) -> String {
+        let mut texts = String::new();
+        for (_, port, frame) in &*self.frames.borrow() {
+            if let (TO_GROUND, MavMessage::STATUSTEXT(text)) = (*port, &frame.message) {
+                texts += text.text.to_str().unwrap();
+                texts += "\n";
+            }
+        }
+        texts
+    }
+
+    /// Waits until an engine is ordered to a throttle that is above, and looks that it rises at its rate, 50 % a second.
+    pub async fn rises_to(&self, engine: usize, throttle: u16) {
+        let mut before = self.ordered(engine).unwrap();
+        let end = Instant::now() + Duration::from_secs(15);
+        while before != throttle {
+            self.pass(0.02).await;
+            let ordered = self.ordered(engine).unwrap();
+            assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
+            assert!(Instant::now() < end, "{before} and not {throttle}");
+            before = ordered;
+        }
+    }
+
+    /// Throttle of an engine's order, in 0.1 %.
+    pub fn ordered(&self, engine: usize) -> Option<u16> {
+        use jetlink::command::{Demand, Order};
+        match self.telemetry(engine).ordered.order {
+            Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
+                Some(throttle.tenths())
+            }
+            _ => None,
+        }
+    }
+
+    async fn fly_plane(&self) {
+        let mut next_heartbeat = Instant::now();
+        let mut next_outputs = Instant::now();
+        loop {
+            Timer::after(Duration::from_millis(5)).await;
+            let now = Instant::now();
+            if !self.plane.alive.get() {
+                self.plane.granted.set(None);
+                continue;
+            }
+            let from = Address { system: self.plane.system.get(), component: 1 };
+            if now >= next_heartbeat {
+                next_heartbeat = now + Duration::from_secs(1);
+                self.say(
+                    TO_AUTOPILOT,
+                    from,
+                    &HEARTBEAT_DATA {
+                        custom_mode: 0,
+                        mavtype: 1,
+                        autopilot: 3,
+                        base_mode: 1 | if self.plane.armed.get() { MODE_ARMED } else { 0 },
+                        system_status: 4,
+                        mavlink_version: 3,
+                    },
+                );
+            }
+            let every = self.plane.every.get().or(self.plane.granted.get());
+            if let Some(every) = every
+                && now >= next_outputs
+            {
+                next_outputs = now + every;
+                let time_usec = (now - self.plane.booted.get()).as_micros() as u32;
+                self.say(TO_AUTOPILOT, from, &outputs(time_usec, self.plane.outputs.get()));
+            }
+        }
+    }
+
+    async fn watch_ground(&self) {
+        loop {
+            Timer::after(Duration::from_secs(1)).await;
+            if self.ground.get() {
+                let beat = HEARTBEAT_DATA {
+                    custom_mode: 0,
+                    mavtype: TYPE_GCS,
+                    autopilot: AUTOPILOT_INVALID,
+                    base_mode: 0,
+                    system_status: 4,
+                    mavlink_version: 3,
+                };
+                self.say(TO_GROUND, GROUND, &beat);
+            }
+        }
+    }
+
+    /// Moves time and bytes, as a runner does: every 5 ms, and at 57 600 baud on the autopilot's port.
+    async fn serve(&self) {
+        let mut decoders = [Decoder::new(), Decoder::new()];
+        loop {
+            let now = Instant::now();
+            self.service.borrow_mut().poll(now);
+            for (port, decoder) in decoders.iter_mut().enumerate() {
+                let mut bytes = [0; 500];
+                let most = if port == TO_AUTOPILOT { 28 } else { 500 };
+                let count = self.service.borrow_mut().transmit(port, &mut bytes[..most]);
+                self.bytes.borrow_mut()[port] += count;
+                let mut bytes = &bytes[..count];
+                while let (taken, Some(frame)) = decoder.receive(bytes) {
+                    bytes = &bytes[taken..];
+                    self.answer(port, &frame);
+                    self.frames.borrow_mut().push((now, port, frame));
+                }
+                assert_eq!((decoder.counters().bad_checksums, decoder.counters().skipped), (0, 0));
+            }
+            Timer::after(Duration::from_millis(5)).await;
+        }
+    }
+
+    /// The autopilot's answer to a request for a rate: 25 ms, as ArduPlane grants.
+    fn answer(&self, port: usize, frame: &Frame) {
+        let MavMessage::COMMAND_LONG(command) = &frame.message else { return };
+        if port != TO_AUTOPILOT || !self.plane.alive.get() {
+            return;
+        }
+        assert_eq!((command.command, command.param1), (511, 36.0));
+        self.plane.requests.borrow_mut().push((Instant::now(), command.param2));
+        let granted = command.param2 >= 25_000.0;
+        if granted {
+            self.plane.granted.set(Some(Duration::from_micros(command.param2 as u64)));
+        }
+        let ack = COMMAND_ACK_DATA {
+            command: 511,
+            result: if granted { 0 } else { 2 },
+            target_system: frame.from.system,
+            target_component: frame.from.component,
+            ..Default::default()
+        };
+        let from = Address { system: self.plane.system.get(), component: 1 };
+        self.say(TO_AUTOPILOT, from, &ack);
+    }
+}
+
+pub fn outputs(time_usec: u32, servo: [u16; 16]) -> SERVO_OUTPUT_RAW_DATA {
+    SERVO_OUTPUT_RAW_DATA {
+        time_usec,
+        port: 0,
+        servo1_raw: servo[0],
+        servo2_raw: servo[1],
+        servo3_raw: servo[2],
+        servo4_raw: servo[3],
+        servo5_raw: servo[4],
+        servo6_raw: servo[5],
+        servo7_raw: servo[6],
+        servo8_raw: servo[7],
+        servo9_raw: servo[8],
+        servo10_raw: servo[9],
+        servo11_raw: servo[10],
+        servo12_raw: servo[11],
+        servo13_raw: servo[12],
+        servo14_raw: servo[13],
+        servo15_raw: servo[14],
+        servo16_raw: servo[15],
+    }
+}
+
+/// Runs a scenario.
+pub fn run(scenario: impl AsyncFnOnce(&World<'_>)) {
+    run_with(NodeSettings::DEFAULT, scenario);
+}
+
+pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) {
+    clock::reset();
+    let line = |line: Line| sim::line::Line::n1(line.baud);
+    let engines = [
+        EngineConfig::amt("left", 0, Line::new(9600), None),
+        EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
+    ];
+    let node: Node<2> = Node::new(&engines, None).unwrap();
+    let amt = AmtEcu::new(AmtConfig::new(sim::amt::EngineModel::Olympus).on(line(engines[0].line)));
+    let zk = ZkEcu::new(ZkConfig::new(5).on(line(engines[1].line)));
+    let (left_rx, left_tx, left) = sim::wire::connect(amt, line(engines[0].line), 1);
+    let (right_rx, right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);
+    let parts = node.sources(Origin::Mavlink).into_iter().zip(engines).zip([3, 4]);
+    let parts = parts.map(|((source, config), output)| EngineParts {
+        source: source.unwrap(),
+        config,
+        settings: EngineSettings { output, ..EngineSettings::DEFAULT },
+    });
+    let ports = [PortConfig::uart(57_600), PortConfig::usb()];
+    let service = RefCell::new(Service::new(Instant::now(), settings, parts, ports));
+    let plane = Plane {
+        alive: Cell::new(true),
+        armed: Cell::new(false),
+        system: Cell::new(SYSTEM),
+        outputs: Cell::new([IDLE_US; 16]),
+        every: Cell::new(None),
+        granted: Cell::new(None),
+        booted: Cell::new(Instant::now()),
+        requests: RefCell::default(),
+    };
+    let world = World {
+        service,
+        node: &node,
+        plane,
+        ground: Cell::new(true),
+        frames: RefCell::default(),
+        bytes: RefCell::default(),
+    };
+    let [run_left, run_right] = node.runners();
+    let engines = join(run_left.run(left_rx, left_tx, &ERRORS), run_right.run(right_rx, right_tx, &ERRORS));
+    let lines = join(left.run(), right.run());
+    let traffic = join3(world.serve(), world.fly_plane(), world.watch_ground());
+    clock::run(select(join3(engines, lines, traffic), scenario(&world)));
+}

@@ -1,0 +1,257 @@
+//! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port come here.
+//!
+//! The system id is set, or learnt: the only autopilot heard for 5 s. Whether the vehicle is armed takes two heartbeats that
+//! say so; silence says nothing.
+
+use crate::frame::Address;
+use crate::ids::{AUTOPILOT_INVALID, COMPONENT_AUTOPILOT, MODE_ARMED, TYPE_GCS};
+use embassy_time::{Duration, Instant};
+
+/// Time for which the autopilot has to be the only one until its id is learnt.
+const LEARN: Duration = Duration::from_secs(5);
+/// Longest gap between two heartbeats of an autopilot that is heard.
+const HEARD: Duration = Duration::from_secs(5);
+
+/// What the vehicle has shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Arming {
+    /// Nothing yet.
+    Unknown,
+    /// Two heartbeats without the bit.
+    Disarmed,
+    /// Two heartbeats with it.
+    Armed,
+}
+
+/// Something that the vehicle did.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum VehicleEvent {
+    /// Its id is known.
+    Learnt(u8),
+    /// Two autopilots are heard: none is learnt.
+    TwoHeard(u8, u8),
+    /// It was armed and shows disarmed now.
+    Disarmed,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    system: u8,
+    since: Instant,
+    last: Instant,
+}
+
+#[derive(Debug)]
+pub(crate) struct Vehicle {
+    id: Option<u8>,
+    candidate: Option<Candidate>,
+    /// Another autopilot that is heard, and when last.
+    other: Option<(u8, Instant)>,
+    two_reported: bool,
+    arming: Arming,
+    /// Consecutive heartbeats that say the same, and what.
+    same: (bool, u8),
+    /// Time of the last heartbeat of our autopilot.
+    last: Option<Instant>,
+    /// Time since which it has shown disarmed without a gap.
+    disarmed_since: Option<Instant>,
+}
+
+impl Vehicle {
+    /// With a set id, or one that is to be learnt.
+    pub fn new(system: u8) -> Self {
+        Self {
+            id: (system != 0).then_some(system),
+            candidate: None,
+            other: None,
+            two_reported: false,
+            arming: Arming::Unknown,
+            same: (false, 0),
+            last: None,
+            disarmed_since: None,
+        }
+    }
+
+    /// Its system id, once it is known.
+    pub const fn id(&self) -> Option<u8> {
+        self.id
+    }
+
+    /// Whether an autopilot is heard that has not been learnt.
+    pub fn is_learning(&self, now: Instant) -> bool {
+        self.id.is_none() && self.candidate.is_some_and(|candidate| now < candidate.last + HEARD)
+    }
+
+    /// What it has shown.
+    pub const fn arming(&self) -> Arming {
+        self.arming
+    }
+
+    /// Whether its heartbeats come.
+    pub fn is_heard(&self, now: Instant) -> bool {
+        self.last.is_some_and(|last| now < last + HEARD)
+    }
+
+    /// Time since which it has shown disarmed without a gap.
+    pub const fn disarmed_since(&self) -> Option<Instant> {
+        self.disarmed_since
+    }
+
+    /// Time of the last heartbeat of our autopilot that was like the one before.
+    pub const fn last_shown(&self) -> Option<Instant> {
+        if self.same.1 >= 2 { self.last } else { None }
+    }
+
+    /// Whether this is our autopilot.
+    pub fn is_autopilot(&self, from: Address) -> bool {
+        from.component == COMPONENT_AUTOPILOT && self.id == Some(from.system)
+    }
+
+    /// Takes a heartbeat. `may_learn`: no engine is ordered to run.
+    pub fn heartbeat(
+        &mut self,
+        now: Instant,
+        from: Address,
+        (mavtype, autopilot, base_mode): (u8, u8, u8),
+        may_learn: bool,
+    ) -> Option<VehicleEvent> {
+        if from.component != COMPONENT_AUTOPILOT
+            || from.system == 0
+            || autopilot == AUTOPILOT_INVALID
+            || mavtype == TYPE_GCS
+        {
+            return None;
+        }
+        match self.id {
+            Some(id) if id == from.system => self.own(now, base_mode & MODE_ARMED != 0),
+            Some(_) => None,
+            None => self.learn(now, from.system, may_learn),
+        }
+    }
+
+    fn learn(&mut self, now: Instant, system: u8, may_learn: bool) -> Option<VehicleEvent> {
+        let heard = |last: Instant| now < last + HEARD;
+        let candidate = match self.candidate {
+            Some(candidate) if candidate.system == system && heard(candidate.last) => {
+                Candidate { last: now, ..candidate }
+            }
+            Some(candidate) if candidate.system != system && heard(candidate.last) => {
+                self.other = Some((system, now));
+                // Neither is the only one from here on.
+                self.candidate = Some(Candidate { since: now, ..candidate });
+                let first = !core::mem::replace(&mut self.two_reported, true);
+                return first.then_some(VehicleEvent::TwoHeard(candidate.system, system));
+            }
+            _ => Candidate { system, since: now, last: now },
+        };
+        self.candidate = Some(candidate);
+        let alone = self.other.is_none_or(|(_, last)| !heard(last));
+        if alone && may_learn && now >= candidate.since + LEARN {
+            self.id = Some(system);
+            return Some(VehicleEvent::Learnt(system));
+        }
+        None
+    }
+
+    fn own(&mut self, now: Instant, armed: bool) -> Option<VehicleEvent> {
+        let gap = !self.is_heard(now);
+        self.last = Some(now);
+        let (before, count) = self.same;
+        let count = if before == armed { count.saturating_add(1) } else { 1 };
+        self.same = (armed, count);
+        if armed || gap {
+            self.disarmed_since = None;
+        }
+        if count < 2 {
+            return None;
+        }
+        let before = self.arming;
+        self.arming = if armed { Arming::Armed } else { Arming::Disarmed };
+        if !armed && self.disarmed_since.is_none() {
+            self.disarmed_since = Some(now);
+        }
+        (before == Arming::Armed && !armed).then_some(VehicleEvent::Disarmed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLANE: (u8, u8) = (1, 3);
+
+    fn at(seconds: u64) -> Instant {
+        Instant::from_secs(100 + seconds)
+    }
+
+    fn beat(vehicle: &mut Vehicle, seconds: u64, system: u8, base_mode: u8) -> Option<VehicleEvent> {
+        let from = Address { system, component: 1 };
+        vehicle.heartbeat(at(seconds), from, (PLANE.0, PLANE.1, base_mode), true)
+    }
+
+    #[test]
+    fn the_only_autopilot_is_learnt_after_five_seconds() {
+        let mut vehicle = Vehicle::new(0);
+        // A ground station and a camera are no autopilots.
+        let ground = Address { system: 255, component: 1 };
+        assert_eq!(vehicle.heartbeat(at(0), ground, (TYPE_GCS, AUTOPILOT_INVALID, 0), true), None);
+        let camera = Address { system: 1, component: 100 };
+        assert_eq!(vehicle.heartbeat(at(0), camera, (30, 3, 0), true), None);
+        for second in 0..5 {
+            assert_eq!(beat(&mut vehicle, second, 3, 0), None);
+            assert!(vehicle.is_learning(at(second)));
+        }
+        assert_eq!(beat(&mut vehicle, 5, 3, 0), Some(VehicleEvent::Learnt(3)));
+        assert_eq!(vehicle.id(), Some(3));
+        // Another one later changes nothing.
+        for second in 6..20 {
+            assert_eq!(beat(&mut vehicle, second, 4, 0), None);
+        }
+        assert_eq!(vehicle.id(), Some(3));
+    }
+
+    #[test]
+    fn of_two_autopilots_none_is_learnt_until_one_is_gone() {
+        let mut vehicle = Vehicle::new(0);
+        beat(&mut vehicle, 0, 3, 0);
+        assert_eq!(beat(&mut vehicle, 1, 4, 0), Some(VehicleEvent::TwoHeard(3, 4)));
+        for second in 2..20 {
+            assert_eq!(beat(&mut vehicle, second, 3, 0), None, "at {second} s");
+            assert_eq!(beat(&mut vehicle, second, 4, 0), None, "reported once");
+        }
+        let learnt = (20..40).find_map(|second| beat(&mut vehicle, second, 3, 0));
+        assert_eq!(learnt, Some(VehicleEvent::Learnt(3)));
+    }
+
+    #[test]
+    fn nothing_is_learnt_while_an_engine_is_ordered() {
+        let mut vehicle = Vehicle::new(0);
+        let from = Address { system: 3, component: 1 };
+        for second in 0..20 {
+            assert_eq!(vehicle.heartbeat(at(second), from, (1, 3, 0), false), None);
+        }
+        assert_eq!(vehicle.heartbeat(at(20), from, (1, 3, 0), true), Some(VehicleEvent::Learnt(3)));
+    }
+
+    #[test]
+    fn it_takes_two_heartbeats_to_arm_and_to_disarm_and_silence_is_neither() {
+        let mut vehicle = Vehicle::new(3);
+        assert_eq!(vehicle.arming(), Arming::Unknown);
+        beat(&mut vehicle, 0, 3, MODE_ARMED);
+        assert_eq!(vehicle.arming(), Arming::Unknown);
+        beat(&mut vehicle, 1, 3, MODE_ARMED);
+        assert_eq!(vehicle.arming(), Arming::Armed);
+        assert_eq!(beat(&mut vehicle, 2, 3, 0), None);
+        assert_eq!(vehicle.arming(), Arming::Armed);
+        assert_eq!(beat(&mut vehicle, 3, 3, 0), Some(VehicleEvent::Disarmed));
+        assert_eq!((vehicle.arming(), vehicle.disarmed_since()), (Arming::Disarmed, Some(at(3))));
+        // Other vehicles and silence change nothing; the time without a gap begins anew.
+        beat(&mut vehicle, 4, 7, MODE_ARMED);
+        beat(&mut vehicle, 5, 7, MODE_ARMED);
+        assert_eq!(vehicle.arming(), Arming::Disarmed);
+        assert!(!vehicle.is_heard(at(60)));
+        assert_eq!(vehicle.arming(), Arming::Disarmed);
+        beat(&mut vehicle, 60, 3, 0);
+        assert_eq!(vehicle.disarmed_since(), Some(at(60)));
+    }
+}

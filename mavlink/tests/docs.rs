@@ -1,0 +1,93 @@
+//! The tables of docs/mavlink.md are made from the table of settings and the table of services.
+//! `JETLINK_WRITE=1 cargo test -p jetlink-mavlink docs_have` writes them.
+
+use jetlink::config::EngineConfig;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::line::Line;
+use jetlink::setting::{Effect, OFF, Setting, Unit};
+use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters};
+use jetlink_mavlink::services;
+
+fn table(rows: &[(&Setting, &str)]) -> String {
+    let mut table = String::from("| parameter | default | range | what |\n|---|---|---|---|\n");
+    for (row, of) in rows {
+        let off = if row.may_be_off { ", or -1: off" } else { "" };
+        let range = match row.unit {
+            Unit::YesNo | Unit::Action => row.symbol.to_string(),
+            Unit::Number => format!("{} to {}", row.min, row.max),
+            _ => format!("{} to {} {}{off}", row.min, row.max, row.symbol),
+        };
+        let default =
+            if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() };
+        let next = if row.effect == Effect::AtNextStart { " Counts from the next start on." } else { "" };
+        table += &format!("| `{}` | {default} | {range} | {}{next}{of} |\n", row.name, row.text);
+    }
+    table
+}
+
+fn parameters() -> String {
+    let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
+    let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
+    let node: Vec<_> = node_parameters().map(|row| (row, "")).collect();
+    let of_amt: Vec<_> = engine_parameters(&amt).collect();
+    let of_zk: Vec<_> = engine_parameters(&zk).collect();
+    let has = |rows: &[&Setting], row: &Setting| rows.iter().any(|other| other.name == row.name);
+    let mut engine = Vec::new();
+    for row in of_amt.iter().chain(of_zk.iter().filter(|row| !has(&of_amt, row))) {
+        let of = match (has(&of_amt, row), has(&of_zk, row)) {
+            (true, false) => " AMT only.",
+            (false, true) => " ZK only.",
+            _ => "",
+        };
+        engine.push((*row, of));
+    }
+    format!(
+        "Component of the node, {} parameters:\n\n{}\nComponent of each engine, {} parameters with an AMT ECU and {} with a ZK \
+         ECU:\n\n{}",
+        node.len(),
+        table(&node),
+        of_amt.len(),
+        of_zk.len(),
+        table(&engine)
+    )
+}
+
+fn services() -> String {
+    let mut table = String::from("| param1 | other parameters | what |\n|---|---|---|\n");
+    for row in services::TABLE {
+        table += &format!("| {} | {} | {} |\n", row.number, row.params, row.text);
+    }
+    table
+}
+
+#[test]
+fn docs_have_the_parameters_and_services() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/mavlink.md");
+    let mut text = std::fs::read_to_string(path).unwrap();
+    for (name, table) in [("parameters", parameters()), ("services", services())] {
+        let begin =
+            format!("<!-- {name}: made, JETLINK_WRITE=1 cargo test -p jetlink-mavlink docs_have -->\n");
+        let end = format!("<!-- {name} end -->\n");
+        let (before, rest) = text.split_once(&begin).expect("the page marks its table");
+        let (found, after) = rest.split_once(&end).expect("the page marks the table's end");
+        if std::env::var_os("JETLINK_WRITE").is_some() {
+            text = format!("{before}{begin}{table}{end}{after}");
+            std::fs::write(path, &text).unwrap();
+        } else {
+            assert_eq!(found, table, "write it anew with JETLINK_WRITE=1");
+        }
+    }
+}
+
+#[test]
+fn names_of_parameters_are_unique_and_fit() {
+    let config = EngineConfig::amt("amt", 0, Line::new(9600), None);
+    for rows in [node_parameters().collect::<Vec<_>>(), engine_parameters(&config).collect()] {
+        for (i, row) in rows.iter().enumerate() {
+            assert!(row.name.len() <= 16 && row.name.is_ascii(), "{}", row.name);
+            assert!(!rows[..i].iter().any(|other| other.name == row.name), "{} twice", row.name);
+            // A 32-bit float carries it.
+            assert!(row.min.unsigned_abs().max(row.max.unsigned_abs()) <= 1 << 24, "{}", row.name);
+        }
+    }
+}
