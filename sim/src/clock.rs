@@ -442,7 +442,7 @@ mod tests {
         let (expected, _) = run_with(Pace::Unlimited, 0);
         let (times, took) = run_with(Pace::RealTime, 500);
         assert_eq!(times, expected);
-        // 500 ms, and 400 ms of its own but for the tick that came due in the stall: it does not race to catch up.
+        // 500 ms, and its own 400 ms except for the tick that was due in the stall: it does not race to catch up.
         assert!(took >= 870, "{took} ms");
     }
 }

@@ -110,7 +110,7 @@ impl Run {
                     return None;
                 }
                 let latest = match self.taking_over {
-                    // One deadline for all: alternating sources must not hold a lost demand for ever.
+                    // One deadline for all: alternating sources must not hold a lost demand forever.
                     Some((_, latest)) => latest,
                     None => now + config.takeover.within,
                 };
@@ -182,7 +182,7 @@ impl Run {
         }
     }
 
-    /// Begin of the next stage of loss.
+    /// Start of the next stage of loss.
     pub fn loss_deadline(&self, by: &Arbitration<'_>) -> Option<Instant> {
         if self.taking_over.is_some() {
             // The stage does not change: the waiting source takes over or falls silent.

@@ -123,7 +123,7 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
 
 /// A record belongs to one engine: its protocol, port, name and kind. Every other setting may change without losing it.
 #[test]
-fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
+fn the_fingerprint_identifies_the_engine_and_not_its_settings() {
     use jetlink::ecu::amt::codec::EngineModel;
     let line = Line::new(9600);
     let others = [
@@ -462,7 +462,7 @@ fn settings_change_within_their_range() {
 
 /// Settings given to a running engine hold from then on, and a wrong one changes nothing.
 #[test]
-fn settings_can_be_given_to_a_running_engine() {
+fn settings_of_a_running_engine_can_be_changed() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     let mut settings = Ecu::Zk.config().supervision;

@@ -55,7 +55,7 @@ fn amt_5_no_rpm_without_a_scale() {
 
 /// AMT-4, AMT-9: who names the engine. An ID without a checksum changes a known engine only when it comes twice.
 #[test]
-fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
+fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     let named = |bench: &mut Bench<AmtLink>, frame: &[u8]| {
         reply_to(bench, frame);
         let told: Vec<_> = bench
@@ -103,7 +103,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
     assert!(bench.event_kinds().contains(&Event::EngineUnknown));
     assert_eq!((bench.machine.status().report.rpm, bench.machine.status().report.amt_engine), (None, None));
 
-    // What was configured is told when the ECU says so itself; what the ECU says wins.
+    // The configured engine is reported when the ECU confirms it; the ECU's own report takes precedence.
     let mut bench = configured();
     assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not said it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
@@ -112,7 +112,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
     assert_eq!(named(&mut bench, &alternate(0x10)), (vec![Pegasus], Some(Pegasus)));
 }
 
-/// AMT-3: the ECU's state in plain words.
+/// AMT-3: the phase for the ECU's state.
 #[test]
 fn amt_3_each_state_has_its_phase() {
     for (state, switch, rpm, phase) in [
@@ -226,7 +226,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
     assert_eq!(report.egt.unwrap().value.tenths(), 420); // Data3..5 as in the normal set: 20 × 4.6 − 50
 }
 
-/// AMT-2: a frame of an unknown kind is counted, and its bytes are kept.
+/// AMT-2: a frame of an unknown kind is counted, and its bytes are stored.
 #[test]
 fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
     let mut bench = default();
@@ -239,7 +239,7 @@ fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
 
 /// AMT-7: a throttle byte above 200 is no throttle.
 #[test]
-fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
+fn amt_7_a_throttle_above_100_percent_is_ignored() {
     let mut bench = default();
     reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 201, 1]);
     assert_eq!(bench.machine.status().report.throttle, None);
@@ -249,14 +249,14 @@ fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
 
 /// AMT-1: there is no checksum, so a fault that the UART saw costs a frame its values, and never its reply.
 #[test]
-fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
+fn amt_1_a_line_error_discards_the_values_but_not_the_reply() {
     let mut bench = running();
     let report = bench.machine.status().report;
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(STARTING, AUTO_STOP, 1)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report, report);
     assert_eq!(bench.machine.status().counters.damaged_frames, 1);
-    // The next is believed again.
+    // The next one is used again.
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }
@@ -264,7 +264,7 @@ fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
 /// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
 /// the first frame behind it.
 #[test]
-fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
+fn amt_9_a_line_error_before_the_setup_set_does_not_lose_it() {
     let mut bench = default();
     bench.machine.line_error(LineError::Framing);
     bench.receive(&[0x00]); // what the floating line left
@@ -274,7 +274,7 @@ fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
 
 /// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is believed.
 #[test]
-fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
+fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
     let mut bench = running();
     for begun in [&[][..], &[0xFF, 0x21, 1]] {
         bench.receive(begun);
@@ -290,7 +290,7 @@ fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
 
 /// A fault in a set that is cut off damages that one, and not the next.
 #[test]
-fn amt_1_a_fault_in_a_set_that_is_cut_off_does_not_cost_the_next() {
+fn amt_1_a_line_error_in_a_truncated_set_does_not_lose_the_next() {
     let mut bench = running();
     bench.receive(&[0xFF, 0x21]);
     bench.machine.line_error(LineError::Framing);
