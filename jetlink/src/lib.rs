@@ -24,7 +24,8 @@
 //! const ENGINE: EngineConfig = EngineConfig::zk("left", 0, Line::new(9600), Rate::Hz50);
 //! const _: () = check(&[ENGINE]);
 //!
-//! // In RAM that start-up does not clear, so that a running engine resumes after a reset (docs/porting.md).
+//! // So that a running engine resumes after a reset. On a board it needs a `#[unsafe(link_section = "...")]` that start-up does not
+//! // clear; in ordinary RAM nothing survives.
 //! static RETAINED: RetainedMemory = RetainedMemory::new();
 //!
 //! /// Runs one engine on the two halves of a UART, forever.
@@ -36,26 +37,32 @@
 //!     embassy_futures::join::join(channel.runner().run(rx, tx, &errors), pilot).await;
 //! }
 //!
-//! /// Starts the engine and runs it at idle. A source repeats its command within its timeout, 0.5 s.
+//! /// Starts the engine once and runs it at idle. A source repeats its command within its timeout, 0.5 s.
 //! async fn pilot(source: Source<'_>) {
 //!     let mut tick = Ticker::every(Duration::from_millis(100));
+//!     // Standby for 5 s. Standby, armed, permits one start: by run at idle, with every interlock satisfied.
 //!     let _ = source.command(Command::Arm);
+//!     for _ in 0..50 {
+//!         let _ = source.command(Command::Standby);
+//!         tick.next().await;
+//!     }
+//!     let run = Command::Run(Demand::Throttle(Throttle::IDLE));
+//!     while source.command(run).is_ok() {
+//!         tick.next().await;
+//!     }
+//!     // Refused, or the engine went out. Whether it is started again is for a person to decide, never for a loop.
 //!     loop {
-//!         // Standby permits one start: by run at idle, with every interlock satisfied.
-//!         let run = Command::Run(Demand::Throttle(Throttle::IDLE));
-//!         if let Err(_why) = source.command(run) {
-//!             let _ = source.command(Command::Standby);
-//!         }
+//!         let _ = source.command(Command::Standby);
 //!         tick.next().await;
 //!     }
 //! }
 //! ```
 //!
-//! The layers, from the wire up. A file imports only from those before it.
+//! The layers, from the wire up. Imports between files go one way: there is no circle.
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`units`], [`mod@line`] | quantities; the serial line |
+//! | [`units`], [`mod@line`], [`setting`] | quantities; the serial line; a row of the table of settings |
 //! | [`ecu::amt::codec`], [`ecu::zk::codec`] | bytes and typed frames of one protocol; scale and offset |
 //! | [`ecu::amt::config`], [`ecu::zk::config`], [`ecu`] | settings and services of each ECU, and their common types |
 //! | [`limit`], [`command`], [`report`], [`event`] | commands, reports of an ECU, events |

@@ -44,6 +44,8 @@ async fn pilot(source: Source<'_>) {
         let telemetry = source.handle().telemetry();
         let rpm = telemetry.current(telemetry.report.rpm).map(|rpm| rpm.get());
         let egt = telemetry.current(telemetry.report.egt).map(|egt| egt.tenths() / 10);
-        println!("link {:?}, {}, {rpm:?} rpm, {egt:?} °C", telemetry.link, telemetry.state.name());
+        let known = |value: Option<i64>| value.map_or("?".to_string(), |value| value.to_string());
+        let (rpm, egt) = (known(rpm.map(i64::from)), known(egt.map(i64::from)));
+        println!("link {}, {}, {rpm} rpm, {egt} °C", telemetry.link, telemetry.state);
     }
 }

@@ -1,7 +1,8 @@
 //! The life of an engine: a run belongs to one life, which continues, is in doubt, or is over.
 //!
 //! Doubt takes effect at once, in the reply to the frame that raised it. Ending or confirming a life takes two consecutive
-//! reports that agree. Only this file debounces reports of an engine's state, for all protocols. The table is in
+//! reports that agree. What people and interlocks see of a state is debounced in
+//! `debounce.rs`; here the same reports decide about a life. The table is in
 //! `docs/failsafe.md` ("One life, one start").
 
 use super::exhaust::Burning;
