@@ -3,7 +3,7 @@
 //! The table is checked while it is compiled (`jetlink::config::check`).
 
 use jetlink::config::{EngineConfig, check};
-use jetlink::ecu::amt::codec::Engine as AmtEngine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 
@@ -12,8 +12,8 @@ use jetlink::line::Line;
 #[cfg(not(feature = "all-ports"))]
 pub const ENGINES: [EngineConfig; 4] = [
     //                name       port  line                    ECU
-    EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
-    EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
+    EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
+    EngineConfig::amt("right", 1, Line::new(2400), Some(EngineModel::Titan)),
     EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
     EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
 ];
@@ -22,12 +22,12 @@ pub const ENGINES: [EngineConfig; 4] = [
 #[cfg(feature = "all-ports")]
 pub const ENGINES: [EngineConfig; ports()] = {
     let six = [
-        EngineConfig::amt("left", 0, Line::new(2400), Some(AmtEngine::Olympus)),
-        EngineConfig::amt("right", 1, Line::new(2400), Some(AmtEngine::Titan)),
+        EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
+        EngineConfig::amt("right", 1, Line::new(2400), Some(EngineModel::Titan)),
         EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
         EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
         EngineConfig::zk("upper", 4, Line::with_two_stop_bits(57_600), Rate::Hz100),
-        EngineConfig::amt("tail", 5, Line::new(9600), Some(AmtEngine::Mercury)),
+        EngineConfig::amt("tail", 5, Line::new(9600), Some(EngineModel::Mercury)),
     ];
     match six.first_chunk() {
         Some(engines) => *engines,

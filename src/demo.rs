@@ -30,7 +30,7 @@ const CYCLE: [(Command, u64); 6] = [
     (Command::Standby, 120), // shut down and cool
 ];
 
-/// Commands all engines of the node, for ever.
+/// Commands all engines of the node, forever.
 #[expect(clippy::disallowed_methods, reason = "a source of commands keeps its own time")]
 pub async fn demonstrate<const N: usize>(node: &Node<N>) -> ! {
     Timer::after(SILENCE).await;

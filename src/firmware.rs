@@ -181,7 +181,7 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
         if deepest > logged {
             logged = deepest;
             defmt::info!(
-                "board: {=u32} bytes of stack used since the start, {=u32} during it",
+                "board: {=u32} bytes of stack used since the start, {=u32} bytes during it",
                 deepest,
                 starting
             );

@@ -20,7 +20,7 @@ impl<'a, const N: usize> Pilot<'a, N> {
         }
     }
 
-    /// Commands every engine. A start that an interlock refuses has used up its permission: standby permits the next one.
+    /// Commands every engine. A start refused by an interlock has used up its permission: standby permits the next one.
     /// Refusals are in the engine's events.
     pub fn command(&self, command: Command) {
         for source in &self.0 {

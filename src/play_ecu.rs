@@ -1,6 +1,6 @@
-//! Bench only (feature `play-ecu`): the last ECU port of the board plays an AMT ECU at rest. Cross it with the port of an AMT
-//! engine, and a single board shows a whole link; the log has the time from the end of a frame to the reply. No engine ever
-//! runs in it: its state is "no start clearance", with 0 rpm and a cold exhaust.
+//! Bench only (feature `play-ecu`): the last ECU port of the board plays an AMT ECU at rest. Cross-connected to the port of an
+//! AMT engine, it shows a whole link on a single board; the log has the time from the end of a frame to the reply. Its engine
+//! never runs: the state is always "no start clearance", with 0 rpm and a cold exhaust.
 
 use crate::board::EcuPort;
 use embassy_time::{Duration, Instant, Ticker, with_timeout};
@@ -25,7 +25,7 @@ const WINDOW: Duration = Duration::from_millis(30);
 /// Bytes of a reply.
 const REPLY: usize = 5;
 
-/// Sends frames for ever, and logs the replies once a second.
+/// Sends frames forever, and logs the replies once a second.
 #[expect(clippy::disallowed_methods, reason = "an ECU keeps its own time")]
 pub async fn play(mut port: EcuPort) -> ! {
     let mut tick = Ticker::every(PERIOD);

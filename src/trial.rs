@@ -1,7 +1,7 @@
 //! Test image only (feature `trial`, `cargo qemu-test`): starts, runs and shuts down every engine once, as a pilot would.
 //! Then the program ends, with exit status 0 if the engines reported every step.
 //!
-//! It judges by telemetry alone. `qemu/` judges by the simulated ECUs.
+//! It only checks the telemetry. `qemu/` checks the simulated ECUs.
 
 use crate::board;
 use crate::pilot::Pilot;

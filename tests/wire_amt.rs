@@ -9,7 +9,7 @@ use embassy_futures::join::join;
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Order, Ordered, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::{Faults, Service, amt};
 use jetlink::event::Event;
 use jetlink::line::Line;
@@ -21,7 +21,7 @@ use sim::wire::{Babble, Direction, Entry, Faults as Noise, FramingAs};
 
 fn bench(baud: u32, seed: u64) -> Bench<AmtEcu> {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::Engine::Olympus).on(bench::sim_line(config.line));
+    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(bench::sim_line(config.line));
     Bench::new(&config, AmtEcu::new(ecu), seed)
 }
 
@@ -141,7 +141,7 @@ fn amt_14_start_run_and_shut_down() {
         let shown = report.rpm.expect("an Olympus has a scale").value.get();
         assert!((f64::from(shown) - rpm).abs() <= 500.0, "{shown} shown, {rpm} true");
         assert_eq!(report.throttle.expect("reported").value.tenths(), 500);
-        assert_eq!(report.amt_engine.expect("told by the set-up set").value, Engine::Olympus);
+        assert_eq!(report.amt_engine.expect("told by the set-up set").value, EngineModel::Olympus);
         let after: Vec<_> = messages(&bench.plug.log())
             .into_iter()
             .filter(|(at, _)| *at > running_from + 200_000_000)

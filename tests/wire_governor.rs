@@ -8,15 +8,22 @@ use bench::{Bench, LONG, rpm};
 use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::engine::config::Governor;
 use jetlink::line::Line;
 use sim::amt::{AmtConfig, AmtEcu};
 
-const ENGINES: [(sim::amt::Engine, Engine, u32); 2] =
-    [(sim::amt::Engine::Olympus, Engine::Olympus, 108_500), (sim::amt::Engine::Titan, Engine::Titan, 96_000)];
+const ENGINES: [(sim::amt::EngineModel, EngineModel, u32); 2] = [
+    (sim::amt::EngineModel::Olympus, EngineModel::Olympus, 108_500),
+    (sim::amt::EngineModel::Titan, EngineModel::Titan, 96_000),
+];
 
-fn bench(engine: sim::amt::Engine, known: Option<Engine>, baud: u32, governor: Governor) -> Bench<AmtEcu> {
+fn bench(
+    engine: sim::amt::EngineModel,
+    known: Option<EngineModel>,
+    baud: u32,
+    governor: Governor,
+) -> Bench<AmtEcu> {
     let mut config = EngineConfig::amt("amt", 0, Line::new(baud), known);
     config.supervision.governor = Some(governor);
     let ecu = AmtConfig::new(engine).on(bench::sim_line(config.line));

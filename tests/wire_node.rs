@@ -35,7 +35,7 @@ fn wire<E: Ecu>(config: &EngineConfig, ecu: E, seed: u64) -> (WireRx, WireTx, Pl
 
 fn amt(baud: u32) -> (EngineConfig, AmtEcu) {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::Engine::Olympus).on(sim_line(config.line));
+    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim_line(config.line));
     (config, AmtEcu::new(ecu))
 }
 

@@ -14,7 +14,7 @@ use sim::zk::Rate;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// AMT.
-    Amt(amt::Engine),
+    Amt(amt::EngineModel),
     /// ZK, with the rate that the firmware asks for and the version of the protocol.
     Zk(Rate, u8),
 }
@@ -56,12 +56,12 @@ impl Engine {
 }
 
 const ENGINES: [(&str, Line, Protocol); 6] = [
-    ("left", Line::n1(2400), Protocol::Amt(amt::Engine::Olympus)),
-    ("right", Line::n1(2400), Protocol::Amt(amt::Engine::Titan)),
+    ("left", Line::n1(2400), Protocol::Amt(amt::EngineModel::Olympus)),
+    ("right", Line::n1(2400), Protocol::Amt(amt::EngineModel::Titan)),
     ("centre", Line::n1(9600), Protocol::Zk(Rate::Hz20, 4)),
     ("booster", Line::n1(115_200), Protocol::Zk(Rate::Hz50, 5)),
     ("upper", Line::n2(57_600), Protocol::Zk(Rate::Hz100, 5)),
-    ("tail", Line::n1(9600), Protocol::Amt(amt::Engine::Mercury)),
+    ("tail", Line::n1(9600), Protocol::Amt(amt::EngineModel::Mercury)),
 ];
 
 /// The engines of an image, in the order of the board's ports.

@@ -49,9 +49,9 @@ pub struct Args {
     #[arg(
         long,
         value_name = "NAME",
-        value_parser = PossibleValuesParser::new(amt::Engine::ALL.map(amt::Engine::name)).try_map(engine)
+        value_parser = PossibleValuesParser::new(amt::EngineModel::ALL.map(amt::EngineModel::name)).try_map(engine)
     )]
-    engine: Option<amt::Engine>,
+    engine: Option<amt::EngineModel>,
 
     /// ZK: the ECU's protocol version, 0 to 63, until the stream tells it.
     ///
@@ -118,8 +118,8 @@ Examples:
   stty -F /dev/ttyUSB0 9600 cs8 -parenb -cstopb raw -echo    (the baud rate and stop bits of your ECU)
   cat /dev/ttyUSB0 | jetlink decode --protocol zk";
 
-fn engine(name: String) -> Result<amt::Engine, String> {
-    amt::Engine::ALL.into_iter().find(|engine| engine.name() == name).ok_or(name)
+fn engine(name: String) -> Result<amt::EngineModel, String> {
+    amt::EngineModel::ALL.into_iter().find(|engine| engine.name() == name).ok_or(name)
 }
 
 /// Runs it.
@@ -428,7 +428,7 @@ fn zk_volts(byte: zk::VoltageByte, version: Option<zk::Version>) -> Option<f64> 
 #[derive(Debug)]
 struct Amt {
     decoder: amt::Decoder,
-    engine: Option<amt::Engine>,
+    engine: Option<amt::EngineModel>,
 }
 
 impl Source for Amt {
@@ -458,36 +458,38 @@ impl Source for Amt {
         record.begin(end, "amt", name, frame.raw());
         match message {
             amt::Message::Normal { switch, state, rpm, egt, throttle, vout } => {
-                let step = self.engine.and_then(amt::Engine::rpm_step);
-                record.field("engine", self.engine.map(amt::Engine::name));
+                let step = self.engine.and_then(amt::EngineModel::rpm_step);
+                record.field("engine", self.engine.map(amt::EngineModel::name));
                 record.field("switch", switch.name());
                 record.field("state_code", state.code());
                 record.field("state", state.name());
                 record.field("rpm", step.map(|step| u32::from(rpm) * step));
                 record.field("egt_c", tenths(egt.celsius().tenths()));
                 record.field("throttle_pct", tenths(throttle.tenths()));
-                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::Engine::vout_scale)));
+                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)));
             }
             amt::Message::Error { errors, egt, throttle, vout } => {
-                record.field("engine", self.engine.map(amt::Engine::name));
+                record.field("engine", self.engine.map(amt::EngineModel::name));
                 record.texts("errors", errors.names());
                 record.field("error_bits", errors.0);
                 record.field("egt_c", tenths(egt.celsius().tenths()));
                 record.field("throttle_pct", tenths(throttle.tenths()));
-                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::Engine::vout_scale)));
+                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)));
             }
             amt::Message::Alternate { engine_id, idle, max, battery, external } => {
-                self.engine = amt::Engine::from_id(engine_id);
-                let rpm_voltage = self.engine.and_then(amt::Engine::vout_scale);
+                self.engine = amt::EngineModel::from_id(engine_id);
+                let rpm_voltage = self.engine.and_then(amt::EngineModel::vout_scale);
                 record.field("engine_code", engine_id);
-                record.field("engine", self.engine.map(amt::Engine::name));
+                record.field("engine", self.engine.map(amt::EngineModel::name));
                 record.field("idle_v", amt_volts(idle, rpm_voltage));
                 record.field("max_v", amt_volts(max, rpm_voltage));
-                record
-                    .field("battery_v", amt_volts(battery, self.engine.and_then(amt::Engine::battery_scale)));
+                record.field(
+                    "battery_v",
+                    amt_volts(battery, self.engine.and_then(amt::EngineModel::battery_scale)),
+                );
                 record.field(
                     "external_v",
-                    amt_volts(external, self.engine.and_then(amt::Engine::external_scale)),
+                    amt_volts(external, self.engine.and_then(amt::EngineModel::external_scale)),
                 );
             }
             amt::Message::Setup(setup) => {
@@ -497,7 +499,7 @@ impl Source for Amt {
                 record.field("pw_max_us", setup.pw_max_us());
                 record.field("version", sent(setup.version()));
                 record.field("date", sent(setup.date()));
-                record.field("engine", engine.map(amt::Engine::name));
+                record.field("engine", engine.map(amt::EngineModel::name));
             }
             amt::Message::Unknown => {}
         }

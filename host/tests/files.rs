@@ -172,6 +172,44 @@ fn a_plot_is_replaced_and_leaves_nothing_beside_it() {
 }
 
 #[test]
+fn a_report_is_one_page_with_the_verdict_and_all_events() {
+    let folder = folder("report");
+    let page = folder.join("r.html");
+    fs::write(&page, "the page before").unwrap();
+    // One that cannot be written leaves it.
+    refused(&rig(&["--fast", "--report", page.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]), 1);
+    assert_eq!(fs::read_to_string(&page).unwrap(), "the page before");
+    let error = refused(&rig(&["--fast", "--report", folder.join("r.htm").to_str().unwrap()]), 2);
+    assert!(error.contains("--report writes HTML: name the file "), "{error}");
+
+    let args = ["--fast", "--faults", "no-light=left", "--report", page.to_str().unwrap()];
+    let output = rig(&args);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let html = fs::read_to_string(&page).unwrap();
+    let (_, data) = html.split_once("type=\"application/json\">").expect("data");
+    let (data, _) = data.split_once("</script>").expect("its end");
+    let run: serde_json::Value = serde_json::from_str(data).expect("JSON");
+    let verdict = |engine: usize| run["engines"][engine]["verdict"]["text"].as_str().unwrap();
+    assert_eq!((verdict(0), verdict(1)), ("FAILED", "PASS: reached its targets, and is shut down"));
+    assert_eq!(run["verdict"]["failed"], true);
+    // What the summary says of it, and each event as it was printed.
+    let printed = text(&output.stdout);
+    let problem = run["engines"][0]["verdict"]["problems"][0].as_str().unwrap();
+    assert!(printed.contains(&format!("FAILED  left: {problem}")), "{problem}");
+    let events = run["events"].as_array().unwrap();
+    assert!(events.len() > 40, "{}", events.len());
+    for event in events {
+        assert!(printed.contains(event[2].as_str().unwrap()), "{event}");
+    }
+    // Nothing from elsewhere.
+    for outside in ["http:", "https:", "src=", "href=", "@import", "url("] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    let left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["r.html"]);
+}
+
+#[test]
 fn a_reader_that_has_had_enough_is_no_failure() {
     for args in [&["--fast", "--duration", "1h"][..], &["--list-scenarios"]] {
         let mut child =

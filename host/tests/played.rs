@@ -70,7 +70,7 @@ fn a_script_is_played_to_the_byte_at_any_speed() {
     let names: Vec<&str> = first_bytes.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["left-from-ecu.bin", "left-to-ecu.bin", "right-from-ecu.bin", "right-to-ecu.bin"]);
     assert!(first_bytes.iter().all(|(_, bytes)| bytes.len() > 1000));
-    for what in ["played: cut", "LINK LOST", "EMERGENCY STOP by bench", "played: release"] {
+    for what in ["played: cut", "ECU link lost", "emergency stop, from bench", "played: release"] {
         assert!(first.contains(what), "{what}: {first}");
     }
     let targets = first.lines().find(|line| line.contains("targets reached")).expect("a row");

@@ -1,6 +1,6 @@
-//! Enumerations that have a number on a wire: open ones, whose `Unknown` keeps the numbers without a name, and closed ones.
+//! Enumerations with a number on the wire: open ones, whose `Unknown` preserves unnamed numbers, and closed ones.
 
-/// Declares an enumeration of received codes that loses nothing: a code without a name keeps its number.
+/// Declares an enumeration of received codes that loses nothing: an unnamed code keeps its number.
 macro_rules! open_enum {
     (
         $(#[$meta:meta])*
@@ -12,7 +12,7 @@ macro_rules! open_enum {
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         pub enum $name {
             $( $(#[$vmeta])* $variant, )+
-            /// A code that the document does not name, as it came.
+            /// A code that the document does not name, as received.
             Unknown(u8),
         }
 
@@ -50,7 +50,7 @@ macro_rules! open_enum {
     };
 }
 
-/// Declares an enumeration that has all its values: with codes on the wire (`= 3`), with names (`=> "name"`), or with both.
+/// Declares a closed enumeration: with codes on the wire (`= 3`), with names (`=> "name"`), or with both.
 macro_rules! closed_enum {
     (@enum { $(#[$meta:meta])* } $name:ident { $( { $(#[$vmeta:meta])* } $variant:ident )+ }) => {
         $(#[$meta])*
@@ -67,7 +67,7 @@ macro_rules! closed_enum {
     };
     (@codes $name:ident { $( $variant:ident = $code:literal )+ }) => {
         impl $name {
-            /// From the number on the wire; `None` for one that has no meaning.
+            /// From the number on the wire; `None` if it has no meaning.
             pub const fn from_code(code: u8) -> Option<Self> {
                 match code {
                     $( $code => Some(Self::$variant), )+

@@ -10,7 +10,7 @@ use crate::units::{Celsius, Millivolts, Rpm, Throttle};
 pub enum Demand {
     /// A throttle, on every ECU.
     Throttle(Throttle),
-    /// A shaft speed, where the ECU has a speed control of its own (ZK from version 4).
+    /// A shaft speed, if the ECU has its own speed control (ZK from version 4).
     Rpm(Rpm),
 }
 
@@ -25,7 +25,7 @@ impl Demand {
     }
 }
 
-/// Command to an engine. The latest replaces the one before; nothing is queued.
+/// Command to an engine. The latest replaces the previous one; nothing is queued.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Command {
     /// Stop at once, without cooling. Latched: sent until [`Command::ReleaseStop`].
@@ -34,8 +34,8 @@ pub enum Command {
     /// one, with its demand at idle, the link up, and no running engine reported in the last 3 s.
     ReleaseStop,
     /// Standby, with cooling, as one command of a stream. In standby it is the first step to a start, and permits the
-    /// source's own next `Run` to start the engine, once. It takes two of them within the source's timeout, or within two of
-    /// its own periods if those are longer, to shut down a running engine: one stray command of a lost stream does not.
+    /// source's own next `Run` to start the engine, once. Shutting down a running engine takes two of them within the source's
+    /// timeout, or within two of its own periods if those are longer: one stray command of a lost stream is not enough.
     Standby,
     /// Standby, with cooling, as the explicit order of a person: obeyed at once. Permits no start.
     ShutDown,
@@ -136,6 +136,7 @@ pub enum Order {
 
 /// Reason for refusing a command. A refused command changes nothing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Rejected {
     /// An emergency stop is latched.
     StopLatched,
@@ -159,9 +160,9 @@ pub enum Rejected {
     NotOrderedToRun,
     /// The ECU's protocol version is too low (ZK-7).
     NeedsVersion {
-        /// Lowest version that knows the command.
+        /// Lowest version that supports the command.
         needed: u8,
-        /// Version of the ECU, `None` while it is not known.
+        /// Version of the ECU, `None` while it is unknown.
         known: Option<u8>,
     },
     /// The ECU has no speed control: command a throttle.
@@ -185,6 +186,7 @@ pub enum Rejected {
 
 /// Interlock that keeps an engine from a start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Interlock {
     /// The engine is not armed.
     NotArmed,

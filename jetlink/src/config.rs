@@ -3,7 +3,7 @@
 //! [`check`] checks it at compile time: a status rate that the line cannot carry, two engines on one port, a baud rate that
 //! no document lists or a reply that cannot fit its window do not build.
 
-use crate::ecu::amt::{self, codec::Engine as AmtEngine};
+use crate::ecu::amt::{self, codec::EngineModel};
 use crate::ecu::zk::{self, codec::Rate};
 use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
@@ -31,7 +31,7 @@ pub struct EngineConfig {
 
 impl EngineConfig {
     /// An engine with an AMT ECU and default settings.
-    pub const fn amt(name: &'static str, port: u8, line: Line, engine: Option<AmtEngine>) -> Self {
+    pub const fn amt(name: &'static str, port: u8, line: Line, engine: Option<EngineModel>) -> Self {
         let config = amt::config::Config { engine, ..amt::config::Config::DEFAULT };
         Self {
             name,
@@ -111,6 +111,7 @@ const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// Mistake in a table of engines, with its row (from 0).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum ConfigError {
     /// The baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200.
     BaudRate(usize),

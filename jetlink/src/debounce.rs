@@ -1,8 +1,8 @@
-//! One odd frame changes nothing: what an ECU reports of its engine counts when two frames in a row agree, for every
-//! protocol alike. AMT frames have no checksum, and a ZK one lets one in 256 damaged frames through.
+//! A single odd frame changes nothing: a report of an engine counts when two consecutive frames agree, in every protocol.
+//! AMT frames have no checksum, and that of ZK lets one in 256 damaged frames through.
 //!
-//! This is what is reported to people and what interlocks ask. What decides about the life of a running engine is raw
-//! ([`Sign`](crate::link::Sign)), and debounced where it is judged (`engine/life.rs`).
+//! The results are reported to people and used by interlocks. The values that decide about the life of a running engine
+//! are raw ([`Sign`](crate::link::Sign)) and debounced where they are judged (`engine/life.rs`).
 
 use crate::ecu::Faults;
 use crate::event::Event;
@@ -10,7 +10,7 @@ use crate::link::Outbox;
 use crate::report::{EcuState, Phase, Report, ReportedSwitch, Timed};
 use embassy_time::Instant;
 
-/// A value that changes only when two frames in a row agree.
+/// A value that only changes when two consecutive frames agree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Debounced<T> {
     value: Option<T>,
@@ -26,7 +26,7 @@ impl<T: Copy + PartialEq> Debounced<T> {
         self.value
     }
 
-    /// One frame reports this. True if it is the value now.
+    /// Takes the value from one frame. True if it is the debounced value now.
     pub fn see(&mut self, seen: T) -> bool {
         if self.value == Some(seen) {
             self.candidate = None;
@@ -38,18 +38,18 @@ impl<T: Copy + PartialEq> Debounced<T> {
         self.value == Some(seen)
     }
 
-    /// It is certain.
+    /// Sets the value without debouncing.
     pub const fn set(&mut self, value: T) {
         *self = Self::new(Some(value));
     }
 }
 
-/// The engine's state, the switch and the faults, as they get into the report.
+/// The engine's state, switch and faults, debounced for the report.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DebouncedState {
     phase: Debounced<Phase>,
     switch: Debounced<ReportedSwitch>,
-    /// Whether the ECU reports faults, whichever: one that reports others in every frame is faulty all the same.
+    /// Whether the ECU reports any faults: one that reports different faults in every frame is faulty too.
     faulty: Debounced<bool>,
     /// Their number on the wire.
     faults: Debounced<u8>,
@@ -66,12 +66,12 @@ impl DebouncedState {
         }
     }
 
-    /// What the engine does.
+    /// Phase of the engine.
     pub const fn phase(&self) -> Option<Phase> {
         self.phase.get()
     }
 
-    /// One frame with the ECU's own state. What a frame contradicts becomes no newer by it.
+    /// Takes one frame with the ECU's own state. A frame that contradicts a value does not renew it.
     pub fn state(
         &mut self,
         now: Instant,
@@ -92,14 +92,14 @@ impl DebouncedState {
         }
     }
 
-    /// One frame with the faults, or with none.
+    /// Takes one frame with faults, or with none.
     pub fn faults(&mut self, now: Instant, faults: Faults, report: &mut Report, outbox: &mut Outbox) {
         let (faulty, number) = (!faults.is_empty(), faults.number());
         if !self.faulty.see(faulty) {
             return;
         }
         if self.faults.get().is_none_or(|before| (before != 0) != faulty) {
-            // The second frame in a row with faults, or without: these are the faults.
+            // The second consecutive frame with faults, or without: these are the faults.
             self.faults.set(number);
         } else if !self.faults.see(number) {
             return;

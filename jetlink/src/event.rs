@@ -9,6 +9,7 @@ use crate::units::Rpm;
 
 /// Event of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Event {
     /// The link to the ECU is up.
     LinkUp,
@@ -17,7 +18,7 @@ pub enum Event {
     /// The ECU was powered up (AMT set-up set).
     EcuStarted,
     /// The ECU identified its engine (AMT).
-    EngineIdentified(amt::codec::Engine),
+    EngineIdentified(amt::codec::EngineModel),
     /// The ECU identified an unknown engine: rpm and voltages have no scale (AMT).
     EngineUnknown,
     /// The ECU reported its protocol version (ZK).
@@ -89,6 +90,7 @@ pub enum LossStage {
 
 /// Cause of the end of a life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum End {
     /// The ECU was powered up.
     PowerUp,

@@ -19,6 +19,7 @@ pub enum ClockSource {
 /// Health of a node's board.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Health {
     /// Source of the clocks.
     pub clock: ClockSource,

@@ -27,7 +27,7 @@
 //! // In RAM that start-up does not clear, so that a running engine resumes after a reset (docs/porting.md).
 //! static RETAINED: RetainedMemory = RetainedMemory::new();
 //!
-//! /// One engine on the two halves of a UART: for ever.
+//! /// Runs one engine on the two halves of a UART, forever.
 //! async fn engine(rx: impl Read, tx: impl Write, reset: Reset) {
 //!     let channel = Channel::new(&ENGINE, Some((&RETAINED, reset)));
 //!     let errors = LineErrors::new(); // counted by the UART's interrupt, if it does
@@ -64,14 +64,13 @@
 //! | [`channel`], [`runner`] | bytes and time between one engine and one UART; sources and handles |
 //! | [`node`], [`health`] | all engines of one board, and the board's health |
 //!
-//! Codecs, links and engines do no IO and read no clock: time is an argument. So every rule of timing can be tested as a
-//! table.
+//! Codecs, links and engines do no IO and read no clock: time is an argument. So every timing rule can be tested as a table.
 //!
 //! The library needs an `embassy-time` driver of any tick rate from 32 768 Hz, and a `critical-section` implementation. Feature
 //! `defmt` derives `defmt::Format`.
 //!
-//! Numbers such as `ZK-6` or `AMT-11` in comments are reading points: `docs/protocols.md` of the
-//! repository explains each, with the text of the protocol documents and the questions that they leave open.
+//! Numbers such as `ZK-6` or `AMT-11` in comments are reading points: `docs/protocols.md` in the repository explains each,
+//! with the text of the protocol documents and the questions that they leave open.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]

@@ -8,23 +8,23 @@ use embassy_time::Duration;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StopBits {
-    /// One: 10 bits a byte.
+    /// One: 10 bits per byte.
     One,
-    /// Two: 11 bits a byte.
+    /// Two: 11 bits per byte.
     Two,
 }
 
 /// A UART setting. Always 8 data bits and no parity (ZK-12, AMT-1).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Line {
-    /// Bits a second.
+    /// Bits per second.
     pub baud: u32,
     /// Stop bits.
     pub stop_bits: StopBits,
 }
 
 impl Line {
-    /// The rates both documents print (ZK-12, AMT-1).
+    /// The rates that both documents print (ZK-12, AMT-1).
     pub const BAUD_RATES: [u32; 7] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200];
 
     /// 8N1 at a baud rate.
@@ -57,7 +57,7 @@ impl Line {
         false
     }
 
-    /// Time of `bytes` bytes back to back, rounded up to 1 µs.
+    /// Duration of `bytes` bytes sent back to back, rounded up to 1 µs.
     /// A baud rate of 0 counts as 1, so that nothing divides by zero.
     pub const fn time_of(self, bytes: u32) -> Duration {
         let bits = bytes as u64 * self.bits_per_byte() as u64;

@@ -1,8 +1,8 @@
-//! What the conversation with an ECU is to everybody above it, and the parts every link is made of.
+//! Interface of the conversation with an ECU, and the parts that every link is made of.
 //!
 //! A link is a state machine without IO and without a clock. Inputs carry the time; after each input
-//! [`Link::poll`] is called until it says [`Output::Wait`]. One frame per input keeps what is pending
-//! bounded, so nothing allocates and nothing is forgotten.
+//! [`Link::poll`] is called until it returns [`Output::Wait`]. One frame per input bounds the pending
+//! outputs, so nothing allocates and nothing is lost.
 
 use crate::command::{Order, Rejected};
 use crate::ecu::Service;
@@ -22,12 +22,12 @@ pub const MAX_TRANSMISSION: usize = 5;
 pub struct Transmission {
     bytes: [u8; MAX_TRANSMISSION],
     len: u8,
-    /// The first start bit may not come later than this; if it would, do not send.
+    /// Latest time of the first start bit; if it would be later, do not send.
     pub start_by: Option<Instant>,
 }
 
 impl Transmission {
-    /// From the bytes of a frame; what is longer than [`MAX_TRANSMISSION`] does not compile.
+    /// From the bytes of a frame; a frame longer than [`MAX_TRANSMISSION`] does not compile.
     pub fn new<const N: usize>(frame: [u8; N], start_by: Option<Instant>) -> Self {
         const { assert!(N <= MAX_TRANSMISSION) };
         let mut bytes = [0; MAX_TRANSMISSION];
@@ -43,20 +43,20 @@ impl Transmission {
     }
 }
 
-/// What a link wants done.
+/// Output of a link.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Output {
-    /// Send this now, then call [`Link::sent`] or [`Link::not_sent`]. Nothing else is handed out to send
-    /// before that.
+    /// Send this now, then call [`Link::sent`] or [`Link::not_sent`]. No other transmission is handed out before
+    /// that.
     Transmit(Transmission),
-    /// Tell whoever listens.
+    /// Publish this event.
     Event(Event),
-    /// Nothing more until the next input; call [`Link::timeout`] at this instant.
+    /// No more output until the next input; call [`Link::timeout`] at this time.
     Wait(Option<Instant>),
 }
 
-/// How far an engine is, as one frame of its ECU reports it. The order is that of a start.
+/// Stage of an engine, as reported by one frame of its ECU. The order is that of a start.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stage {
@@ -78,11 +78,11 @@ pub enum Stage {
     Running,
     /// Restart by the ECU itself (ZK 13).
     Restart,
-    /// A state without a name in the document.
+    /// A state that the document does not name.
     Unknown,
 }
 
-/// What one frame of an ECU says about the life of its engine. Raw: each frame as it came, nothing debounced.
+/// Information in one frame of an ECU about the life of its engine: raw, not debounced.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Sign {
@@ -90,11 +90,11 @@ pub enum Sign {
     PowerUp,
     /// A state of the engine (ZK status ID 1, AMT normal set).
     State {
-        /// How far it is.
+        /// Its stage.
         stage: Stage,
-        /// The shaft turns at half of idle or faster; `None` where nothing says.
+        /// The shaft turns at half of idle or faster; `None` if unknown.
         turning: Option<bool>,
-        /// The throttle that the ECU obeys, where the frame carries it (AMT).
+        /// The throttle that the ECU obeys, if the frame carries it (AMT).
         throttle: Option<Throttle>,
     },
     /// The shaft speed alone (the other ZK statuses).
@@ -102,93 +102,93 @@ pub enum Sign {
         /// The shaft turns at half of idle or faster.
         turning: bool,
     },
-    /// Faults in place of a state (AMT error set).
+    /// Faults instead of a state (AMT error set).
     Faulted {
         /// The throttle that the ECU obeys.
         throttle: Option<Throttle>,
-        /// The exhaust temperature, unless the ECU calls its sensor faulty.
+        /// The exhaust temperature, unless the ECU reports its sensor as faulty.
         egt: Option<Celsius>,
     },
-    /// Nothing about the engine (AMT alternate set, a frame without a name).
+    /// Nothing about the engine (AMT alternate set, an unnamed frame).
     Stateless,
-    /// A frame whose values are not used, because the UART saw a fault in it (AMT).
+    /// A frame whose values are discarded, because the UART reported a line error in it (AMT).
     Damaged,
 }
 
 /// A conversation with an ECU.
 pub trait Link {
-    /// The conversation begins.
+    /// Begins the conversation.
     fn start(&mut self, now: Instant);
-    /// Bytes came. It takes them up to the end of one frame and says how many it took; call again with
+    /// Takes received bytes up to the end of one frame and returns how many it took; call it again with
     /// the rest, after draining [`Link::poll`].
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
-    /// The UART saw a fault.
+    /// The UART reported a line error.
     fn line_error(&mut self, error: LineError);
-    /// A read failed, and the byte is lost. All bytes before it have come.
+    /// A read failed, and the byte is lost. All earlier bytes were received.
     fn byte_lost(&mut self, error: LineError) {
         self.line_error(error);
     }
-    /// Keep this on the wire from now on.
+    /// Sends this order from now on.
     ///
     /// # Errors
-    /// [`Rejected`] if this ECU cannot do it; what was ordered before stays. An emergency stop and standby
-    /// are never refused.
+    /// [`Rejected`] if this ECU cannot follow it; the previous order stays in force. An emergency stop and
+    /// standby are never refused.
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected>;
-    /// Whether the ECU holds an rpm by itself.
+    /// Whether the ECU has its own speed control.
     ///
     /// # Errors
     /// [`Rejected`] with the reason if it does not.
     fn speed_control(&self) -> Result<(), Rejected>;
-    /// Do this once.
+    /// Performs a service once.
     ///
     /// # Errors
     /// [`Rejected`] if this ECU cannot do it, or not now.
     fn service(&mut self, now: Instant, service: Service) -> Result<(), Rejected>;
-    /// The atmospheric pressure, for an ECU that asks for it.
+    /// Sets the atmospheric pressure, for an ECU that requests it.
     fn pressure(&mut self, now: Instant, pressure: Hectopascals);
-    /// The last stop bit of the transmission is out.
+    /// The last stop bit of the transmission has been sent.
     fn sent(&mut self, now: Instant);
-    /// The transmission did not happen, or not whole.
+    /// The transmission was not sent, or only in part.
     fn not_sent(&mut self, now: Instant, why: NotSent);
-    /// The instant given by [`Output::Wait`] has come. Early calls do nothing.
+    /// The time given by [`Output::Wait`] has been reached. Early calls have no effect.
     fn timeout(&mut self, now: Instant);
-    /// What to do now.
+    /// The next output.
     fn poll(&mut self) -> Output;
-    /// What the frame that [`Link::receive`] has just taken says about the engine. Once for each frame.
+    /// Information about the engine in the frame that [`Link::receive`] has just taken. Returned once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;
-    /// The engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). That a demand stays at
-    /// idle until then is the engine's rule, for every ECU.
+    /// Sets whether the engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). For every
+    /// ECU, the engine keeps the demand at idle until then.
     fn release(&mut self, _released: bool) {}
-    /// When three expected frames will have failed to come; `None` before the first frame and after such a gap.
+    /// Time at which three expected frames will be missing; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
-    /// The ECU waits for a reply to each of its frames and gets nothing otherwise (AMT).
+    /// Whether the ECU expects a reply to each of its frames and is sent nothing else (AMT).
     fn answers_frames(&self) -> bool;
-    /// When a life that has been in doubt since then loses its order, should nothing confirm it. `None`: not before its
-    /// sources are silent and the stages of loss have run out.
+    /// Time at which a life in doubt since `since` loses its order if nothing confirms it. `None`: not until its sources are
+    /// silent and the stages of loss have run out.
     fn doubt_ends(&self, since: Instant) -> Option<Instant>;
-    /// The gap that [`Link::gap_at`] announced is there: nothing sent before it holds for what comes after it.
+    /// The gap announced by [`Link::gap_at`] has begun: nothing sent before it is valid after it.
     fn gap(&mut self);
-    /// The ECU was given its switch by ZK ID 6, so it ignores the one of ID 1 (ZK-9).
+    /// Whether the ECU was given its switch by ZK ID 6, so that it ignores the one in ID 1 (ZK-9).
     fn switch_by_id6(&self) -> bool {
         false
     }
-    /// After a reset: the ECU was given its switch by ZK ID 6 before it.
+    /// After a reset: the ECU had been given its switch by ZK ID 6.
     fn resume_switch_by_id6(&mut self) {}
-    /// Close a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
+    /// Closes a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
     fn close_pump(&mut self) {}
-    /// A service command has not gone out yet.
+    /// Whether a service command has not been sent yet.
     fn service_pending(&self) -> bool {
         false
     }
-    /// The fuel pump is being closed.
+    /// Whether the fuel pump is being closed.
     fn closing_pump(&self) -> bool {
         false
     }
-    /// What is known of the ECU and of the line.
+    /// State of the ECU and of the line, as far as it is known.
     fn status(&self) -> &LinkStatus;
 }
 
-/// What the settings of a protocol speak by.
+/// Settings of a protocol, with its link.
 pub trait Speaks: Copy {
     /// The protocol's link.
     type Link: Link + Clone + core::fmt::Debug;
@@ -197,26 +197,26 @@ pub trait Speaks: Copy {
     fn link(self, line: Line, timing: Timing) -> Self::Link;
 }
 
-/// What a link knows of its ECU and of the line. Every link keeps one; its parts write into it.
+/// State of an ECU and its line, as known to the link. Every link has one, which its parts update.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct LinkStatus {
-    /// What the ECU has reported.
+    /// Report of the ECU.
     pub report: Report,
-    /// Whether frames of the ECU are received.
+    /// Whether frames from the ECU are received.
     pub state: LinkState,
-    /// When the last good frame was complete.
+    /// Time at which the last good frame was complete.
     pub last_rx: Option<Instant>,
-    /// Since when frames are received without a loss.
+    /// Time since which frames have been received without a loss.
     pub up_since: Option<Instant>,
     /// A service command that is in force makes the ECU stop its engine.
     pub shutting_down: bool,
-    /// What was counted.
+    /// Counters.
     pub counters: Counters,
 }
 
-/// Whether frames of an ECU are received: silence is found by a timer, never at the next byte.
+/// Monitors whether frames from an ECU are received. A timer detects silence, not the next byte.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkMonitor {
     timing: Timing,
@@ -225,17 +225,17 @@ pub struct LinkMonitor {
 }
 
 impl LinkMonitor {
-    /// Nothing is received yet.
+    /// Nothing received yet.
     pub const fn new(timing: Timing) -> Self {
         Self { timing, frames_in_a_row: 0, silent_at: None }
     }
 
-    /// The conversation begins.
+    /// Begins the conversation.
     pub fn start(&mut self, now: Instant) {
         self.silent_at = Some(now + self.timing.lost_after);
     }
 
-    /// A good frame came. True if that brought the link up.
+    /// Takes a good frame. True if it brought the link up.
     pub fn frame(&mut self, now: Instant, status: &mut LinkStatus) -> bool {
         status.last_rx = Some(now);
         self.silent_at = Some(now + self.timing.lost_after);
@@ -259,20 +259,20 @@ impl LinkMonitor {
         core::mem::replace(&mut status.state, LinkState::Lost) != LinkState::Lost
     }
 
-    /// When [`LinkMonitor::timeout`] wants to be called.
+    /// Time of the next [`LinkMonitor::timeout`].
     pub const fn deadline(&self) -> Option<Instant> {
         self.silent_at
     }
 }
 
-/// Gaps in the beat of an ECU. Damaged frames keep the beat, for 10 s at most after the last good one: bursts of about a
-/// frame's length with a pause before each. A steady babble and a break do not.
+/// Detects gaps in the frames of an ECU. Damaged frames do not count as a gap, for at most 10 s after the last good one:
+/// bursts of about a frame's length with a pause before each. Continuous babble or a break does.
 #[derive(Clone, Copy, Debug)]
 pub struct Beat {
     /// Bytes of a frame.
     frame_len: u8,
     line: Line,
-    /// After this without a frame there is a gap.
+    /// Time without a frame after which there is a gap.
     gap_after: Duration,
     /// A longer pause separates two bursts.
     pause: Duration,
@@ -283,13 +283,13 @@ pub struct Beat {
     gap: bool,
 }
 
-/// Damaged frames keep the beat for so long after the last good one.
+/// Time after the last good frame for which damaged frames prevent a gap.
 const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
-/// Expected frames that have to fail for a gap.
+/// Number of expected frames that have to be missing for a gap.
 const GAP_FRAMES: u32 = 3;
 
 impl Beat {
-    /// Of frames of so many bytes, expected at this interval.
+    /// For frames of this number of bytes, expected at this interval.
     pub fn new(frame_len: u8, line: Line, interval: Duration) -> Self {
         let mut beat = Self {
             frame_len,
@@ -306,12 +306,12 @@ impl Beat {
         beat
     }
 
-    /// Frames come at another interval from now on.
+    /// Changes the interval of frames from now on.
     pub fn expect(&mut self, interval: Duration) {
         let gap_after = interval * GAP_FRAMES;
         if self.gap_after != gap_after {
             self.gap_after = gap_after;
-            // At a high rate there is little between two frames.
+            // At a high rate the pause between two frames is short.
             let rest =
                 interval.as_ticks().saturating_sub(self.line.time_of(self.frame_len.into()).as_ticks());
             let pause = self.line.time_of(2) + Duration::from_millis(2);
@@ -319,13 +319,13 @@ impl Beat {
         }
     }
 
-    /// Bytes came, of whatever kind.
+    /// Takes received bytes of any kind.
     pub fn bytes(&mut self, now: Instant, count: usize) {
         let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);
         self.last_byte = Some(now);
         let before = if paused { 0 } else { self.burst };
         self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
-        // One byte may be lost in the noise.
+        // One byte may have been lost in the noise.
         let enough = self.frame_len.saturating_sub(1);
         let lately = self.good.is_some_and(|good| now < good + DAMAGED_BEAT_MAX);
         if before < enough && self.burst >= enough && lately {
@@ -334,25 +334,25 @@ impl Beat {
         }
     }
 
-    /// A good frame came.
+    /// Takes a good frame.
     pub fn frame(&mut self, now: Instant) {
         self.last = Some(now);
         self.good = Some(now);
         self.gap = false;
     }
 
-    /// When the gap begins.
+    /// Time at which the gap begins.
     pub fn gap_at(&self) -> Option<Instant> {
         self.last.filter(|_| !self.gap)?.checked_add(self.gap_after)
     }
 
-    /// The gap was seen.
+    /// The gap has been handled.
     pub fn gap(&mut self) {
         self.gap = true;
     }
 }
 
-/// What waits to be handed out, and whether the UART is busy with what was.
+/// Outputs that wait to be handed out, and whether the UART is busy with a transmission.
 #[derive(Clone, Debug, Default)]
 pub struct Outbox {
     waiting: Option<Transmission>,
@@ -362,12 +362,12 @@ pub struct Outbox {
 }
 
 impl Outbox {
-    /// Replaces what waits: the latest wins.
+    /// Replaces the waiting transmission: the latest wins.
     pub fn put(&mut self, transmission: Transmission) {
         self.waiting = Some(transmission);
     }
 
-    /// Reports an event, or counts it as lost where too many wait.
+    /// Queues an event, or counts it as dropped if the queue is full.
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
             bump(&mut self.events_dropped);
@@ -379,17 +379,17 @@ impl Outbox {
         self.busy = false;
     }
 
-    /// The UART is busy with what was handed out.
+    /// Whether the UART is busy with a transmission.
     pub const fn busy(&self) -> bool {
         self.busy
     }
 
-    /// Nothing waits and the UART is free.
+    /// Whether no transmission waits and the UART is free.
     pub const fn idle(&self) -> bool {
         !self.busy && self.waiting.is_none()
     }
 
-    /// The next thing to do, if any.
+    /// The next output, if any.
     pub fn poll(&mut self, status: &mut LinkStatus) -> Option<Output> {
         // A reply is more urgent than an event.
         if !self.busy
@@ -403,7 +403,7 @@ impl Outbox {
     }
 }
 
-/// The earlier of two instants, where there are any.
+/// The earlier of two optional instants.
 pub fn earlier(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.min(b)),

@@ -1,6 +1,6 @@
-//! The sentence with which a wrong table of engines does not build, put together by the compiler: `format!` is not for constants.
+//! The compile error for a wrong table of engines, composed in a constant, where `format!` is not available.
 
-/// Bytes of a sentence. What is longer is cut off.
+/// Largest length of a sentence in bytes. Longer ones are cut off.
 const LENGTH: usize = 256;
 
 /// A sentence about an engine of a table.
@@ -11,13 +11,13 @@ pub struct Sentence {
 }
 
 impl Sentence {
-    /// Begins with the engine. `row`: of the table, from 0. People count rows from 1.
+    /// Begins with the engine. `row` of the table counts from 0; the sentence counts from 1.
     pub const fn of_engine(row: usize, name: &str) -> Self {
         let begin = Self { bytes: [0; LENGTH], length: 0 };
         begin.text("row ").number(row + 1).text(" of the table of engines, `").text(name).text("`: ")
     }
 
-    /// The sentence and this text.
+    /// Appends this text.
     pub const fn text(mut self, text: &str) -> Self {
         let text = text.as_bytes();
         let mut i = 0;
@@ -29,7 +29,7 @@ impl Sentence {
         self
     }
 
-    /// The sentence and this number.
+    /// Appends this number.
     pub const fn number(self, number: usize) -> Self {
         let before = if number < 10 { self } else { self.number(number / 10) };
         let digit = [b'0' + (number % 10) as u8];
@@ -39,7 +39,7 @@ impl Sentence {
         }
     }
 
-    /// The text, up to where it was cut off.
+    /// The text, cut off at the largest length.
     pub const fn as_str(&self) -> &str {
         let (text, _) = self.bytes.split_at(self.length);
         match str::from_utf8(text) {

@@ -123,6 +123,7 @@ impl RawFrame {
 /// Report of an ECU. `None`: not received yet, or never sent by this ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Report {
     /// Phase of the engine.
     pub phase: Option<Timed<Phase>>,
@@ -187,7 +188,7 @@ pub struct Report {
     /// Last report of a power-up (AMT set-up set).
     pub powered_up: Option<Instant>,
     /// AMT engine.
-    pub amt_engine: Option<Timed<amt::codec::Engine>>,
+    pub amt_engine: Option<Timed<amt::codec::EngineModel>>,
     /// AMT set-up set.
     pub amt_setup: Option<Timed<amt::codec::Setup>>,
     /// Last frame of an unknown kind.
@@ -208,6 +209,7 @@ pub enum LinkState {
 
 /// Reason why a transmission was not sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum NotSent {
     /// It would have ended after the reply window (AMT-11).
     TooLate,

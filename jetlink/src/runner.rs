@@ -121,7 +121,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs for ever. `rx` and `tx` are the two halves of a UART with the engine's line settings, for example of an
+    /// Runs forever. `rx` and `tx` are the two halves of a UART with the engine's line settings, for example of an
     /// `embassy_stm32::usart::BufferedUart`; `errors` are the line errors that its interrupt counts, if it does.
     ///
     /// Each half has its own loop, so that a transmission that hangs does not delay reception, and reception does not cut a

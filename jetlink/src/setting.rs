@@ -1,10 +1,10 @@
-//! Settings: name, unit, range, default and text of each stand in one place, where its field is declared.
+//! Settings: name, unit, range, default and text of each are in one place, where its field is declared.
 //!
 //! The macro `settings!` declares a struct of settings. From the same line come the field and its documentation, the
 //! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and, later, parameters
 //! are made from. Every setting has a value as a whole number in its unit, so that one number can stand for any of them.
 
-/// What a setting's number counts.
+/// Unit of a setting's number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -15,17 +15,17 @@ pub enum Unit {
     Microseconds,
     /// Tenths of a percent.
     PerMille,
-    /// Tenths of a percent a second.
+    /// Tenths of a percent per second.
     PerMillePerSecond,
     /// Percent.
     Percent,
     /// Tenths of a degree Celsius.
     TenthsCelsius,
-    /// Degrees Celsius a second.
+    /// Degrees Celsius per second.
     CelsiusPerSecond,
-    /// Revolutions a minute.
+    /// Revolutions per minute.
     Rpm,
-    /// Revolutions a minute, a second.
+    /// Revolutions per minute, per second.
     RpmPerSecond,
     /// Millivolts.
     Millivolts,
@@ -125,7 +125,7 @@ pub const OFF: i32 = -1;
 pub enum Effect {
     /// With the next frame, command or deadline.
     AtOnce,
-    /// When the link begins anew: at the next start of the node.
+    /// When the link begins again: at the next start of the node.
     AtNextStart,
 }
 
@@ -135,25 +135,25 @@ pub enum Effect {
 pub struct Setting {
     /// Name, 16 characters at most: fit for a MAVLink parameter.
     pub name: &'static str,
-    /// Field of the configuration, as it is written in Rust.
+    /// Field of the configuration, as written in Rust.
     pub field: &'static str,
-    /// What its number counts.
+    /// Unit of its number.
     pub unit: Unit,
     /// Least value.
     pub min: i32,
     /// Greatest value.
     pub max: i32,
-    /// Default, [`OFF`] where that is off.
+    /// Default, [`OFF`] if it is off.
     pub default: i32,
-    /// It may be [`OFF`], too.
+    /// It may also be [`OFF`].
     pub may_be_off: bool,
     /// When a new value takes effect.
     pub effect: Effect,
     /// Symbol of its unit.
     pub symbol: &'static str,
-    /// What it is, in a sentence.
+    /// Description, in a sentence.
     pub text: &'static str,
-    /// The field and its range: what an error says.
+    /// The field and its range, as the text of an error.
     pub message: &'static str,
 }
 
@@ -207,8 +207,8 @@ pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
     value >= min && value <= max || may_be_off && value == OFF
 }
 
-/// A row of the table of [`Supervision`](crate::engine::config::Supervision), by its number. An error carries this: a firmware
-/// that never prints it has no use for the texts of the table, and does not hold them.
+/// A row of the table of [`Supervision`](crate::engine::config::Supervision), by its number. Errors carry this, so that a
+/// firmware that never prints them does not contain the texts of the table.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SettingId(pub(crate) u8);
@@ -219,7 +219,7 @@ impl core::fmt::Display for Setting {
     }
 }
 
-/// Why a setting was not changed.
+/// Reason why a setting was not changed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -228,7 +228,7 @@ pub enum SettingError {
     Unknown,
     /// The value is outside of the range.
     OutOfRange(&'static Setting),
-    /// It belongs to something that is off: turn that on first.
+    /// It belongs to a function that is off: turn that on first.
     Off(&'static Setting),
 }
 
@@ -244,14 +244,14 @@ impl core::fmt::Display for SettingError {
 
 impl core::error::Error for SettingError {}
 
-/// Kinds of settings: the type of the field, its unit, and its value as a whole number. A number that the type cannot hold
-/// becomes the closest; every number is checked against its range before.
+/// Kinds of settings: the type of the field, its unit, and its value as a whole number. A number that does not fit the type
+/// becomes the closest one; every number is checked against its range first.
 #[doc(hidden)]
 pub mod kind {
     #![allow(missing_docs, reason = "for the macro")]
     use super::OFF;
 
-    /// A number that 32 bits do not hold is out of every range.
+    /// A number that does not fit in 32 bits is out of every range.
     const fn clamp(value: u64) -> i32 {
         if value > i32::MAX as u64 { i32::MAX } else { value as i32 }
     }
@@ -398,7 +398,7 @@ macro_rules! settings {
                 $( $field: $crate::setting::kind::$kind::make($default), )*
             };
 
-            /// The first of these that is out of its range, counted from 0.
+            /// The index of the first of these that is out of its range, from 0.
             #[allow(dead_code, reason = "a yes or no has no range")]
             pub(crate) const fn check_own(&self) -> Result<(), u8> {
                 let mut row = 0;
@@ -421,7 +421,7 @@ macro_rules! settings {
                 }
             }
 
-            /// Changes one of these; the range has been checked. False: it is none of these.
+            /// Changes one of these; the range has been checked. False if it is not one of these.
             pub(crate) fn set_own(&mut self, name: &str, value: i32) -> bool {
                 match name {
                     $( $name => self.$field = $crate::setting::kind::$kind::make(value), )*

@@ -12,6 +12,7 @@ const CURRENT: Duration = Duration::from_secs(3);
 /// A snapshot of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Telemetry {
     /// Time of the snapshot.
     pub at: Instant,

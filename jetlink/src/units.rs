@@ -1,10 +1,10 @@
 //! Physical quantities as types, so that a throttle cannot be passed for an rpm. All are integers.
 
-/// A value outside what the quantity allows.
+/// A value outside the range of its quantity.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
-    /// What was given.
+    /// The given value.
     pub given: u32,
     /// The smallest value allowed.
     pub min: u32,
@@ -47,7 +47,7 @@ macro_rules! quantity {
 }
 
 quantity!(
-    /// Shaft speed in revolutions a minute.
+    /// Shaft speed in revolutions per minute.
     Rpm(u32), new, get, "revolutions a minute"
 );
 quantity!(
@@ -63,7 +63,7 @@ quantity!(
     Milliamps(u32), new, get, "milliamperes"
 );
 quantity!(
-    /// Thrust in grams-force: what the ECUs call kilograms, times 1000.
+    /// Thrust in grams-force: the kilograms of the ECUs, times 1000.
     Grams(u32), new, get, "grams"
 );
 quantity!(
@@ -71,7 +71,7 @@ quantity!(
     Millilitres(u32), new, get, "millilitres"
 );
 quantity!(
-    /// Fuel flow in mL a minute.
+    /// Fuel flow in mL per minute.
     MillilitresPerMinute(u32), new, get, "millilitres a minute"
 );
 quantity!(
@@ -79,7 +79,7 @@ quantity!(
     Pascals(u32), new, get, "pascals"
 );
 
-/// A number with a range, which a value cannot leave.
+/// Declares a number with a range that its values cannot leave.
 macro_rules! ranged {
     ($(#[$meta:meta])* $name:ident($int:ty), $new:ident, $get:ident, $of:literal, $min:literal..=$max:literal) => {
         $(#[$meta])*

@@ -6,7 +6,7 @@
 
 use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
-use jetlink::ecu::amt::codec::Engine as AmtEngine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::line::StopBits;
 use sim::any::{AnyConfig, AnyEcu};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
@@ -124,14 +124,14 @@ impl Attached {
 }
 
 /// Converts an engine of the table into the simulation's type.
-fn amt_engine(engine: Option<AmtEngine>) -> sim::amt::Engine {
+fn amt_engine(engine: Option<EngineModel>) -> sim::amt::EngineModel {
     match engine {
-        Some(AmtEngine::Mercury) => sim::amt::Engine::Mercury,
-        Some(AmtEngine::Pegasus) => sim::amt::Engine::Pegasus,
-        Some(AmtEngine::Titan) => sim::amt::Engine::Titan,
-        Some(AmtEngine::Nike) => sim::amt::Engine::Nike,
-        Some(AmtEngine::Lynx) => sim::amt::Engine::Lynx,
-        Some(AmtEngine::Olympus | AmtEngine::Orion) | None => sim::amt::Engine::Olympus,
+        Some(EngineModel::Mercury) => sim::amt::EngineModel::Mercury,
+        Some(EngineModel::Pegasus) => sim::amt::EngineModel::Pegasus,
+        Some(EngineModel::Titan) => sim::amt::EngineModel::Titan,
+        Some(EngineModel::Nike) => sim::amt::EngineModel::Nike,
+        Some(EngineModel::Lynx) => sim::amt::EngineModel::Lynx,
+        Some(EngineModel::Olympus | EngineModel::Orion) | None => sim::amt::EngineModel::Olympus,
     }
 }
 

@@ -1,20 +1,20 @@
 //! An AMT ECU with serial control, from the maker's document of 2014-06-17.
 //!
-//! It sends by itself, about eight sets a second, and takes one control message after each of
-//! them, within a window that it measures by itself (AMT-11). What stops an engine whose host has
-//! gone is the ECU: without accepted messages for the serial delay time it shuts down (AMT-12).
+//! It sends about eight sets per second unprompted, and accepts one control message after each of
+//! them, within a window that it measures itself (AMT-11). If the host falls silent, the ECU stops
+//! the engine: without accepted messages for the serial delay time it shuts down (AMT-12).
 //!
-//! What the document leaves open, and what is done here:
+//! Points that the document leaves open, and their treatment here:
 //!
-//! - The serial delay time (address 192) has no printed value: 2 s.
-//! - The start (AMT-14): OPS = run with the stick where the ECU wants it gives start clearance,
-//!   and a second later the start. After any stop that the host did not ask for, OPS must have
-//!   left run once before the next start.
+//! - The serial delay time (address 192) has no printed value: 2 s here.
+//! - The start (AMT-14): OPS = run with the stick in the required position gives start clearance,
+//!   and the start follows a second later. After any stop that the host did not command, OPS must
+//!   leave run once before the next start.
 //! - The serial delay stop and the CTF stop are auto stops: the turbine is cooled.
-//! - CTF counts from the first CTF message while the engine is live; another OPS calls it off.
-//! - Until a first message is accepted the switch position is auto stop.
-//! - The reply is a message as a whole: one that is late, unsolicited or malformed is counted and
-//!   changes nothing, also not the time since the last accepted one.
+//! - CTF counts from the first CTF message while the engine is live; another OPS cancels it.
+//! - Until the first message is accepted, the switch position is auto stop.
+//! - A reply is accepted or rejected as a whole: a late, unsolicited or malformed message is counted
+//!   and changes nothing, not even the time since the last accepted one.
 
 mod command;
 mod telemetry;
@@ -28,7 +28,7 @@ use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
 
 pub use self::command::{AmtCommand, BadCommand, HEAD, LENGTH, Ops, parse_command};
 use self::command::{Heard, Receiver};
-pub use self::telemetry::{Engine, Status};
+pub use self::telemetry::{EngineModel, Status};
 use self::telemetry::{Values, Voltages};
 pub use self::temper::{AmtTemper, InFlight};
 use self::window::{Reply, Window};
@@ -54,12 +54,12 @@ pub mod error {
 /// Normal sets between two alternate ones.
 const NORMAL_SETS: u8 = 10;
 
-/// How an AMT ECU is set.
+/// Configuration of an AMT ECU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AmtConfig {
-    /// Which engine it says it is, and with which scales.
-    pub engine: Engine,
-    /// What the document leaves open and ECUs may do differently.
+    /// The engine that it reports, with its scales.
+    pub engine: EngineModel,
+    /// Behaviour that the document leaves open and in which ECUs may differ.
     pub temper: AmtTemper,
     /// Data 1 of the alternate set, for ECUs with an old or an unknown number.
     pub engine_id: u8,
@@ -67,13 +67,13 @@ pub struct AmtConfig {
     pub turbine: Parameters,
     /// Its serial line (AMT-1).
     pub line: Line,
-    /// From the start of one set to the start of the next. The 125 ms of the default are the
-    /// document's "average of 48 bytes per second" at 2400 baud.
+    /// Interval between the starts of two sets. The default of 125 ms is the document's "average of
+    /// 48 bytes per second" at 2400 baud.
     pub period: Nanos,
-    /// From power to the set-up set (not printed).
+    /// Time from power-up to the set-up set (not printed).
     pub boot: Nanos,
-    /// The time of address 192: so long may accepted messages be missing. Its value is not printed
-    /// anywhere in the document.
+    /// Time of address 192: the longest time without accepted messages. The document does not print
+    /// its value.
     pub serial_delay: Nanos,
     /// The reply window.
     pub reply_window: Nanos,
@@ -81,32 +81,32 @@ pub struct AmtConfig {
     pub pulse: [u8; 3],
     /// Text of the set-up set: `X.NN YYMMDD ` or `XX.NN YYMMDD `.
     pub version_text: String,
-    /// Some ECUs want the stick up for a start: at least so much, in half percent. With 0 the
-    /// stick must be down, that is at most 5 %.
+    /// Lowest stick position for a start, in half percent, because some ECUs require the stick up.
+    /// With 0 the stick must be down, at 5 % at most.
     pub start_throttle: u8,
-    /// Whether a serial delay stop shows as missing switch and throttle channels.
+    /// Whether a serial delay stop is reported as missing switch and throttle channels.
     pub loss_is_an_error: bool,
     /// Supply voltage in V, for the alternate set.
     pub battery_v: f64,
     /// Voltage of the external battery in V, for the alternate set.
     pub external_v: f64,
-    /// How many accepted commands are kept.
+    /// Number of accepted commands to log.
     pub log: usize,
 }
 
 impl AmtConfig {
     /// The usual ECU of this engine, at 2400 8N1.
-    pub fn new(engine: Engine) -> Self {
+    pub fn new(engine: EngineModel) -> Self {
         Self {
             engine,
             temper: AmtTemper::DEFAULT,
             engine_id: engine.id(),
             turbine: match engine {
-                Engine::Mercury => Parameters::MERCURY,
-                Engine::Pegasus => Parameters::PEGASUS,
-                Engine::Olympus => Parameters::OLYMPUS,
-                // Bigger engines than the Olympus, with no figures here: the Titan's.
-                Engine::Titan | Engine::Nike | Engine::Lynx => Parameters::TITAN,
+                EngineModel::Mercury => Parameters::MERCURY,
+                EngineModel::Pegasus => Parameters::PEGASUS,
+                EngineModel::Olympus => Parameters::OLYMPUS,
+                // Engines larger than the Olympus, without figures of their own here: the Titan's.
+                EngineModel::Titan | EngineModel::Nike | EngineModel::Lynx => Parameters::TITAN,
             },
             line: Line::n1(2400),
             period: 125 * MILLIS,
@@ -124,7 +124,7 @@ impl AmtConfig {
         }
     }
 
-    /// The same on another line. The period stays, as it is not known to change.
+    /// The same on another line. The period stays the same, because it is not known to change.
     pub fn on(self, line: Line) -> Self {
         Self { line, ..self }
     }
@@ -149,13 +149,13 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// All of them; each asks for one reply.
+    /// All of them; each requires one reply.
     pub const fn total(&self) -> u64 {
         self.setup + self.normal + self.alternate + self.error
     }
 }
 
-/// Messages that were none, by reason.
+/// Invalid messages, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bad {
     /// The copies differed.
@@ -166,7 +166,7 @@ pub struct Bad {
     pub throttle: u64,
     /// A new head before the end.
     pub truncated: u64,
-    /// A byte arrived broken.
+    /// A byte was received with an error.
     pub framing: u64,
 }
 
@@ -177,38 +177,38 @@ impl Bad {
     }
 }
 
-/// What an AMT ECU has counted since it was built; a loss of power does not clear it.
+/// Counters of an AMT ECU since its creation; a loss of power does not clear them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Sets sent.
     pub frames: Frames,
-    /// Well-formed messages, whenever they came.
+    /// Well-formed messages, at any time.
     pub valid: u64,
-    /// Messages that were none.
+    /// Invalid messages.
     pub bad: Bad,
     /// Good bytes outside of any message.
     pub stray_bytes: u64,
     /// Good bytes.
     pub bytes_heard: u64,
-    /// Broken bytes.
+    /// Bytes received with an error.
     pub framing_errors: u64,
-    /// Replies in time: these and only these are obeyed.
+    /// Replies in time: only these are obeyed.
     pub in_window: u64,
-    /// Replies that were complete too late.
+    /// Replies that were completed too late.
     pub late: u64,
-    /// Sets to which no well-formed reply came, told when the following set has ended.
+    /// Sets without a well-formed reply, counted when the following set has ended.
     pub none: u64,
-    /// Second replies to one set, and messages sent into a set.
+    /// Second replies to one set, and messages sent during a set.
     pub unsolicited: u64,
     /// The smallest margin of a reply in time.
     pub worst_margin: Option<Nanos>,
-    /// How often a live engine was stopped because accepted messages were missing.
+    /// Number of times a live engine was stopped for lack of accepted messages.
     pub serial_delay_stops: u64,
-    /// How often CTF stopped the engine.
+    /// Number of times CTF stopped the engine.
     pub ctf_stops: u64,
 }
 
-/// What begins anew with each power-up.
+/// State that is reset by each power-up.
 #[derive(Clone, Debug)]
 struct Session {
     next_frame: Nanos,
@@ -217,16 +217,16 @@ struct Session {
     next_tick: Nanos,
     window: Window,
     receiver: Receiver,
-    /// The last accepted message and when it was complete.
+    /// The last accepted message, and the time at which it was complete.
     accepted: Option<(Nanos, AmtCommand)>,
     clearance_since: Option<Nanos>,
     ctf_since: Option<Nanos>,
-    /// No start before OPS has left run.
+    /// No start until OPS has left run.
     locked: bool,
     own_errors: u8,
-    /// When the last trip locked it.
+    /// Time at which the last trip locked it.
     tripped_at: Option<Nanos>,
-    /// What so many normal sets still show: state and switch from before the loss of power.
+    /// Number of normal sets that still show the state and switch from before the loss of power.
     stale: Option<(u8, Status, Ops)>,
 }
 
@@ -262,7 +262,7 @@ impl Session {
 /// Whether the ECU has power.
 #[derive(Clone, Debug)]
 enum Power {
-    /// It will be switched on by the first call that tells the time.
+    /// The first call that passes the time switches it on.
     Unborn,
     Off,
     On(Box<Session>),
@@ -276,14 +276,14 @@ pub struct AmtEcu {
     power: Power,
     forced_errors: u8,
     last_state: Option<(Status, Ops)>,
-    /// What it has counted.
+    /// Its counters.
     pub stats: Stats,
-    /// The messages it has obeyed.
+    /// The messages that it has obeyed.
     pub commands: CommandLog<AmtCommand>,
 }
 
 impl AmtEcu {
-    /// An ECU that is powered up at the first time it is told.
+    /// An ECU that is powered up at the first time that is passed to it.
     pub fn new(config: AmtConfig) -> Self {
         Self {
             turbine: {
@@ -300,7 +300,7 @@ impl AmtEcu {
         }
     }
 
-    /// How it is set.
+    /// Its configuration.
     pub fn config(&self) -> &AmtConfig {
         &self.config
     }
@@ -315,7 +315,7 @@ impl AmtEcu {
         &mut self.turbine
     }
 
-    /// Errors that are shown until told otherwise, besides the ECU's own ones. See [`error`].
+    /// Sets errors to be shown in addition to the ECU's own, until changed. See [`error`].
     pub fn set_errors(&mut self, errors: u8) {
         self.forced_errors = errors;
     }
@@ -328,7 +328,7 @@ impl AmtEcu {
         }
     }
 
-    /// What a normal set says now in bits 7 to 3 of Data 1.
+    /// The state that a normal set reports now in bits 7 to 3 of Data 1.
     pub fn status(&self) -> Status {
         let parameters = self.turbine.parameters();
         let phase = self.turbine.phase();
@@ -349,7 +349,7 @@ impl AmtEcu {
         }
     }
 
-    /// What a running engine is reported as now, where that is not full operation.
+    /// The state reported now for a running engine, if it is not full operation.
     fn shown_in_flight(&self) -> Option<Status> {
         let (Power::On(session), Some(in_flight)) = (&self.power, self.config.temper.in_flight) else {
             return None;
@@ -357,12 +357,12 @@ impl AmtEcu {
         (session.next_tick % in_flight.every.max(1) < in_flight.lasts).then_some(in_flight.shows)
     }
 
-    /// The engine runs, and is reported as something else.
+    /// The engine runs but is reported in another state.
     pub fn hides_that_it_runs(&self) -> bool {
         self.turbine.phase() == Phase::Running && self.shown_in_flight().is_some()
     }
 
-    /// Control steps and verdicts up to `now`.
+    /// Performs control steps and judges replies up to `now`.
     fn catch_up(&mut self, now: Nanos) {
         if matches!(self.power, Power::Unborn) {
             self.power(now, true);
@@ -421,7 +421,7 @@ impl AmtEcu {
             *frames -= 1;
             return values.normal(*status, ops.code()).into();
         }
-        // The three bits of the switch position are the low bits of OPS, also of CTF.
+        // The three bits of the switch position are the low bits of OPS, including CTF.
         values.normal(status, session.ops().code()).into()
     }
 }
@@ -498,7 +498,7 @@ impl Ecu for AmtEcu {
         tx.extend(bytes);
         if let Power::On(session) = &mut self.power {
             session.window.sent(now, end);
-            // A late call does not shift the beat, and what was missed altogether is not sent.
+            // A late call does not shift the schedule, and sets that were missed entirely are not sent.
             let period = self.config.period.max(1);
             session.next_frame += ((now - session.next_frame) / period + 1) * period;
             session.next_frame = session.next_frame.max(end);
@@ -553,7 +553,7 @@ impl Ecu for AmtEcu {
                 session.own_errors = 0;
                 session.tripped_at = None;
                 self.turbine.clear_trip();
-                // "Emergency" does not wait for the next control step.
+                // "Emergency" takes effect without waiting for the next control step.
                 let stop = command.ops == Ops::EmergencyStop;
                 self.turbine.set_switch(if stop { Switch::Stop } else { Switch::Standby });
             }

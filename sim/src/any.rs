@@ -1,4 +1,4 @@
-//! The ECU of either kind behind one face, and what it is made from.
+//! An ECU of either protocol behind one interface, and its configuration.
 
 use core::any::Any;
 
@@ -8,7 +8,7 @@ use crate::line::Line;
 use crate::turbine::{Parameters, Phase, Turbine};
 use crate::zk::{ZkConfig, ZkEcu};
 
-/// Which protocol an ECU speaks.
+/// Protocol of an ECU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// AMT.
@@ -17,7 +17,7 @@ pub enum Protocol {
     Zk,
 }
 
-/// What an ECU of either kind is made from.
+/// Configuration of an ECU of either protocol.
 #[derive(Clone, Debug)]
 pub enum AnyConfig {
     /// AMT.
@@ -28,7 +28,7 @@ pub enum AnyConfig {
 
 impl AnyConfig {
     /// The AMT ECU of this engine at 2400 baud.
-    pub fn amt(engine: amt::Engine) -> Self {
+    pub fn amt(engine: amt::EngineModel) -> Self {
         Self::Amt(AmtConfig::new(engine))
     }
 
@@ -54,7 +54,7 @@ impl AnyConfig {
         }
     }
 
-    /// The same with a log of so many obeyed commands.
+    /// The same with a log of this many obeyed commands.
     #[must_use]
     pub fn with_log(self, log: usize) -> Self {
         match self {
@@ -71,7 +71,7 @@ impl AnyConfig {
         }
     }
 
-    /// The same, to change them.
+    /// The same, mutable.
     pub const fn turbine_mut(&mut self) -> &mut Parameters {
         match self {
             Self::Amt(config) => &mut config.turbine,
@@ -79,7 +79,7 @@ impl AnyConfig {
         }
     }
 
-    /// The ECU, not yet under power.
+    /// The ECU, not yet powered.
     pub fn ecu(self) -> AnyEcu {
         match self {
             Self::Amt(config) => AmtEcu::new(config).into(),
@@ -100,7 +100,7 @@ impl From<ZkConfig> for AnyConfig {
     }
 }
 
-/// An ECU of either kind.
+/// An ECU of either protocol.
 #[derive(Debug)]
 pub enum AnyEcu {
     /// AMT.
@@ -134,12 +134,12 @@ impl AnyEcu {
         }
     }
 
-    /// What the turbine does.
+    /// State of the turbine.
     pub fn phase(&self) -> Phase {
         self.turbine().phase()
     }
 
-    /// Control frames that were good so far, and what was none: damaged frames, and bytes outside of any.
+    /// Numbers of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
     pub const fn received(&self) -> (u64, u64) {
         match self {
             Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
@@ -147,7 +147,7 @@ impl AnyEcu {
         }
     }
 
-    /// The [`AmtEcu`] or [`ZkEcu`] in it.
+    /// The [`AmtEcu`] or [`ZkEcu`] inside.
     pub fn inner(&self) -> &dyn Any {
         match self {
             Self::Amt(ecu) => &**ecu,
@@ -155,7 +155,7 @@ impl AnyEcu {
         }
     }
 
-    /// The same, to change something about it.
+    /// The same, mutable.
     pub fn inner_mut(&mut self) -> &mut dyn Any {
         match self {
             Self::Amt(ecu) => &mut **ecu,

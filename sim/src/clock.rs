@@ -1,16 +1,14 @@
 //! Embassy's time driver on the host: one virtual clock per thread.
 //!
 //! `cargo test` gives every test its own thread, so every test has its own clock and all of them
-//! can run in parallel. Time stands still while anything can be done and then jumps to the next
-//! alarm: at once, or in [`Pace::RealTime`] when the wall clock gets there. What happens, and at
-//! which virtual time, is the same in both: a host that is late delays the run and is not seen in
-//! it.
+//! can run in parallel. Time does not advance while there is work to do, and then jumps to the next
+//! alarm: at once, or in [`Pace::RealTime`] when the wall clock gets there. Events and their virtual
+//! times are the same in both: a host that is late delays the run without affecting it.
 //!
 //! The root future is polled when it was woken or when one of its alarms is due, never "just in
-//! case", so that a wake-up which the code under test forgets is seen. Each waker has one alarm,
-//! the earliest that was asked for since it last rang: this is what embassy's own executor does
-//! with each task, and like there a ring polls the task, which asks again for whatever it still
-//! waits for.
+//! case", so that a wake-up that the code under test forgets is detected. Each waker has one alarm,
+//! the earliest requested since its last alarm. Embassy's executor does the same with each task, and
+//! as there, an alarm polls the task, which requests a new one for anything it still waits for.
 
 mod pacer;
 mod waker;
@@ -27,18 +25,18 @@ use embassy_time::{Duration, Instant};
 use self::pacer::Pacer;
 use self::waker::Root;
 
-/// So many polls at one and the same instant of virtual time are a busy loop.
+/// Number of polls at one instant of virtual time that counts as a busy loop.
 const BUSY_LOOP_POLLS: u32 = 1_000_000;
 
-/// How time passes on this thread.
+/// Pace of time on this thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pace {
-    /// To the next alarm as soon as nothing is left to do.
+    /// Jumps to the next alarm as soon as there is no work left.
     #[default]
     Unlimited,
     /// The same, but never ahead of the wall clock by more than 2 ms.
     RealTime,
-    /// So many times as fast as the wall clock; at least once.
+    /// Multiple of the speed of the wall clock, at least 1.
     Times(u32),
 }
 
@@ -50,7 +48,7 @@ struct Alarm {
 struct Clock {
     /// The time in ticks.
     now: Cell<u64>,
-    /// Holds the time back in [`Pace::RealTime`].
+    /// Limits the time in [`Pace::RealTime`].
     pacer: Cell<Option<Pacer>>,
     alarms: RefCell<Vec<Alarm>>,
     running: Cell<bool>,
@@ -68,7 +66,7 @@ thread_local! {
 }
 
 impl Clock {
-    /// Jumps to this time, in real time when the wall clock is there.
+    /// Jumps to this time; in real time, when the wall clock gets there.
     fn jump(&self, to: u64) {
         if let Some(mut pacer) = self.pacer.get() {
             std::thread::sleep(pacer.wait(to, WallInstant::now()));
@@ -92,7 +90,7 @@ impl Clock {
                     _ => return,
                 }
             };
-            // The borrow has ended: a waker may do what it likes.
+            // The borrow has ended: a waker may do anything.
             due.waker.wake();
         }
     }
@@ -108,7 +106,7 @@ impl embassy_time_driver::Driver for ThreadClock {
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        // "At the end of time" is how embassy says never; armed, it would hide a deadlock.
+        // Embassy uses the end of time for "never"; an alarm there would hide a deadlock.
         if at == u64::MAX {
             return;
         }
@@ -126,7 +124,7 @@ impl embassy_time_driver::Driver for ThreadClock {
     }
 }
 
-/// Sets this thread's clock to 0 in [`Pace::Unlimited`] and forgets all alarms.
+/// Sets this thread's clock to 0 in [`Pace::Unlimited`] and clears all alarms.
 pub fn reset() {
     CLOCK.with(|clock| {
         assert!(!clock.running.get(), "clock::reset() inside a running future");
@@ -137,7 +135,7 @@ pub fn reset() {
     });
 }
 
-/// Changes the pace of this thread's clock; the time goes on from where it is.
+/// Changes the pace of this thread's clock; the time continues from its current value.
 pub fn set_pace(pace: Pace) {
     CLOCK.with(|clock| {
         let speed = match pace {
@@ -149,17 +147,17 @@ pub fn set_pace(pace: Pace) {
     });
 }
 
-/// The time on this thread in ns; it has the grain of embassy's tick, 1 µs.
+/// The time on this thread in ns, with the resolution of embassy's tick, 1 µs.
 pub fn now_ns() -> u64 {
     Instant::now().as_micros() * 1000
 }
 
-/// Runs a future to its end.
+/// Runs a future to completion.
 ///
 /// # Panics
 ///
-/// When the future can never end: nothing is woken and no alarm is armed, or
-/// it wakes itself without end while no time passes.
+/// If the future can never complete: nothing is woken and no alarm is armed, or it wakes itself
+/// endlessly while no time passes.
 pub fn run<F: Future>(future: F) -> F::Output {
     match drive(future, None) {
         Some(output) => output,
@@ -167,19 +165,19 @@ pub fn run<F: Future>(future: F) -> F::Output {
     }
 }
 
-/// Runs a future for at most `limit`; `None` when that time has passed and it has not ended.
+/// Runs a future for at most `limit`; `None` if it has not completed by then.
 ///
-/// The future is still polled for what is due exactly at the limit. It may be a `&mut` to a pinned
-/// future, to be run on later.
+/// The future is still polled for alarms due exactly at the limit. It may be a `&mut` to a pinned
+/// future, to be continued later.
 ///
 /// # Panics
 ///
-/// As [`run`]: a deadlock before the limit is a deadlock, not a time-out.
+/// As [`run`]: a deadlock before the limit is a deadlock, not a timeout.
 pub fn run_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
     drive(future, Some((Instant::now() + limit).as_ticks()))
 }
 
-/// Lets time pass with no future running.
+/// Advances time with no future running.
 pub fn advance(by: Duration) {
     // Not `run_for(pending())`: with nothing armed that is a deadlock.
     run(embassy_time::Timer::after(by));
@@ -199,7 +197,7 @@ fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
     });
     let _running = Running;
     let waker = waker::waker(&root);
-    // The first poll asks for all its alarms anew; what an earlier root left behind must not ring.
+    // The first poll requests all its alarms again; those left by an earlier root must not fire.
     CLOCK.with(|clock| clock.alarms.borrow_mut().retain(|alarm| !alarm.waker.will_wake(&waker)));
 
     let mut future = pin!(future);
@@ -271,7 +269,7 @@ mod tests {
         reset();
         assert_eq!(run_for(Timer::after_millis(11), Duration::from_millis(10)), None);
         assert_eq!(now_ns(), 10_000_000);
-        // What is due exactly at the limit still happens.
+        // Alarms due exactly at the limit still fire.
         assert_eq!(run_for(Timer::after_millis(10), Duration::from_millis(10)), Some(()));
         assert_eq!(now_ns(), 20_000_000);
         advance(Duration::from_micros(7));
@@ -380,7 +378,7 @@ mod tests {
         let waits = poll_fn(|_| if flag.get() { Poll::Ready(()) } else { Poll::Pending });
         run(async {
             let waits = pin!(waits);
-            // Polled once at the start and never woken again, although the flag gets set.
+            // Polled once at the start and never woken again, although the flag is set.
             let mut waits = Some(waits);
             poll_fn(|cx| {
                 let done = waits.as_mut().is_some_and(|w| w.as_mut().poll(cx).is_ready());
@@ -401,7 +399,7 @@ mod tests {
         run_for(Timer::after_micros(150), Duration::from_secs(1)).unwrap();
         assert!(a.take_woken() && !b.is_woken());
         run_for(Timer::after_micros(250), Duration::from_secs(1)).unwrap();
-        // One alarm per waker, the earliest: `a` was told at 100 and has not asked again.
+        // One alarm per waker, the earliest: `a` was woken at 100 and has not requested another.
         assert!(!a.is_woken() && b.is_woken());
     }
 
@@ -444,7 +442,7 @@ mod tests {
         let (expected, _) = run_with(Pace::Unlimited, 0);
         let (times, took) = run_with(Pace::RealTime, 500);
         assert_eq!(times, expected);
-        // 500 ms, and 400 ms of its own but for the tick that came due in the stall: it does not race to catch up.
+        // 500 ms, and its own 400 ms except for the tick that was due in the stall: it does not race to catch up.
         assert!(took >= 870, "{took} ms");
     }
 }

@@ -1,5 +1,5 @@
-//! Control frames, from the host to an ECU: found among the bytes of a line, and what they say of the engine in the terms of either
-//! protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
+//! Control frames, from the host to an ECU: found among the bytes of a line, and what they say of the engine in the terms of
+//! either protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
 
 use crate::amt::{self, AmtCommand, Ops};
 use crate::any::Protocol;
@@ -7,7 +7,7 @@ use crate::ecu::Nanos;
 use crate::wire::{Direction, Entry, Fate};
 use crate::zk::{self, Sw, ZkCommand};
 
-/// What a control frame commands of the engine's switch.
+/// Engine switch commanded by a control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// ZK ID 1 with SW 0: the ECU obeys its PWM input (ZK-8).
@@ -20,7 +20,7 @@ pub enum Switch {
     Run,
 }
 
-/// What a control frame commands.
+/// Command in a control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// An AMT message.
@@ -61,7 +61,7 @@ impl Command {
         }
     }
 
-    /// The throttle in 0.1 %, with whatever switch: in every AMT message, and in ZK ID 1.
+    /// The throttle in 0.1 %, with any switch: in every AMT message, and in ZK ID 1.
     pub const fn throttle_tenths(self) -> Option<u16> {
         match self {
             Self::Amt(command) => Some(command.throttle_half_percent as u16 * 5),
@@ -70,7 +70,7 @@ impl Command {
         }
     }
 
-    /// The throttle in 0.1 %, where it comes with run.
+    /// The throttle in 0.1 %, if the switch is run.
     pub const fn run_throttle_tenths(self) -> Option<u16> {
         match self.switch() {
             Some(Switch::Run) => self.throttle_tenths(),
@@ -79,32 +79,32 @@ impl Command {
     }
 }
 
-/// Why the bytes of a control frame are none.
+/// Reason why bytes are not a valid control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadFrame {
     /// AMT.
     Amt(amt::BadCommand),
     /// ZK.
     Zk(zk::BadCommand),
-    /// ZK: so many bytes, where a frame has four.
+    /// ZK: this number of bytes, where a frame has four.
     Length(usize),
 }
 
-/// As many bytes as a control frame has.
+/// A sequence of bytes with the length of a control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
-    /// The beginning of the first start bit.
+    /// Start of the first start bit.
     pub start: Nanos,
-    /// The end of the last stop bit.
+    /// End of the last stop bit.
     pub end: Nanos,
-    /// All bytes came to the ECU as they were sent.
+    /// All bytes reached the ECU as they were sent.
     pub delivered: bool,
     /// The bytes; the last one is 0 for ZK, whose frames have four.
     pub raw: [u8; amt::LENGTH],
     length: usize,
-    /// What they command.
+    /// Their command.
     pub command: Result<Command, BadFrame>,
-    /// ZK: RPM_X as it was sent last, 0 where it was not.
+    /// ZK: RPM_X as last sent, 0 if it was not.
     pub factor: u8,
 }
 
@@ -114,7 +114,7 @@ impl Frame {
         &self.raw[..self.length]
     }
 
-    /// The speed that ZK ID 7 commands, where RPM_X says how it is to be read (ZK-9).
+    /// The speed commanded by ZK ID 7, if RPM_X gives its scale (ZK-9).
     pub fn rpm(&self) -> Option<u32> {
         match self.command {
             Ok(Command::Zk(ZkCommand::Rpm(code))) if self.factor > 0 => {
@@ -125,28 +125,28 @@ impl Frame {
     }
 }
 
-/// What a strict [`Reader`] has found.
+/// Result of a strict [`Reader`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Found {
-    /// As many bytes as a frame has.
+    /// Bytes with the length of a frame.
     Frame(Frame),
-    /// Fewer bytes, and then a pause.
+    /// Fewer bytes, followed by a pause.
     Fragment {
-        /// The beginning of the first start bit.
+        /// Start of the first start bit.
         start: Nanos,
         /// The bytes.
         bytes: Vec<u8>,
     },
 }
 
-/// How a [`Reader`] tells where a frame begins.
+/// How a [`Reader`] finds the start of a frame.
 #[derive(Clone, Copy, Debug)]
 enum Framing {
     Heads,
     Pauses(Nanos),
 }
 
-/// Finds control frames in the record of a line.
+/// Finds control frames in the recording of a line.
 #[derive(Clone, Debug)]
 pub struct Reader {
     protocol: Protocol,
@@ -156,18 +156,18 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Finds frames as an ECU does, and skips whatever is none: 0xFF begins every AMT message and is nowhere else in one; four bytes
-    /// with the head and the right CRC are a ZK frame.
+    /// Finds frames as an ECU does, and skips everything else: 0xFF begins every AMT message and occurs nowhere else in one; four
+    /// bytes with the head and the right CRC are a ZK frame.
     pub const fn new(protocol: Protocol) -> Self {
         Self { protocol, framing: Framing::Heads, bytes: Vec::new(), factor: 0 }
     }
 
-    /// Skips nothing: as many bytes as a frame has are one, and a pause that is longer than this ends it.
+    /// Skips nothing: the number of bytes in a frame makes one, and a pause longer than this ends it.
     pub const fn strict(protocol: Protocol, longest_pause: Nanos) -> Self {
         Self { protocol, framing: Framing::Pauses(longest_pause), bytes: Vec::new(), factor: 0 }
     }
 
-    /// The frames whose last byte is in this part of a record.
+    /// The frames whose last byte is in this part of a recording.
     pub fn read(&mut self, record: &[Entry]) -> impl Iterator<Item = Frame> {
         record.iter().filter_map(|entry| match self.entry(entry) {
             Some(Found::Frame(frame)) => Some(frame),
@@ -175,7 +175,7 @@ impl Reader {
         })
     }
 
-    /// Takes one entry of a record. What the ECU sent, and what noise has made, is passed over.
+    /// Takes one entry of a recording. Skips bytes from the ECU and bytes created by noise.
     pub fn entry(&mut self, entry: &Entry) -> Option<Found> {
         if entry.direction != Direction::ToEcu || entry.fate == Fate::Added {
             return None;
@@ -196,7 +196,7 @@ impl Reader {
         fragment.or_else(|| self.frame().map(Found::Frame))
     }
 
-    /// Forgets the frame under way: its sender was reset.
+    /// Discards the partial frame: its sender was reset.
     pub fn restart(&mut self) {
         self.bytes.clear();
     }
@@ -221,7 +221,7 @@ impl Reader {
         if matches!(self.framing, Framing::Heads)
             && matches!(command, Err(BadFrame::Zk(zk::BadCommand::Head | zk::BadCommand::Crc)))
         {
-            // What is left of a frame that a reset has cut short.
+            // The rest of a frame that a reset has cut short.
             self.bytes.remove(0);
             return None;
         }

@@ -1,9 +1,9 @@
-//! What an ECU is to the line it hangs on: bytes at times, no IO and no clock of its own.
+//! Interface between an ECU and its line: bytes with times, without IO or a clock.
 //!
-//! The same models hang on the simulated [`wire`](crate::wire) and can hang on any other carrier of
-//! bytes, for example the UART of an emulated board.
+//! The same models are used on the simulated [`wire`](crate::wire) and can be used on any other
+//! carrier of bytes, for example the UART of an emulated board.
 
-/// A time or a length of time in nanoseconds. Zero is wherever the owner of the clock puts it.
+/// A time or a duration in nanoseconds. The owner of the clock defines zero.
 pub type Nanos = u64;
 
 /// One millisecond.
@@ -12,10 +12,10 @@ pub const MILLIS: Nanos = 1_000_000;
 /// One second.
 pub const SECOND: Nanos = 1_000_000_000;
 
-/// What was wrong with a byte that a UART received.
+/// Error of a byte that a UART received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
-    /// The stop bit was not there.
+    /// The stop bit was missing.
     Framing,
     /// The samples within one bit did not agree.
     Noise,
@@ -23,22 +23,21 @@ pub enum LineFault {
 
 /// An ECU, seen from its serial line.
 ///
-/// All times given to one ECU never run backwards.
+/// The times passed to one ECU never run backwards.
 pub trait Ecu {
-    /// When it wants [`advance`](Ecu::advance) at the latest; never in the past after
-    /// `advance(now)`.
+    /// Latest time for the next [`advance`](Ecu::advance); never in the past after `advance(now)`.
     fn next_wake(&self) -> Nanos;
 
     /// The time is now `now`. Bytes pushed to `tx` start on the line now, back to back, in order.
     ///
-    /// May be called at any time, also earlier than [`next_wake`](Ecu::next_wake) asks for: what
-    /// the ECU does must not depend on how often it is called.
+    /// May be called at any time, even before [`next_wake`](Ecu::next_wake): the behaviour of the ECU
+    /// must not depend on how often it is called.
     fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>);
 
-    /// One byte from the host, at the end of its stop bit; `Err` for a byte that arrived broken.
+    /// One byte from the host, at the end of its stop bit; `Err` for a byte received with an error.
     fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>);
 
-    /// Switches the ECU's supply. Switching it on starts it anew; on while on does nothing.
+    /// Switches the ECU's supply. Switching it on restarts the ECU; it has no effect if already on.
     fn power(&mut self, now: Nanos, on: bool);
 }
 

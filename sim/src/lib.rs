@@ -2,17 +2,17 @@
 //! and the rig run on.
 //!
 //! Everything here is written from the two protocol documents and from the page that settles their
-//! open points (cited as `ZK-6`, `AMT-11`, ...), never from the driver under test: one misreading
-//! must not stand on both sides of the line and cancel itself out.
+//! open points (cited as `ZK-6`, `AMT-11`, ...), never from the driver under test: a misreading
+//! must not appear on both sides of the line and cancel itself out.
 //!
-//! - [`clock`]: embassy's time driver for the host: virtual time, at will no faster than the wall clock.
+//! - [`clock`]: embassy's time driver for the host: virtual time, optionally limited to the wall clock.
 //! - [`mod@line`]: baud rate, stop bits and the exact time that bytes take.
-//! - [`ecu`]: what an ECU is to the line: bytes and times, no IO.
+//! - [`ecu`]: the interface between an ECU and its line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
-//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and what it is made from.
-//! - [`control`]: the frames from the host to an ECU, found on a line and read.
-//! - [`log`]: what an ECU has obeyed, and when.
+//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and its configuration.
+//! - [`control`]: finds and reads the frames from the host to an ECU.
+//! - [`log`]: the commands that an ECU has obeyed, with their times.
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]
 

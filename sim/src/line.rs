@@ -2,7 +2,7 @@
 
 use crate::ecu::Nanos;
 
-/// How many stop bits end a byte.
+/// Number of stop bits at the end of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopBits {
     /// 8N1: ten bits on the line for each byte.
@@ -16,7 +16,7 @@ pub enum StopBits {
 pub struct Line {
     /// Bits per second.
     pub baud: u32,
-    /// How many stop bits the sender sends.
+    /// Number of stop bits sent.
     pub stop_bits: StopBits,
 }
 
@@ -40,7 +40,7 @@ impl Line {
     }
 
     /// The time of `n` bytes sent back to back, from the first start bit to the end of the last
-    /// stop bit. The whole is rounded once, so that long runs do not gather an error.
+    /// stop bit. The total is rounded once, so that long runs do not accumulate an error.
     pub fn byte_ns(self, n: u64) -> Nanos {
         let baud = u128::from(self.baud.max(1));
         let bits = u128::from(n) * u128::from(self.bits_per_byte());
@@ -48,11 +48,11 @@ impl Line {
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// Whether a receiver set like `self` makes sense of a sender set like `other`.
+    /// Whether a receiver configured like `self` understands a sender configured like `other`.
     ///
     /// Half a bit of error over the nine and a half bits that are sampled is 5 %; the usual rule
-    /// leaves 3 % for the difference of the two clocks. A receiver looks at the first stop bit
-    /// only, so the number of stop bits need not agree.
+    /// leaves 3 % for the difference of the two clocks. A receiver only checks the first stop bit, so
+    /// the number of stop bits need not agree.
     pub fn understands(self, other: Line) -> bool {
         let (a, b) = (u64::from(self.baud), u64::from(other.baud));
         a.abs_diff(b) * 100 <= a.max(b) * 3

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::ecu::Nanos;
 
-/// The last accepted commands. Bounded, so that long runs do not eat the memory.
+/// The last accepted commands. Bounded, so that long runs do not exhaust the memory.
 #[derive(Clone, Debug)]
 pub struct CommandLog<C> {
     entries: VecDeque<(Nanos, C)>,
@@ -13,12 +13,12 @@ pub struct CommandLog<C> {
 }
 
 impl<C> CommandLog<C> {
-    /// Keeps the last `capacity` commands; none at all with 0.
+    /// Stores the last `capacity` commands; none with 0.
     pub fn new(capacity: usize) -> Self {
         Self { entries: VecDeque::new(), capacity, total: 0 }
     }
 
-    /// Writes a command down.
+    /// Stores a command.
     pub fn push(&mut self, at: Nanos, command: C) {
         self.total += 1;
         if self.capacity == 0 {
@@ -30,12 +30,12 @@ impl<C> CommandLog<C> {
         self.entries.push_back((at, command));
     }
 
-    /// All commands ever, also those no longer kept.
+    /// Number of all commands so far, including those no longer stored.
     pub fn total(&self) -> u64 {
         self.total
     }
 
-    /// What is kept, the oldest first.
+    /// The stored commands, oldest first.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = &(Nanos, C)> {
         self.entries.iter()
     }
@@ -45,14 +45,14 @@ impl<C> CommandLog<C> {
         self.entries.back()
     }
 
-    /// Forgets what is kept; the total goes on.
+    /// Clears the stored commands; the total continues.
     pub fn clear(&mut self) {
         self.entries.clear();
     }
 }
 
 impl<C: Copy> CommandLog<C> {
-    /// The commands without their times, the oldest first.
+    /// The commands without their times, oldest first.
     pub fn commands(&self) -> Vec<C> {
         self.entries.iter().map(|&(_, command)| command).collect()
     }

@@ -1,8 +1,8 @@
-//! A plausible single-spool turbine with the start sequence that every ECU gives it.
+//! A plausible single-spool turbine, with the start sequence common to all ECUs.
 //!
 //! It is a sketch, not a thermodynamic model: first-order lags around a steady state, chosen so
-//! that what an ECU reports looks and lasts like the real thing. It steps in fixed steps of 5 ms,
-//! so its course depends on the commands and their times only, not on how often it is asked.
+//! that the values and durations that an ECU reports are realistic. It advances in fixed steps of
+//! 5 ms, so its behaviour depends only on the commands and their times, not on how often it is read.
 
 mod history;
 mod parameters;
@@ -12,7 +12,7 @@ use crate::ecu::{MILLIS, Nanos};
 pub use self::history::{History, HotFuel};
 pub use self::parameters::Parameters;
 
-/// The length of one step.
+/// Duration of one step.
 pub const STEP: Nanos = 5 * MILLIS;
 
 const DT: f64 = 0.005;
@@ -21,21 +21,21 @@ const AMBIENT: f64 = 15.0;
 /// Cooling ends, and a start may begin, below this EGT in °C.
 pub const COOL_EGT: f64 = 100.0;
 
-/// The curve setting at which [`Parameters::acceleration_s`] holds.
+/// The curve setting for which [`Parameters::acceleration_s`] is given.
 pub const NOMINAL_CURVE: u8 = 30;
 
-/// What the turbine is to do.
+/// Command to the turbine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
-    /// Fuel off at once, and no cooling: a hot turbine stays hot.
+    /// Fuel off at once, without cooling: a hot turbine stays hot.
     Stop,
     /// Fuel off, and cooling by the starter while it is hot.
     Standby,
-    /// Start if it stands, run if it runs.
+    /// Start if it is at rest, keep running if it runs.
     Run,
 }
 
-/// How fast it is to run. It matters only once the start is over.
+/// Commanded speed. It only applies once the start is complete.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Demand {
     /// 0..=1000 from idle to maximum rpm; linear in rpm, which is an assumption.
@@ -44,14 +44,14 @@ pub enum Demand {
     Rpm(u32),
 }
 
-/// Where the turbine is between off and running.
+/// Phase of the turbine, between off and running.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Off; it may still be hot and turning.
     Stopped,
     /// Cool and ready.
     Standby,
-    /// The starter turns it, the igniter heats, nothing burns yet.
+    /// The starter turns it and the igniter heats; no combustion yet.
     Ignition,
     /// The start fuel burns.
     Preheat,
@@ -71,38 +71,38 @@ impl Phase {
         matches!(self, Self::Ignition | Self::Preheat | Self::FuelRamp | Self::LearningIdle)
     }
 
-    /// Starting or running: there is something to stop.
+    /// Starting or running.
     pub const fn is_live(self) -> bool {
         self.is_starting() || matches!(self, Self::Running)
     }
 }
 
-/// Why the turbine stopped although it was to run.
+/// Reason why the turbine stopped although it was commanded to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trip {
-    /// The flame went out and the speed fell below idle.
+    /// It flamed out, and the speed fell below idle.
     FlameOut,
-    /// The EGT went over its limit.
+    /// The EGT exceeded its limit.
     OverTemperature,
-    /// Nothing burnt although the igniter was on.
+    /// No ignition, although the igniter was on.
     NoLight,
     /// It did not reach idle in time.
     StartTimeout,
 }
 
-/// The sensor of the exhaust gas temperature.
+/// The exhaust gas temperature sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EgtSensor {
-    /// It measures.
+    /// It works.
     #[default]
     Good,
-    /// Its wire is broken: it reads as far up as its input goes.
+    /// Its wire is broken: it reads the top of its range.
     Open,
-    /// Its wires touch: it reads as far down as its input goes.
+    /// Its wires are shorted: it reads the bottom of its range.
     Short,
 }
 
-/// A turbine, its fuel pump, its starter, and the part of an ECU that runs the start.
+/// A turbine, its fuel pump, its starter, and the part of an ECU that controls the start.
 #[derive(Clone, Debug)]
 pub struct Turbine {
     parameters: Parameters,
@@ -165,12 +165,12 @@ impl Turbine {
         }
     }
 
-    /// What is commanded from now on. A trip stays until [`Turbine::clear_trip`].
+    /// Sets the command. A trip stays until [`Turbine::clear_trip`].
     pub fn set_switch(&mut self, switch: Switch) {
         self.switch = switch;
     }
 
-    /// How fast it is to run.
+    /// Sets the speed.
     pub fn set_demand(&mut self, demand: Demand) {
         self.demand = demand;
     }
@@ -187,40 +187,40 @@ impl Turbine {
         self.bench_starter = starter;
     }
 
-    /// The flame goes out now, if there is one.
+    /// Puts out the flame, if there is one.
     pub fn flame_out(&mut self) {
         self.lit = false;
     }
 
-    /// Whether every start from now on gets too hot.
+    /// Sets whether every start from now on is a hot start.
     pub fn hot_start(&mut self, hot: bool) {
         self.hot_start = hot;
     }
 
-    /// Whether every start from now on fails to light.
+    /// Sets whether every start from now on fails to ignite.
     pub fn no_light(&mut self, dark: bool) {
         self.no_light = dark;
     }
 
-    /// Whether a start may begin at any exhaust temperature and with a shaft that still turns, rather than below
-    /// [`COOL_EGT`] only.
+    /// Sets whether a start may begin at any exhaust temperature and with a shaft that still turns, rather than only below
+    /// [`COOL_EGT`].
     pub fn set_starts_hot(&mut self, hot: bool) {
         self.starts_hot = hot;
     }
 
-    /// Begins a start now, at whatever temperature and speed, as an ECU does that relights by itself.
+    /// Begins a start now, at any temperature and speed, like an ECU that relights by itself.
     pub fn relight(&mut self) {
         self.trip = None;
         self.enter(Phase::Ignition);
         self.history.relights.extend(self.history.ignitions.last());
     }
 
-    /// What becomes of the sensor of the exhaust gas temperature.
+    /// Sets the state of the exhaust gas temperature sensor.
     pub fn set_egt_sensor(&mut self, sensor: EgtSensor) {
         self.egt_sensor = sensor;
     }
 
-    /// Ignitions and fuel into a hot engine, since it was built.
+    /// Ignitions, and fuel into a hot engine, since its creation.
     pub fn history(&self) -> &History {
         &self.history
     }
@@ -239,7 +239,7 @@ impl Turbine {
         self.trip = None;
     }
 
-    /// Why it stopped by itself.
+    /// Reason why it stopped by itself.
     pub fn trip(&self) -> Option<Trip> {
         self.trip
     }
@@ -249,12 +249,12 @@ impl Turbine {
         &self.parameters
     }
 
-    /// Where it is between off and running.
+    /// Phase between off and running.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// What was commanded last.
+    /// The last command.
     pub fn switch(&self) -> Switch {
         self.switch
     }
@@ -269,7 +269,7 @@ impl Turbine {
         self.egt
     }
 
-    /// Exhaust gas temperature in °C as its sensor gives it, which may be far outside of what can be reported.
+    /// Exhaust gas temperature in °C as read by its sensor, which may be far outside the range that can be reported.
     pub fn sensed_egt(&self) -> f64 {
         match self.egt_sensor {
             EgtSensor::Good => self.egt,
@@ -283,17 +283,17 @@ impl Turbine {
         self.flow
     }
 
-    /// Fuel burnt since it was built or since [`Turbine::reset_fuel`], in ml.
+    /// Fuel burnt since its creation or since [`Turbine::reset_fuel`], in ml.
     pub fn fuel_total(&self) -> f64 {
         self.fuel_ml
     }
 
-    /// Begins to count fuel anew.
+    /// Resets the fuel counter.
     pub fn reset_fuel(&mut self) {
         self.fuel_ml = 0.0;
     }
 
-    /// Voltage of the fuel pump in V: in a line with the flow.
+    /// Voltage of the fuel pump in V, linear in the flow.
     pub fn pump_voltage(&self) -> f64 {
         let p = &self.parameters;
         if self.flow <= 0.0 {
@@ -320,17 +320,17 @@ impl Turbine {
         0.3 + 0.5 * self.pump_voltage() + igniter + starter
     }
 
-    /// How long the last finished start took, in s.
+    /// Duration of the last completed start, in s.
     pub fn start_time(&self) -> f64 {
         self.start_time_s
     }
 
-    /// Where the speed is between idle (0) and maximum (1).
+    /// Position of the speed between idle (0) and maximum (1).
     pub fn load(&self) -> f64 {
         self.parameters.load(self.rpm)
     }
 
-    /// Runs it up to this time. The first call says where its time begins.
+    /// Advances it to this time. The first call sets the start of its time.
     pub fn advance_to(&mut self, now: Nanos) {
         let mut at = *self.stepped_to.get_or_insert(now);
         while at + STEP <= now {
@@ -417,7 +417,7 @@ impl Turbine {
             Phase::Running => {}
         }
         if self.phase.is_live() {
-            // One second over the limit, so that a single sample does not stop an engine.
+            // One second above the limit, so that a single sample does not stop an engine.
             self.hot_steps = if self.egt > self.parameters.egt_limit { self.hot_steps + 1 } else { 0 };
             if f64::from(self.hot_steps) * DT > 1.0 {
                 self.hot_steps = 0;
@@ -454,7 +454,7 @@ impl Turbine {
                 (Phase::Running, Demand::Rpm(rpm)) => f64::from(rpm).clamp(p.idle_rpm, p.max_rpm),
                 _ => p.idle_rpm,
             };
-            // A small turbine gathers speed slowly near idle and quickly near the top.
+            // A small turbine accelerates slowly near idle and quickly near its maximum.
             let nominal = span / p.acceleration_s * (0.45 + 1.2 * p.load(self.rpm));
             let up = nominal * f64::from(self.curve_up) / f64::from(NOMINAL_CURVE);
             let down = -1.3 * nominal * f64::from(self.curve_down) / f64::from(NOMINAL_CURVE);
@@ -474,7 +474,7 @@ impl Turbine {
         let (egt, egt_lag) = match self.phase {
             _ if !self.lit => (AMBIENT, if self.rpm > 1000.0 { p.cooling_s } else { 6.0 * p.cooling_s }),
             Phase::Preheat => (0.6 * p.egt_idle, 2.5),
-            // A start is hottest half way up, where much fuel meets little air.
+            // A start is hottest halfway up, with much fuel and little air.
             Phase::FuelRamp if self.hot_start => (p.egt_limit + 150.0, 2.0),
             Phase::FuelRamp => (1.15 * p.egt_idle, 3.0),
             _ => {

@@ -1,8 +1,8 @@
 //! The two directions between one UART of the node and one ECU, byte by byte in real line time.
 //!
-//! [`connect`] gives the node's halves, which behave like embassy-stm32's `BufferedUart`: `write`
+//! [`connect`] returns the node's halves, which behave like embassy-stm32's `BufferedUart`: `write`
 //! puts bytes into a ring and returns, `flush` waits for the last stop bit, and a reader is woken
-//! at every byte. The third part, the [`Plug`], moves the bytes and is where faults are switched.
+//! at every byte. The third part, the [`Plug`], moves the bytes and injects faults.
 //!
 //! Inside, all times are exact nanoseconds; the node sees each byte at the first tick (1 µs) after
 //! the end of its stop bit, never before it.
@@ -26,23 +26,23 @@ use self::lane::{Arrival, Ends, Lane};
 use self::node::{FramingHandler, Port};
 pub use self::node::{WireError, WireRx, WireTx};
 
-/// Everything about a connection that is set before it is made.
+/// Configuration of a connection.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// How the node's UART is set.
+    /// Configuration of the node's UART.
     pub node: Line,
-    /// How the ECU's UART is set.
+    /// Configuration of the ECU's UART.
     pub ecu: Line,
     /// Bytes in the node's transmit ring.
     pub tx_ring: usize,
     /// Bytes in the node's receive ring; more are dropped, as `BufferedUart` does.
     pub rx_ring: usize,
-    /// All that is random on this wire comes from this number.
+    /// Seed of all random events on this wire.
     pub seed: u64,
 }
 
 impl Settings {
-    /// Both ends set alike, with rings of 64 and 256 bytes.
+    /// Both ends configured alike, with rings of 64 and 256 bytes.
     pub const fn new(line: Line, seed: u64) -> Self {
         Self { node: line, ecu: line, tx_ring: 64, rx_ring: 256, seed }
     }
@@ -53,7 +53,7 @@ pub fn connect<E: Ecu>(ecu: E, line: Line, seed: u64) -> (WireRx, WireTx, Plug<E
     connect_with(ecu, Settings::new(line, seed))
 }
 
-/// As [`connect`], with the two ends set differently: a mistake in somebody's configuration.
+/// As [`connect`], with the two ends configured differently, to test a wrong configuration.
 pub fn connect_mismatched<E: Ecu>(
     ecu: E,
     node: Line,
@@ -63,7 +63,7 @@ pub fn connect_mismatched<E: Ecu>(
     connect_with(ecu, Settings { ecu: ecu_line, ..Settings::new(node, seed) })
 }
 
-/// As [`connect`], with everything settable.
+/// As [`connect`], with a full configuration.
 pub fn connect_with<E: Ecu>(ecu: E, settings: Settings) -> (WireRx, WireTx, Plug<E>) {
     let port = Rc::new(RefCell::new(Port::new(settings.tx_ring, settings.rx_ring)));
     let mut seeds = fastrand::Rng::with_seed(settings.seed);
@@ -81,7 +81,7 @@ pub fn connect_with<E: Ecu>(ecu: E, settings: Settings) -> (WireRx, WireTx, Plug
         scratch: Vec::new(),
         not_before: 0,
     };
-    // The ECU learns what time it is: a fresh one is powered up now.
+    // Pass the time to the ECU: a new one is powered up now.
     wire.advance_ecu(clock::now_ns());
     let plug = Plug { wire: Rc::new(RefCell::new(wire)) };
     (WireRx::new(port.clone()), WireTx::new(port), plug)
@@ -99,12 +99,12 @@ struct Wire<E> {
     echo: bool,
     record: Option<Vec<Entry>>,
     scratch: Vec<u8>,
-    /// The node's transmitter was stalled until then.
+    /// Time until which the node's transmitter was stalled.
     not_before: Nanos,
 }
 
 impl<E: Ecu> Wire<E> {
-    /// Does everything that happens up to and including `now`, in the order of time.
+    /// Processes all events up to and including `now`, in chronological order.
     fn settle(&mut self, now: Nanos) {
         self.start_node_byte(self.not_before);
         while let Some(at) = self.next_event().filter(|&at| at <= now) {
@@ -155,7 +155,7 @@ impl<E: Ecu> Wire<E> {
     fn advance_ecu(&mut self, at: Nanos) {
         self.ecu.advance(at, &mut self.scratch);
         if self.babble.is_some() {
-            // The transmitter is stuck: what the ECU wants to say never gets out.
+            // The transmitter is stuck: the ECU's bytes are never sent.
             self.scratch.clear();
         }
         self.to_node.queue.extend(self.scratch.drain(..));
@@ -180,7 +180,7 @@ impl<E: Ecu> Wire<E> {
         }
     }
 
-    /// `free` is when the shifter got free; a byte cannot start before it was written.
+    /// `free` is the time at which the shifter became free; a byte cannot start before it was written.
     fn start_node_byte(&mut self, free: Nanos) {
         let mut port = self.port.borrow_mut();
         if port.stalled || self.to_ecu.is_sending() {
@@ -194,7 +194,7 @@ impl<E: Ecu> Wire<E> {
     }
 }
 
-/// Moves the bytes of one connection, and is the handle to its ECU and to its faults.
+/// Moves the bytes of one connection, and gives access to its ECU and its faults.
 ///
 /// Clones are handles to the same connection.
 #[derive(Debug)]
@@ -209,13 +209,13 @@ impl<E> Clone for Plug<E> {
 }
 
 impl<E: Ecu> Plug<E> {
-    /// Drives the ECU and both directions for ever; join it with the node's future.
+    /// Drives the ECU and both directions forever; join it with the node's future.
     pub async fn run(&self) -> Infallible {
         poll_fn(|cx| {
             let mut wire = self.wire.borrow_mut();
             let now = clock::now_ns();
             wire.settle(now);
-            // The end of a byte lies between two ticks: look again at the first tick after it.
+            // The end of a byte is between two ticks: check again at the first tick after it.
             let next = wire.next_event().map_or(u64::MAX, |at| at.div_ceil(1000));
             embassy_time_driver::schedule_wake(next, cx.waker());
             wire.port.borrow_mut().set_runner(cx);
@@ -224,7 +224,7 @@ impl<E: Ecu> Plug<E> {
         .await
     }
 
-    /// Everything up to this instant happens first, then the change, then the runner looks again.
+    /// Processes all events up to now, makes the change, and then wakes the runner.
     fn change<T>(&self, change: impl FnOnce(&mut Wire<E>) -> T) -> T {
         let mut wire = self.wire.borrow_mut();
         wire.settle(clock::now_ns());
@@ -233,7 +233,7 @@ impl<E: Ecu> Plug<E> {
         result
     }
 
-    /// Looks at the ECU, or does something to it, as it is at this instant.
+    /// Gives access to the ECU in its state at this instant.
     pub fn ecu<T>(&self, look: impl FnOnce(&mut E) -> T) -> T {
         self.change(|wire| {
             wire.advance_ecu(clock::now_ns());
@@ -252,8 +252,8 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// The node is reset: what its UART held is gone, and the byte under way is cut short. Gives the halves
-    /// for the node that starts; the old ones must be gone.
+    /// Resets the node: the content of its UART is lost, and the byte being sent is cut short. Returns the halves
+    /// for the node that starts; the old ones must have been dropped.
     pub fn reset_node(&self) -> (WireRx, WireTx) {
         self.change(|wire| {
             wire.to_ecu.spoil();
@@ -263,7 +263,7 @@ impl<E: Ecu> Plug<E> {
         (WireRx::new(port.clone()), WireTx::new(port))
     }
 
-    /// What goes wrong at random from now on, in each direction.
+    /// Sets the random faults from now on, in each direction.
     pub fn set_faults(&self, to_node: Faults, to_ecu: Faults) {
         self.change(|wire| {
             wire.to_node.faults = to_node;
@@ -271,20 +271,20 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// At each byte with a framing error that arrives as data, the UART's interrupt does this, as one that counts the flags of
-    /// its status register.
+    /// Sets what the UART's interrupt does at each byte with a framing error that arrives as data, like one that counts the
+    /// flags of its status register.
     pub fn on_framing_error(&self, count: impl Fn() + 'static) {
         self.change(|wire| wire.port.borrow_mut().framing_handler = Some(FramingHandler(Box::new(count))));
     }
 
-    /// What the node's UART makes of bytes with a framing error.
+    /// Sets how the node's UART treats bytes with a framing error.
     pub fn framing(&self, framing: FramingAs) {
         self.change(|wire| wire.port.borrow_mut().framing = framing);
     }
 
-    /// Cuts the line, both ways, or joins it again. A byte under way at that instant is lost.
+    /// Cuts the line in both directions, or reconnects it. A byte being sent at that instant is lost.
     ///
-    /// A cut line idles high: nobody hears anything, and the node's UART notices nothing.
+    /// A cut line idles high: neither side receives anything, and the node's UART detects nothing.
     pub fn cut(&self, cut: bool) {
         self.change(|wire| {
             wire.to_node.set_cut(cut);
@@ -300,7 +300,7 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// Another ECU, with the engine behind it, is plugged in and powered up now. Gives the one before.
+    /// Plugs in another ECU with its engine and powers it up now. Returns the previous one.
     pub fn replace_ecu(&self, ecu: E) -> E {
         self.change(|wire| {
             let before = core::mem::replace(&mut wire.ecu, ecu);
@@ -311,9 +311,9 @@ impl<E: Ecu> Plug<E> {
         })
     }
 
-    /// A UART whose transmitter hangs: while `true`, no flush of the node ever ends, and no write that finds the ring full.
+    /// Hangs the transmitter: while `true`, no flush of the node ever returns, nor a write that finds the ring full.
     ///
-    /// The byte in the shifter still goes out. What is written meanwhile waits in the ring, as it does in a driver with a buffer.
+    /// The byte in the shifter is still sent. Bytes written meanwhile wait in the ring, as in a driver with a buffer.
     pub fn stall_tx(&self, stalled: bool) {
         self.change(|wire| {
             wire.not_before = clock::now_ns();
@@ -323,14 +323,14 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// Whether the node hears its own bytes: a half-duplex line by mistake. Bytes of both sides at
-    /// the same time do not disturb each other here, as they would on a real one.
+    /// Sets whether the node receives its own bytes, as on an accidental half-duplex line. Unlike on a
+    /// real one, simultaneous bytes of both sides do not disturb each other here.
     pub fn echo(&self, echo: bool) {
         self.change(|wire| wire.echo = echo);
     }
 
-    /// Whether garbage comes from the ECU's transmitter without a pause, and which. Its own frames
-    /// are lost meanwhile; it still hears the host.
+    /// Sets whether the ECU's transmitter sends garbage without a pause, and which. Its own frames are
+    /// lost meanwhile; it still receives the host.
     pub fn babble(&self, babble: Option<Babble>) {
         self.change(|wire| {
             let now = clock::now_ns();
@@ -343,7 +343,7 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// Sends these bytes to the node as if the ECU did, after what it is sending.
+    /// Sends these bytes to the node as if from the ECU, after the bytes that it is sending.
     pub fn inject_to_node(&self, bytes: &[u8]) {
         self.change(|wire| {
             wire.to_node.queue.extend(bytes);
@@ -351,7 +351,7 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// Lets the ECU hear these bytes at once, as if somebody else were on the line.
+    /// Passes these bytes to the ECU at once, as if from another host on the line.
     pub fn inject_to_ecu(&self, bytes: &[u8]) {
         self.change(|wire| {
             for &byte in bytes {
@@ -360,17 +360,17 @@ impl<E: Ecu> Plug<E> {
         });
     }
 
-    /// Whether to write down every byte of both directions. Starting anew forgets what was written.
+    /// Sets whether to record every byte in both directions. Starting again clears the recording.
     pub fn record(&self, record: bool) {
         self.change(|wire| wire.record = record.then(Vec::new));
     }
 
-    /// What was recorded so far, in the order in which the bytes ended.
+    /// The recording so far, in the order in which the bytes ended.
     pub fn log(&self) -> Vec<Entry> {
         self.change(|wire| wire.record.clone().unwrap_or_default())
     }
 
-    /// What was recorded so far; the record goes on empty.
+    /// Takes the recording so far; recording continues.
     pub fn take_log(&self) -> Vec<Entry> {
         self.change(|wire| wire.record.as_mut().map(core::mem::take).unwrap_or_default())
     }

@@ -1,23 +1,23 @@
 //! A ZK ECU, from the ZK-Protocol document V1.2, protocol versions 1 to 6.
 //!
-//! Up to version 4 it speaks only when spoken to: one status frame for each valid command. From
-//! version 5 it sends by itself at its rate, and keeps the engine as it is when the host falls
-//! silent (ZK-10).
+//! Up to version 4 it only answers: one status frame for each valid command. From version 5 it sends
+//! unprompted at its rate, and keeps the engine running unchanged when the host falls silent
+//! (ZK-10).
 //!
-//! What the document leaves open, and what is done here:
+//! Points that the document leaves open, and their treatment here:
 //!
-//! - Status IDs go out in turn, the lowest first ([`ZkConfig::ids`] changes that).
-//! - Up to version 4 the status rate is reported but does not hold answers back, unless
-//!   [`ZkConfig::rate_bounds_answers`] is set. One answer waits at most; further commands that come
-//!   before it is out are obeyed without an answer of their own.
-//! - Up to version 4 the control signal is lost when nothing valid, ID 0 included, has come for
-//!   [`ZkConfig::control_loss`] while the host has the engine switched to run: error 13 and
-//!   standby. The next start needs the switch to leave run once; so it does after any failure.
-//! - From version 5 that detection is off, as the document says, for the UART. A lost PWM input
-//!   that rules a live engine is error 13 in every version.
-//! - While ID 6 holds the switch, the last SW of ID 1 is remembered and rules again, also as PWM
-//!   hand-over, when ID 6 gives the switch back (SW = 0 and RPM_X = 0). While RPM_X is not 0,
-//!   ID 1 is not even remembered, and SW = 0 in ID 6 leaves the switch as it is.
+//! - Status IDs are sent in turn, the lowest first ([`ZkConfig::ids`] changes that).
+//! - Up to version 4 the status rate is reported but does not delay answers, unless
+//!   [`ZkConfig::rate_bounds_answers`] is set. At most one answer waits; further commands received
+//!   before it is sent are obeyed without their own answer.
+//! - Up to version 4 the control signal is lost when no valid frame, including ID 0, was received for
+//!   [`ZkConfig::control_loss`] while the host has the engine switched to run: error 13 and standby.
+//!   As after any failure, the switch has to leave run once before the next start.
+//! - From version 5 that detection is off for the UART, as the document says. The loss of a PWM input
+//!   that controls a live engine is error 13 in every version.
+//! - While ID 6 controls the switch, the last SW of ID 1 is stored and applies again, also as PWM
+//!   hand-over, when ID 6 releases the switch (SW = 0 and RPM_X = 0). While RPM_X is not 0, ID 1 is
+//!   not stored either, and SW = 0 in ID 6 leaves the switch unchanged.
 //! - State 2, "ignition (requires minimum throttle)": a start waits there while the throttle is
 //!   above 5 %, except in rpm mode. States 6 and 7 (learning the stick) never occur, and 13 (restart)
 //!   only with [`ZkTemper::relights`].
@@ -59,7 +59,7 @@ struct Settings {
 
 #[derive(Clone, Debug)]
 enum Power {
-    /// It will be switched on by the first call that tells the time.
+    /// The first call that passes the time switches it on.
     Unborn,
     Off,
     On(Box<Session>),
@@ -77,14 +77,14 @@ pub struct ZkEcu {
     thrust_zero: f64,
     forced_error: Option<u8>,
     forced_state: Option<u8>,
-    /// What it has counted.
+    /// Its counters.
     pub stats: Stats,
-    /// The commands it has obeyed.
+    /// The commands that it has obeyed.
     pub commands: CommandLog<ZkCommand>,
 }
 
 impl ZkEcu {
-    /// An ECU that is powered up at the first time it is told.
+    /// An ECU that is powered up at the first time that is passed to it.
     pub fn new(config: ZkConfig) -> Self {
         Self {
             settings: Settings {
@@ -109,7 +109,7 @@ impl ZkEcu {
         }
     }
 
-    /// How it was set; the host may have changed some of it since.
+    /// Its initial configuration; the host may have changed some of it since.
     pub fn config(&self) -> &ZkConfig {
         &self.config
     }
@@ -124,17 +124,17 @@ impl ZkEcu {
         &mut self.turbine
     }
 
-    /// What comes in on the PWM input; `None` is no signal.
+    /// Sets the signal at the PWM input; `None` is no signal.
     pub fn set_pwm(&mut self, pwm: Option<Pwm>) {
         self.pwm = pwm;
     }
 
-    /// Reports this error whatever the ECU's own one is.
+    /// Reports this error instead of the ECU's own.
     pub fn set_error(&mut self, error: Option<u8>) {
         self.forced_error = error;
     }
 
-    /// Reports this state whatever the ECU's own one is.
+    /// Reports this state instead of the ECU's own.
     pub fn set_state(&mut self, state: Option<u8>) {
         self.forced_state = state;
     }
@@ -146,7 +146,7 @@ impl ZkEcu {
         }
     }
 
-    /// Who rules the switch now.
+    /// The input that controls the switch now.
     pub fn ruler(&self) -> Ruler {
         self.session().map_or(Ruler::Pwm, Session::ruler)
     }
@@ -166,12 +166,12 @@ impl ZkEcu {
         self.settings.ignition_voltage
     }
 
-    /// The pressure in hPa that the host sent last.
+    /// The last pressure from the host, in hPa.
     pub fn pressure(&self) -> Option<u16> {
         self.session().and_then(|session| session.pressure)
     }
 
-    /// The throttle that it tells, in percent: in rpm mode the load that it is to reach.
+    /// The reported throttle, in percent; in rpm mode, the target load.
     pub fn throttle_percent(&self) -> f64 {
         self.session().map_or(0.0, |session| self.throttle_of(session))
     }
@@ -231,7 +231,7 @@ impl ZkEcu {
         match session.switch(self.pwm) {
             Some(Switch::Run) if !session.held_off => 2,
             Some(Switch::Run | Switch::Standby) => 1,
-            // After a loss of the input it cools: that is standby.
+            // After a loss of the input the engine cools: this is standby.
             None if session.held_off => 1,
             Some(Switch::Stop) | None => 0,
         }
@@ -285,7 +285,7 @@ impl ZkEcu {
         self.config.version >= 5
     }
 
-    /// Control steps up to `now`.
+    /// Performs control steps up to `now`.
     fn catch_up(&mut self, now: Nanos) {
         if matches!(self.power, Power::Unborn) {
             self.power(now, true);
@@ -301,7 +301,7 @@ impl ZkEcu {
         self.turbine.advance_to(now);
     }
 
-    /// When the next frame is to go out.
+    /// Time of the next frame.
     fn next_frame(&self) -> Nanos {
         let Some(session) = self.session() else {
             return Nanos::MAX;
@@ -310,7 +310,7 @@ impl ZkEcu {
         due.map_or(Nanos::MAX, |due| due.max(session.line_free))
     }
 
-    /// Up to version 4: one status for what was just accepted.
+    /// Up to version 4: one status frame for the command that was just accepted.
     fn answer(&mut self, now: Nanos) {
         if self.sends_by_itself() {
             return;
@@ -391,7 +391,7 @@ impl ZkEcu {
         let Power::On(session) = &mut self.power else { return Ok(()) };
         let switch = session.switch(self.pwm);
         session.held_sw = session.sw();
-        // A stop does not wait for the next control step.
+        // A stop takes effect without waiting for the next control step.
         if switch == Some(Switch::Stop) {
             self.turbine.set_switch(Switch::Stop);
         }
@@ -520,7 +520,7 @@ impl Ecu for ZkEcu {
     fn next_wake(&self) -> Nanos {
         match &self.power {
             Power::Unborn => 0,
-            // Nothing but a frame is visible from outside; the steps in between are caught up on.
+            // Only frames are visible from outside; the steps in between are made up later.
             Power::Off | Power::On(_) => self.next_frame(),
         }
     }
@@ -547,7 +547,7 @@ impl Ecu for ZkEcu {
                 *frames = frames.saturating_sub(1);
             }
             session.line_free = now + self.config.line.byte_ns(7);
-            // A late call does not shift the beat, and what was missed altogether is not sent.
+            // A late call does not shift the schedule, and frames that were missed entirely are not sent.
             if let Some(late) = now.checked_sub(session.next_status) {
                 session.next_status += (late / period + 1) * period;
             }

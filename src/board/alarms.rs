@@ -4,18 +4,18 @@
 use super::crash::crash;
 use super::early;
 
-/// The crystal has stopped: the clock security system has put the core on the chip's own oscillator and raised this.
+/// The crystal has stopped: the clock security system has switched the core to the internal oscillator and raised this.
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() -> ! {
     early::crystal_has_stopped();
-    // No log line here: the interrupted code may be in the middle of one. The next start says what the node runs on.
+    // No log line here: the interrupted code may be in the middle of one. The next start logs the clock source.
     #[cfg(feature = "ardupilot-bootloader")]
     early::restart();
     #[cfg(not(feature = "ardupilot-bootloader"))]
     crash(|| defmt::error!("the crystal has stopped, resetting"))
 }
 
-/// The detector of a low supply, which `stm32f4.rs` turns on.
+/// The low-supply detector, which `stm32f4.rs` enables.
 #[cfg(feature = "stm32f4")]
 mod supply {
     use super::crash;

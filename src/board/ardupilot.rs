@@ -1,9 +1,9 @@
-//! For boards that keep their ArduPilot bootloader: what it looks for in an application before it starts one,
-//! and what it has to know afterwards.
+//! For boards that keep their ArduPilot bootloader: what it checks in an application before it starts it, and what has
+//! to be left for it before a reset.
 
 use super::chip;
 
-/// What the bootloader calls the board (APJ_BOARD_ID), from its table (build.rs).
+/// The bootloader's ID of the board (APJ_BOARD_ID), from the board's table (build.rs).
 const APJ_BOARD_ID: u16 = include!(concat!(env!("OUT_DIR"), "/apj_board_id.rs"));
 
 /// ArduPilot's `app_descriptor` (libraries/AP_CheckFirmware/AP_CheckFirmware.h). Bootloaders that check their
@@ -32,14 +32,14 @@ static APP_DESCRIPTOR: [u8; 36] = {
     descriptor
 };
 
-/// "Start the application at once" (RTC_BOOT_FAST in ArduPilot's hwdef/common/stm32_util.h), which the bootloader looks
-/// for after a reset and takes away. Without it, it waits 5 s for an upload, unless the watchdog caused the reset.
+/// "Start the application at once" (RTC_BOOT_FAST in ArduPilot's hwdef/common/stm32_util.h), which the bootloader
+/// reads and clears after a reset. Without it, the bootloader waits 5 s for an upload, unless the watchdog caused the reset.
 ///
-/// Not RTC_BOOT_FWOK (0xB009 3A26): that is for bootloaders with CAN, which after a reset by the watchdog start nothing
-/// without it. None of the boards here has one (hwdef-bl.dat), and to the others it means nothing.
+/// Not RTC_BOOT_FWOK (0xB009 3A26): bootloaders with CAN need that one to start an application after a watchdog reset. None
+/// of the boards here has such a bootloader (hwdef-bl.dat), and all others ignore it.
 const START_AT_ONCE: u32 = 0xB007_0002;
 
-/// Tells the bootloader to start the application at once after the next reset.
+/// Requests that the bootloader starts the application at once after the next reset.
 pub fn start_at_once() {
     chip::write_backup_register(START_AT_ONCE);
 }

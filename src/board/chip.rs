@@ -1,4 +1,4 @@
-//! The family of the chip that the board has.
+//! The chip family of the board.
 
 #[cfg(feature = "stm32f4")]
 pub use super::stm32f4::*;

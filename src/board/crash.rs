@@ -1,5 +1,5 @@
-//! What happens when the firmware fails: it says where, and resets. An engine is better served by a
-//! node that is back in milliseconds than by one that hangs.
+//! What happens when the firmware fails: it logs the location and resets. A node that is back in milliseconds is better
+//! for an engine than one that hangs.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -52,7 +52,7 @@ pub fn crash(log: impl FnOnce()) -> ! {
     end()
 }
 
-/// Ends the firmware by a reset.
+/// Ends the firmware with a reset.
 #[cfg(not(feature = "stm32"))]
 fn end() -> ! {
     SCB::sys_reset()

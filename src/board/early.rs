@@ -1,8 +1,8 @@
-//! What happens before Embassy starts the clocks, and right after: the TX pins, the watchdog, the bootloader's word, the crystal.
+//! Steps before Embassy starts the clocks, and right after: the TX pins, the watchdog, the word for the bootloader, the crystal.
 //!
-//! Embassy's `init` waits without an end for the crystal, the PLL, the regulator and the LSI. A crystal that died in
-//! flight would leave a node that hangs in the first start after that. So the watchdog runs before anything waits, and
-//! the crystal is tried here, with an end; without it the node runs on the chip's own oscillator.
+//! Embassy's `init` waits without a timeout for the crystal, the PLL, the regulator and the LSI. If the crystal failed in
+//! flight, the node would hang in its next start. So the watchdog runs before anything waits, and the crystal is tested
+//! here with a timeout; without it, the node runs on the internal oscillator.
 
 use super::retained::RetainedWord;
 use super::state::{Oscillator, ResetCause};
@@ -21,18 +21,18 @@ use embassy_stm32::pac::{
 pub struct Early {
     /// Why the chip was reset.
     pub cause: ResetCause,
-    /// What the clocks are to be made from.
+    /// Source of the clocks.
     pub oscillator: Oscillator,
 }
 
 /// Set while the node runs without its crystal.
 static WITHOUT_CRYSTAL: AtomicBool = AtomicBool::new(false);
 
-/// To be called first, before `embassy_stm32::init`, with the TX and RX pins of every ECU port, and whether an external clock
-/// comes in place of a crystal.
+/// Call this first, before `embassy_stm32::init`, with the TX and RX pins of every ECU port, and whether an external clock
+/// replaces the crystal.
 pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early {
-    // A line that is not driven rests high. After a reset TX floats, and some bootloaders drive it low, which an ECU
-    // takes for a break. They may drive RX low, too, against the ECU's own transmitter.
+    // An idle line is high. After a reset TX floats, and some bootloaders drive it low, which an ECU reads as a break.
+    // They may also drive RX low, against the ECU's transmitter.
     chip::clock_gpio();
     for &(port, pin) in tx.iter().chain(rx) {
         port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
@@ -40,9 +40,9 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     }
     #[cfg(feature = "selftest")]
     super::selftest::look_at_tx(tx);
-    // A probe that halts the core must not be answered by a reset.
+    // A probe that halts the core must not cause a reset.
     chip::freeze_watchdog_while_halted();
-    // Before the watchdog: what it ends from here on, the bootloader lets start again.
+    // Before the watchdog: after a watchdog reset from here on, the bootloader starts the firmware again at once.
     #[cfg(feature = "ardupilot-bootloader")]
     super::ardupilot::start_at_once();
     // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
@@ -58,15 +58,15 @@ pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early 
     let crystal = crystal && !super::selftest::wants_internal_oscillator();
     let oscillator = if crystal { Oscillator::Crystal } else { Oscillator::Internal };
     WITHOUT_CRYSTAL.store(oscillator == Oscillator::Internal, Ordering::Relaxed);
-    // Still on the chip's own oscillator, whose speed the flash allows at any voltage.
+    // Still on the internal oscillator, at a speed that the flash supports at any voltage.
     chip::wait_for_supply(watchdog::feed);
     chip::before_init();
     Early { cause, oscillator }
 }
 
-/// To be called right after `embassy_stm32::init`.
+/// Call this right after `embassy_stm32::init`.
 pub fn finish(early: Early) {
-    // Again: `init` may have reset what holds the word.
+    // Again: `init` may have reset the backup domain, which holds the word.
     #[cfg(feature = "ardupilot-bootloader")]
     super::ardupilot::start_at_once();
     if early.oscillator == Oscillator::Crystal {
@@ -76,14 +76,14 @@ pub fn finish(early: Early) {
     chip::watch_supply();
 }
 
-/// Ends the firmware. A plain image by a reset.
+/// Ends the firmware. A plain image: by a reset.
 #[cfg(not(feature = "ardupilot-bootloader"))]
 pub fn end() -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// Ends the firmware. Behind an ArduPilot bootloader by the watchdog: after any other reset some bootloaders wait 5 s
-/// for an upload. And without a crystal not by a reset at all: the bootloader waits for it without an end.
+/// Ends the firmware. Behind an ArduPilot bootloader: by the watchdog, because after any other reset some bootloaders wait
+/// 5 s for an upload. Without a crystal: not by a reset at all, because the bootloader would wait for the crystal forever.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn end() -> ! {
     if WITHOUT_CRYSTAL.load(Ordering::Relaxed) {
@@ -96,10 +96,10 @@ pub fn end() -> ! {
     }
 }
 
-/// `RESTARTED` from a restart to the next start: no flag of a reset reports one, and what is retained is as good as
-/// after any other.
-// SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is used, where no flag says that the RAM may have been without power.
+/// `RESTARTED` from a restart to the next start. No reset flag reports a restart, and retained state is as valid as after a
+/// reset.
+// SAFETY: the linker puts this section into RAM that start-up does not touch. Every bit pattern is valid, and only one is
+// used, when no flag indicates that the RAM may have lost power.
 #[cfg(feature = "ardupilot-bootloader")]
 #[unsafe(link_section = ".retained.restart")]
 static RESTART: RetainedWord = RetainedWord::new();
@@ -107,7 +107,7 @@ static RESTART: RetainedWord = RetainedWord::new();
 #[cfg(feature = "ardupilot-bootloader")]
 const RESTARTED: u32 = 0x7E57_A27D;
 
-/// Whether this start is a restart. To be called once.
+/// Whether this start is a restart. Call it once.
 #[cfg(feature = "ardupilot-bootloader")]
 fn take_restart() -> bool {
     let restarted = RESTART.get() == Some(RESTARTED);
@@ -115,25 +115,25 @@ fn take_restart() -> bool {
     restarted
 }
 
-/// Goes back to the image's first instruction, from wherever this is called.
+/// Jumps to the image's first instruction. May be called from anywhere.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn restart() -> ! {
     RESTART.set(RESTARTED);
-    // SAFETY: `Reset` and `__pre_init` (start.rs) rely on nothing: they leave the handler that this may be called in,
-    // set the stack and initialise the memory. Nothing runs on after this.
+    // SAFETY: `Reset` and `__pre_init` (start.rs) make no assumptions: they leave the handler that this may be called in,
+    // set the stack and initialise the memory. No code continues after this.
     unsafe { core::arch::asm!("cpsid i", "b Reset", options(noreturn)) }
 }
 
-/// `HAS_STOPPED` if the crystal has stopped since the power came on: one that comes and goes would otherwise reset the node
-/// over and over.
-// SAFETY: the linker puts this section into RAM that start-up leaves as it is. Every bit pattern is valid, and only one
-// is used, where no flag says that the RAM may have been without power.
+/// `HAS_STOPPED` if the crystal has stopped since power-on: an intermittent crystal would otherwise reset the node again and
+/// again.
+// SAFETY: the linker puts this section into RAM that start-up does not touch. Every bit pattern is valid, and only one is
+// used, when no flag indicates that the RAM may have lost power.
 #[unsafe(link_section = ".retained.crystal")]
 static STOPPED: RetainedWord = RetainedWord::new();
 
 const HAS_STOPPED: u32 = 0xC2_57_A1_0F;
 
-/// Whether the crystal has stopped since the power came on.
+/// Whether the crystal has stopped since power-on.
 fn has_stopped(cause: ResetCause) -> bool {
     if matches!(cause, ResetCause::PowerOn | ResetCause::BrownOut) {
         STOPPED.set(0);
@@ -141,7 +141,7 @@ fn has_stopped(cause: ResetCause) -> bool {
     STOPPED.get() == Some(HAS_STOPPED)
 }
 
-/// Notes for the next start that the crystal has stopped: it then does without.
+/// Records that the crystal has stopped, so that the next start does not use it.
 pub fn crystal_has_stopped() {
     chip::clear_crystal_alarm();
     STOPPED.set(HAS_STOPPED);

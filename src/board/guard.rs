@@ -1,13 +1,13 @@
-//! A guard below the stack: a piece of RAM that nobody may touch. Without it a stack that grows too far goes through the
-//! statics, silently.
+//! A guard below the stack: a region of RAM without access. Without it, a stack overflow would silently overwrite the
+//! statics.
 
 use cortex_m::peripheral::MPU;
 
-/// Large, so that no frame of a function steps over it; a power of two, as the MPU wants it.
+/// Large, so that no stack frame skips it; a power of two, as the MPU requires.
 const SIZE: u32 = 16 * 1024;
 
 unsafe extern "C" {
-    /// Where the statics end (cortex-m-rt's linker script).
+    /// End of the statics (cortex-m-rt's linker script).
     static _stack_end: u32;
 }
 
@@ -21,12 +21,12 @@ pub fn end() -> u32 {
     base() + SIZE
 }
 
-/// Arms the guard, above the statics. To be called once, at the start.
+/// Arms the guard, above the statics. Call it once, at the start.
 pub fn arm() {
     let base = base();
-    // SAFETY: registers of the core, and nothing else uses the MPU. Region 0 takes away memory that belongs to the stack
-    // alone, far below where it is now; everything else stays as it is without an MPU (PRIVDEFENA). In the handler of
-    // hard faults the MPU does not count (HFNMIENA 0), so that it can still use the stack.
+    // SAFETY: registers of the core, and nothing else uses the MPU. Region 0 blocks memory that only the stack may use, far
+    // below its current depth; all other memory behaves as without an MPU (PRIVDEFENA). In the hard-fault handler the MPU
+    // is disabled (HFNMIENA 0), so that the handler can still use the stack.
     unsafe {
         let mpu = &*MPU::PTR;
         mpu.ctrl.write(0);

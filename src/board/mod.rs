@@ -1,13 +1,12 @@
-//! The boards: pins, clocks, interrupts, the watchdog. Nothing above this layer names a register or
-//! a pin.
+//! The boards: pins, clocks, interrupts, the watchdog. No layer above this one names a register or a pin.
 //!
 //! One feature chooses one board. A board with an STM32 is data, in the package `boards`; `table.rs` turns that into code.
-//! What all of them share is in `stm32.rs`, `early.rs` and `port.rs`, what a family of chips shares is in `stm32h7.rs` and
-//! `stm32f4.rs`. `docs/porting.md` says how to add one.
+//! Code for all of them is in `stm32.rs`, `early.rs` and `port.rs`, code for a chip family in `stm32h7.rs` and `stm32f4.rs`.
+//! `docs/porting.md` describes how to add one.
 //!
-//! Every board gives `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`,
+//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`,
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
-//! with another chip than an STM32 brings all of them (`qemu_mps2.rs`).
+//! with a chip other than an STM32 implements all of them (`qemu_mps2.rs`).
 
 #[cfg(feature = "stm32")]
 mod alarms;

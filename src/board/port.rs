@@ -1,19 +1,18 @@
-//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts the errors of
-//! its line.
+//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts line errors.
 //!
 //! `BufferedUart` only logs framing, noise and overrun errors. So a second handler,
 //! [`LineMonitor`], runs on the same interrupt *before* the driver's own (`bind_interrupts!` calls
-//! handlers in the order written) and counts the error flags it finds. It reads one register, the
-//! status, and writes none:
+//! handlers in the order written) and counts the error flags that are set. It reads the status
+//! register and writes none:
 //!
-//! - On the H7 the flags stay until they are cleared through ICR, which the driver does.
-//! - On the F4 the flags go when the status register is read and then the data register, both of
-//!   which the driver does next. A read of the status alone clears nothing.
+//! - On the H7 the flags stay set until the driver clears them through ICR.
+//! - On the F4 a read of the status register followed by a read of the data register clears the
+//!   flags; the driver does both next. A read of the status alone clears nothing.
 //!
-//! The hardware raises these flags together with an interrupt that is on anyway (RXNEIE: a byte is
-//! there, or was lost), and the driver clears every flag the monitor saw before the interrupt
-//! returns: each error counts once, bytes lost in a row count once. The H7's driver turns the
-//! UART's FIFO on; then the flags are those of the byte at its head. An error that comes up between
+//! The hardware raises these flags together with an interrupt that is enabled anyway (RXNEIE: a byte
+//! was received or lost), and the driver clears every flag that the monitor saw before the interrupt
+//! returns: each error counts once, and consecutive lost bytes count once. The H7's driver enables
+//! the UART's FIFO; the flags are then those of the byte at its head. An error that is raised between
 //! the two reads, a few dozen ns, is not counted; its byte is still received.
 
 use super::chip;
@@ -37,16 +36,16 @@ pub struct EcuPort {
     pub rx: BufferedUartRx<'static>,
     /// To the ECU.
     pub tx: BufferedUartTx<'static>,
-    /// What went wrong on the line, counted in the UART's interrupt.
+    /// Line errors, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
     /// Its line.
     line: Line,
-    /// Opens it again, see [`open`].
+    /// Reopens it, see [`open`].
     open: unsafe fn(Line) -> EcuPort,
 }
 
 impl EcuPort {
-    /// Runs an engine on this port. One whose transmitter is stuck is closed and opened anew: what waited in it is gone.
+    /// Runs an engine on this port. If the transmitter is stuck, the port is closed and reopened, which discards waiting bytes.
     pub async fn serve(mut self, runner: Runner<'static>) -> ! {
         loop {
             let Self { rx, tx, errors, line, open } = self;
@@ -58,11 +57,11 @@ impl EcuPort {
     }
 }
 
-/// The memory behind the two directions of a UART.
+/// The buffers of both directions of a UART.
 pub struct Buffers {
-    /// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
+    /// Room for more than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
     rx: [u8; 256],
-    /// A write that finds too little room would wait for ever (embassy-stm32 0.6.0).
+    /// A write without enough room would wait forever (embassy-stm32 0.6.0).
     tx: [u8; 6 * MAX_TRANSMISSION],
 }
 
@@ -81,11 +80,11 @@ pub trait EcuUart: Instance {
     /// Its counters of line errors.
     fn errors() -> &'static LineErrors;
 
-    /// Its memory.
+    /// Its buffers.
     ///
     /// # Safety
     ///
-    /// Nothing may hold it: the UART is not open.
+    /// Nothing may hold a reference to them: the UART must not be open.
     unsafe fn buffers() -> &'static mut Buffers;
 }
 
@@ -102,8 +101,8 @@ impl<T: EcuUart> Handler<T::Interrupt> for LineMonitor<T> {
     }
 }
 
-/// Makes UARTs ECU ports: binds their interrupts to the driver behind the monitor (as `Irqs`), and
-/// gives each its memory and counters.
+/// Turns UARTs into ECU ports: binds their interrupts to the monitor and then the driver (as `Irqs`),
+/// and gives each its buffers and counters.
 macro_rules! ecu_uarts {
     ($($uart:ident),* $(,)?) => {
         embassy_stm32::bind_interrupts!(struct Irqs {
@@ -122,7 +121,7 @@ macro_rules! ecu_uarts {
 
             unsafe fn buffers() -> &'static mut $crate::board::port::Buffers {
                 static mut BUFFERS: $crate::board::port::Buffers = $crate::board::port::Buffers::new();
-                // SAFETY: nothing else names it, and the caller says that nothing holds it.
+                // SAFETY: nothing else names it, and the caller guarantees that nothing holds it.
                 unsafe { &mut *(&raw mut BUFFERS) }
             }
         })*
@@ -130,15 +129,15 @@ macro_rules! ecu_uarts {
 }
 pub(super) use ecu_uarts;
 
-/// Opens a port: 8 data bits, no parity. `again` does the same once it is closed.
+/// Opens a port: 8 data bits, no parity. `again` reopens it once it is closed.
 ///
 /// # Safety
 ///
-/// The UART is not open.
+/// The UART must not be open.
 ///
 /// # Panics
 ///
-/// If the UART cannot make this baud rate.
+/// If the UART does not support this baud rate.
 pub unsafe fn open<T: EcuUart>(
     line: Line,
     again: unsafe fn(Line) -> EcuPort,
@@ -155,13 +154,13 @@ pub unsafe fn open<T: EcuUart>(
         StopBits::One => embassy_stm32::usart::StopBits::STOP1,
         StopBits::Two => embassy_stm32::usart::StopBits::STOP2,
     };
-    // Wake the reader at each byte. Without this it wakes at the idle line, a whole byte time
+    // Wake the reader at each byte. Without this it wakes on the idle line, a whole byte time
     // later.
     config.eager_reads = Some(1);
-    // An open input must rest high, as an idle line does.
+    // An open input must be high, like an idle line.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
 
-    // SAFETY: the caller says that the UART is not open, and nothing else holds its memory.
+    // SAFETY: the caller guarantees that the UART is not open, and nothing else holds its buffers.
     let buffers = unsafe { T::buffers() };
     let uart =
         defmt::unwrap!(BufferedUart::new(uart, rx, tx, &mut buffers.tx, &mut buffers.rx, irqs, config));

@@ -1,10 +1,9 @@
-//! Arm MPS2 with the AN500 FPGA image: a Cortex-M7 at 25 MHz and five UARTs, as QEMU's machine
-//! `mps2-an500` has it. Nobody flies this board: it runs the firmware where there is no board at
-//! all, with `cargo qemu`.
+//! Arm MPS2 with the AN500 FPGA image: a Cortex-M7 at 25 MHz and five UARTs, as in QEMU's machine
+//! `mps2-an500`. Not for flight: it runs the firmware without hardware, with `cargo qemu`.
 //!
 //! Addresses and interrupts from Arm's application note AN500, registers from the Cortex-M System
-//! Design Kit's technical reference manual (DDI 0479). What QEMU does not do as the board would is
-//! marked where it matters, and in `docs/qemu.md`.
+//! Design Kit's technical reference manual (DDI 0479). Differences between QEMU and
+//! the board are noted where they matter, and in `docs/qemu.md`.
 
 mod clock;
 #[cfg(feature = "count")]
@@ -31,20 +30,20 @@ pub use self::{executor::Executor, uart::EcuPort};
 /// The board's name.
 pub const NAME: &str = "QEMU mps2-an500";
 
-/// Kept free for MAVLink.
+/// Reserved for MAVLink.
 pub const TELEMETRY_PORT: &str = "UART4";
 
-// SAFETY: a register may be read and written from anywhere; it is not Rust's memory.
+// SAFETY: a register may be read and written from anywhere; it is not memory managed by Rust.
 unsafe impl Sync for Register {}
 
-/// The audio interface's, which nothing here uses: it carries the engines' executor.
+/// The audio interface's interrupt, which nothing here uses: it runs the engines' executor.
 const EXECUTOR_INTERRUPT: Irq = Irq(14);
 
-/// Below the UARTs and SysTick, which keep the 0 they have after a reset.
+/// Below the UARTs and SysTick, which keep their reset value 0.
 const EXECUTOR_PRIORITY: u8 = 0x60;
 
 unsafe extern "C" {
-    /// The handler in `crash.rs`, by the name that cortex-m-rt gives it.
+    /// The handler in `crash.rs`, under its cortex-m-rt name.
     fn DefaultHandler();
 }
 
@@ -55,7 +54,7 @@ extern "C" fn engines() {
 }
 
 /// The vector table behind the exceptions.
-// SAFETY: cortex-m-rt's linker script wants the board's interrupts in this section and by this name.
+// SAFETY: cortex-m-rt's linker script requires the board's interrupts in this section and under this name.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [Handler; 32] = {
@@ -69,7 +68,7 @@ static __INTERRUPTS: [Handler; 32] = {
 /// The board, ready for the firmware.
 pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-/// Starts the clock and opens the ports that have a line. To be called once.
+/// Starts the clock and opens the ports that have a line. Call it once.
 pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     super::stack::paint();
     clock::start();
@@ -78,7 +77,7 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     unsafe { core.NVIC.set_priority(EXECUTOR_INTERRUPT, EXECUTOR_PRIORITY) };
     let mut port = 0;
     Ready {
-        reset_cause: ResetCause::Unknown, // QEMU does not have the board's register for it
+        reset_cause: ResetCause::Unknown, // QEMU does not implement the board's register for it
         oscillator: Oscillator::Crystal,
         ports: lines.map(|line| {
             let opened = line.map(|line| Port::open(port, line));
@@ -90,25 +89,25 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     }
 }
 
-/// Starts the executor for the engines' tasks. To be called once.
+/// Starts the executor for the engines' tasks. Call it once.
 pub fn start_engine_executor() -> SendSpawner {
     ENGINE_EXECUTOR.start(EXECUTOR_INTERRUPT)
 }
 
-/// USERLED0. QEMU has it, and shows it to nobody but its own trace.
+/// USERLED0. QEMU implements it, but only its trace shows it.
 pub struct Led(());
 
 impl Led {
     const LEDS: Register = Register::at(0x4002_8000);
 
-    /// Lights the LED, or puts it out.
+    /// Turns the LED on or off.
     pub fn set(&mut self, lit: bool) {
         Self::LEDS.write(lit.into());
     }
 }
 
-/// The watchdog of the design kit. When its counter runs out it asks for help by the NMI; when it
-/// runs out again it resets.
+/// The watchdog of the design kit. When its counter runs out, it raises the NMI; when it runs out
+/// again, it resets.
 pub struct Watchdog(());
 
 impl Watchdog {
@@ -117,7 +116,7 @@ impl Watchdog {
     const CLEAR: Register = Register::at(0x4000_800C);
     const LOCK: Register = Register::at(0x4000_8C00);
 
-    /// Lets the other registers be written.
+    /// Unlocks the other registers for writing.
     const KEY: u32 = 0x1ACC_E551;
 
     /// Starts the watchdog, with 1 s to the NMI.

@@ -1,12 +1,13 @@
-//! Bench image only (feature `selftest`): what the board can measure itself, as one block of log lines to paste into a report.
+//! Bench image only (feature `selftest`): the board's own measurements, as one block of log lines to paste into a report.
 //!
-//! The oscillators are measured with the watchdog, which has one of its own (LSI). The first round lets it run out while
-//! the core counts time by the crystal: that gives the LSI. The second does so on the chip's own oscillator (HSI): the
-//! ratio of the two is its error. How far each came is stored in the RAM that survives a reset, so both also show
-//! that the watchdog resets, that the reset is recognised, and that this RAM is retained. Then the firmware runs as usual, and
-//! reports after 5 s and every 30 s. Each reset after the two rounds is counted, a loss of power begins anew.
+//! The oscillators are measured with the watchdog, which has its own oscillator (LSI). In the first round the watchdog runs
+//! out while the core counts time by the crystal: this gives the LSI. The second round does the same on the internal
+//! oscillator (HSI): the ratio of the two results is its error. The progress of each round is stored in the RAM that
+//! survives a reset, so the rounds also show that the watchdog resets, that the reset is recognised, and that this RAM is
+//! retained. Then the firmware runs as usual, and reports after 5 s and every 30 s. Each reset after the two rounds is
+//! counted; a loss of power starts the rounds again.
 //!
-//! It resets the board twice and so is for a bench. No image writes option bytes, and neither does this one.
+//! It resets the board twice and is therefore for a bench only. Like every image, it does not write option bytes.
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 
 use super::retained::RetainedWord;
@@ -25,19 +26,19 @@ const RELOAD: u16 = 3999;
 /// "Self", and a version of the layout; the round in its lowest digit.
 const MAGIC: u32 = 0x5E1F_0020;
 
-/// What is retained over the resets of the two rounds.
+/// State retained across the resets of the two rounds.
 struct Record {
-    /// [`MAGIC`], and 1 or 2: this round has begun. 3: both are done.
+    /// [`MAGIC`] plus 1 or 2: this round has begun; 3: both are done.
     round: RetainedWord,
     /// Resets since then.
     resets: RetainedWord,
-    /// 1 if the first start came out of a loss of power.
+    /// 1 if the first start followed a loss of power.
     cold: RetainedWord,
-    /// How far each round came, in µs by the oscillator it ran on.
+    /// Duration of each round, in µs by the oscillator that it ran on.
     reached: [RetainedWord; 2],
 }
 
-// SAFETY: RAM that start-up leaves as it is. Every bit pattern is valid, and none is used without a round.
+// SAFETY: RAM that start-up does not touch. Every bit pattern is valid, and none is used without a round.
 #[unsafe(link_section = ".retained.selftest")]
 static RECORD: Record = Record {
     round: RetainedWord::new(),
@@ -46,22 +47,22 @@ static RECORD: Record = Record {
     reached: [const { RetainedWord::new() }; 2],
 };
 
-/// Each TX pin that rested high at the start is a one.
+/// One bit for each TX pin, set if the pin was high at the start.
 static TX_HIGH: AtomicU32 = AtomicU32::new(0);
-/// How many there are.
+/// Number of TX pins.
 static TX: AtomicU32 = AtomicU32::new(0);
 
-/// The round that has begun, if the record is one.
+/// The round that has begun, if the record is valid.
 fn round() -> Option<u32> {
     RECORD.round.get()?.checked_sub(MAGIC).filter(|round| (1..=3).contains(round))
 }
 
-/// Whether this start is to run on the chip's own oscillator: the second round is due. To be called before the clocks run.
+/// Whether this start has to run on the internal oscillator, because the second round is due. Call it before the clocks run.
 pub fn wants_internal_oscillator() -> bool {
     round() == Some(1)
 }
 
-/// Looks at the TX pins, which have just been pulled up. To be called before anything drives them.
+/// Reads the TX pins, which have just been pulled up. Call it before anything drives them.
 pub fn look_at_tx(tx: &[(Gpio, usize)]) {
     cortex_m::asm::delay(10_000); // 0.16 ms and more, for 40 kΩ and a long wire
     let high = tx.iter().enumerate().filter(|(_, (port, pin))| port.idr().read().0 >> pin & 1 == 1);
@@ -69,8 +70,8 @@ pub fn look_at_tx(tx: &[(Gpio, usize)]) {
     TX.store(tx.len() as u32, Ordering::Relaxed);
 }
 
-/// Begins the round that is due, and does not return from it; returns when both are done. To be called when the clocks run,
-/// before the tasks.
+/// Begins the round that is due and does not return from it; returns if both are done. Call it when the clocks run, before the
+/// tasks.
 pub fn measure(cause: ResetCause) {
     let warm = cause.retained() == Reset::Warm || cause == ResetCause::Unknown;
     match round() {
@@ -85,7 +86,7 @@ pub fn measure(cause: ResetCause) {
     }
 }
 
-/// Lets the watchdog run out, and stores how far that is.
+/// Lets the watchdog run out, and stores the time that has passed.
 fn run_out(round: u32) -> ! {
     defmt::info!("selftest: round {=u32}, the watchdog is left to run out", round);
     RECORD.round.set(MAGIC + round);
@@ -131,14 +132,14 @@ async fn block(starting: u32, oscillator: Oscillator) {
     chip::facts::memory();
     core();
     defmt::info!(
-        "selftest: stack {=u32} bytes deep since the start, {=u32} while it started",
+        "selftest: stack {=u32} bytes deep since the start, {=u32} bytes while it started",
         super::stack::deepest(),
         starting
     );
     defmt::info!("selftest: end");
 }
 
-/// What the two rounds have shown.
+/// Results of the two rounds.
 fn oscillators(running_on: Oscillator) {
     let [first, second] = [0, 1].map(|nth| u64::from(RECORD.reached[nth].get().unwrap_or(0)));
     defmt::info!(
@@ -158,7 +159,7 @@ fn oscillators(running_on: Oscillator) {
 
 /// The core's own registers.
 fn core() {
-    // SAFETY: reads of registers of the core; the choice of region 0 is the guard's own, and nobody else uses the MPU.
+    // SAFETY: reads of registers of the core; region 0 is the guard's, and nothing else uses the MPU.
     let (control, base, vectors, cache) = unsafe {
         let (mpu, scb) = (&*MPU::PTR, &*SCB::PTR);
         mpu.rnr.write(0);
@@ -175,11 +176,11 @@ fn core() {
     );
 }
 
-/// Turns the core's cycle counter on. To be called once.
+/// Enables the core's cycle counter. Call it once.
 pub fn count_cycles() {
     // SAFETY: the debug unit's cycle counter, which nothing else in this firmware uses.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
-    DWT::unlock(); // the Cortex-M7 wants it
+    DWT::unlock(); // required on a Cortex-M7
     core.DWT.enable_cycle_counter();
 }

@@ -1,19 +1,19 @@
-//! How deep the stack gets. The RAM below it is painted; the lowest word that is no longer paint is its high-water mark.
+//! Measures the depth of the stack. The RAM below it is painted; the lowest word without paint is the high-water mark.
 
 use super::guard;
 use cortex_m::register::msp;
 
-/// Most that is painted, in bytes: it costs time at every start, on the chip's own slow oscillator.
+/// Largest area painted, in bytes: painting takes time at every start, on the slow internal oscillator.
 pub const MOST: u32 = 64 * 1024;
 
-/// Left alone below the stack pointer: a build without optimisation calls functions while it paints.
+/// Area below the stack pointer that is not painted: a build without optimisation calls functions while it paints.
 const MARGIN: u32 = 256;
 
-/// No address, no instruction that is used, no small number.
+/// The paint: not an address, an instruction in use or a small number.
 const PAINT: u32 = 0xC5C5_C5C5;
 
 unsafe extern "C" {
-    /// Where the stack begins (cortex-m-rt's linker script).
+    /// Start of the stack (cortex-m-rt's linker script).
     static _stack_start: u32;
 }
 
@@ -27,20 +27,20 @@ fn bottom() -> u32 {
     (top() - MOST).max(guard::end())
 }
 
-/// Forgets the mark: what is painted from here on shows how deep the stack gets from here on. In thread mode only.
+/// Paints again, so that the mark shows the depth from now on. In thread mode only.
 pub fn paint() {
     let end = msp::read().saturating_sub(MARGIN);
     for at in (bottom()..end).step_by(4) {
-        // SAFETY: RAM that the linker gave to the stack alone, above the guard and below all that is in use. An
-        // interrupt in between uses some of it, and is done with it before this goes on.
+        // SAFETY: RAM that the linker reserved for the stack, above the guard and below the part in use. An interrupt
+        // in between uses some of it, and has finished with it before this continues.
         unsafe { (at as *mut u32).write_volatile(PAINT) }
     }
 }
 
-/// How many bytes deep the stack has been since it was painted. [`MOST`] means that or more.
+/// Depth of the stack since it was painted, in bytes. [`MOST`] means that or more.
 pub fn deepest() -> u32 {
-    // SAFETY: RAM that is always there and has no destructor, read as plain words. Whoever uses it meanwhile only makes
-    // this a moment old.
+    // SAFETY: RAM that always exists and has no destructor, read as plain words. A write in the meantime only makes the
+    // result slightly old.
     let painted = |at: &u32| unsafe { (*at as *const u32).read_volatile() } == PAINT;
     let touched = (bottom()..top()).step_by(4).find(|at| !painted(at));
     top() - touched.unwrap_or(top())

@@ -1,19 +1,18 @@
-//! The first instructions of every image: they put the core into the state that a reset leaves, whoever started the
-//! image.
+//! The first instructions of every image: they put the core into its state after a reset, however the image was started.
 //!
-//! After a reset there is nothing to do. But a bootloader starts an application by a jump. ArduPilot's (AP_Bootloader,
+//! After a reset there is nothing to do. A bootloader, however, starts an application by a jump. ArduPilot's (AP_Bootloader,
 //! `jump_to_app`) leaves interrupts masked (PRIMASK 1, BASEPRI 0x20), thread mode on the process stack (CONTROL 2), an
 //! MPU region and, on an H7, the data cache on; older ones leave SysTick and other interrupts running. ST's loader
-//! leaves VTOR at its own table after `dfu-util …:leave`. cortex-m-rt's start undoes none of it. And the firmware itself
-//! comes back here out of a handler, where a reset would not do (early.rs).
+//! leaves VTOR at its own table after `dfu-util …:leave`. cortex-m-rt's start-up code undoes none of it. The
+//! firmware itself also jumps here from a handler where a reset would not help (early.rs).
 //!
 //! The rules of `__pre_init`: RAM is not initialised, so no Rust; it uses no stack, since the one in use may be the
 //! bootloader's. VTOR is set here, with interrupts off, and not by cortex-m-rt's feature `set-vtor`, which sets it
-//! before: an interrupt that the bootloader left running would end in our handler for unexpected ones.
+//! earlier: an interrupt that the bootloader left enabled would then reach our handler for unexpected interrupts.
 
 // SAFETY: called by cortex-m-rt's `Reset`, once, before RAM is initialised. Touches r0 to r6 and r12, which `Reset` does
-// not use across the call, no memory but registers of the core (Armv7-M, B3.2 to B3.5), and returns by lr. The clean of
-// the data cache writes back what the bootloader had written, which is what it had meant to.
+// not use across the call, no memory but registers of the core (Armv7-M, B3.2 to B3.5), and returns by lr. Cleaning the
+// data cache writes back what the bootloader wrote, as it intended.
 core::arch::global_asm!(
     ".cfi_sections .debug_frame
      .section .text.__pre_init, \"ax\", %progbits
@@ -25,8 +24,8 @@ core::arch::global_asm!(
      cpsid i
      mrs r0, ipsr
      cbz r0, 9f",
-    // In a handler. Each return ends one, and leads through `Reset` back to here: the interrupt that is next in IABR,
-    // by its number, or thread mode when there is none. The floating-point state of what was interrupted is not wanted
+    // In a handler. Each return ends one active exception and leads through `Reset` back to here, for the next interrupt in
+    // IABR by number, or in thread mode when there is none. The floating-point state of the interrupted code is discarded
     // (FPCCR, LSPACT).
     "ldr r1, =_stack_start
      mov sp, r1
@@ -50,8 +49,8 @@ core::arch::global_asm!(
      adds r2, #32
      cmp r2, #256
      blo 5b",
-    // None. Is another exception active (ICSR, RETTOBASE)? SVCall to SysTick have bits (SHCSR). HardFault has none, and is what
-    // is left: the crystal stopped while a fault was handled, and the NMI came on top.
+    // No interrupt. Is another exception active (ICSR, RETTOBASE)? SVCall to SysTick have bits (SHCSR). HardFault has none and
+    // is the only one left: the crystal stopped while a fault was being handled, and the NMI preempted it.
     "ldr r1, =0xE000ED04
      ldr r3, [r1]
      movs r2, #0
@@ -94,13 +93,13 @@ core::arch::global_asm!(
      clrex",
     // Not `msr faultmask`: while FAULTMASK is 1, only CPS changes it (Armv7-M, B5.2.1 and B5.2.3).
     "cpsie f",
-    // SysTick off, then what it and PendSV have pending (PENDSTCLR, PENDSVCLR).
+    // SysTick off, then clear pending SysTick and PendSV (PENDSTCLR, PENDSVCLR).
     "ldr r1, =0xE000E010
      str r0, [r1]
      ldr r1, =0xE000ED00
      ldr r2, =0x0A000000
      str r2, [r1, #0x04]",
-    // VTOR; AIRCR: groups as after a reset; SCR: no deep sleep.
+    // VTOR; AIRCR: priority groups as after a reset; SCR: no deep sleep.
     "ldr r2, =__vector_table
      str r2, [r1, #0x08]
      ldr r2, =0x05FA0000
@@ -123,7 +122,7 @@ core::arch::global_asm!(
      adds r2, #4
      subs r4, #1
      bne 1b",
-    // NVIC_IPR: the drivers rely on the highest priority, which is what a reset leaves.
+    // NVIC_IPR: the drivers rely on the highest priority, the value after a reset.
     "ldr r2, =0xE000E400
      movs r4, #60
      1:
@@ -131,8 +130,8 @@ core::arch::global_asm!(
      adds r2, #4
      subs r4, #1
      bne 1b",
-    // MPU_CTRL; then each region (MPU_TYPE, bits 8 to 15, says how many): MPU_RNR, MPU_RASR. Whole words: the MPU knows no other
-    // access.
+    // MPU_CTRL; then each region (MPU_TYPE, bits 8 to 15, says how many): MPU_RNR, MPU_RASR. Whole words: the MPU supports no
+    // other access.
     "dmb
      str r0, [r1, #0x94]
      ldr r4, [r1, #0x90]
@@ -147,8 +146,8 @@ core::arch::global_asm!(
      dsb
      isb",
     // The data cache, if it is on (CCR bit 16; a Cortex-M4 has none): off, then cleaned and invalidated by set and
-    // way (CSSELR 0, CCSIDR, DCCISW with sets from bit 5 and ways at the top). The labels are for the emulator, which sees no
-    // write to a register of the core.
+    // way (CSSELR 0, CCSIDR, DCCISW with sets from bit 5 and ways at the top). The labels are for the emulator, which cannot see
+    // writes to registers of the core.
     "ldr r2, [r1, #0x14]
      tst r2, #0x10000
      beq 5f
@@ -176,8 +175,8 @@ core::arch::global_asm!(
      bpl 3b
      5:
      dsb",
-    // The instruction cache, if it is on (CCR bit 17): off, and what it holds goes (ICIALLU); the bootloader may just
-    // have written other instructions into the flash.
+    // The instruction cache, if it is on (CCR bit 17): off, then invalidated (ICIALLU); the bootloader may just have written
+    // other instructions to the flash.
     "ldr r1, =0xE000ED14
      ldr r2, [r1]
      tst r2, #0x20000

@@ -1,27 +1,27 @@
-//! What every board has to say of itself at the start, and the executor of the engines' tasks.
+//! State that every board reports at the start, and the executor of the engines' tasks.
 
 use embassy_executor::InterruptExecutor;
 use jetlink::engine::retained::Reset;
 
-/// Why the chip was reset last, as far as its flags say.
+/// Cause of the last reset, according to the chip's flags.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
 #[cfg_attr(not(feature = "stm32"), expect(dead_code, reason = "QEMU has none"))]
 pub enum ResetCause {
-    /// The power came on.
+    /// Power-on.
     PowerOn,
     /// The supply sagged.
     BrownOut,
-    /// The independent watchdog was not fed. Behind an ArduPilot bootloader also a panic or a fault.
+    /// The independent watchdog was not fed. Behind an ArduPilot bootloader also after a panic or a fault.
     Watchdog,
     /// The window watchdog, which this firmware does not use.
     WindowWatchdog,
-    /// The firmware requested it: a panic or a fault, if no debugger did.
+    /// Software reset: a panic or a fault, unless a debugger requested it.
     Software,
     /// A low-power mode was entered against the option bytes.
     LowPower,
     /// The reset pin: a button or a debug probe.
     Pin,
-    /// None: the firmware went back to its first instruction, because it had lost its crystal.
+    /// No reset: the firmware jumped to its first instruction, because the crystal had stopped.
     #[cfg(feature = "ardupilot-bootloader")]
     Restart,
     /// No flag is set.
@@ -29,8 +29,8 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    /// What of the retained state may be used after it. Where the flags say nothing, as after a bootloader that clears
-    /// them, the power may have gone away.
+    /// Retained state that may be used after it. Without a flag, for example because a bootloader cleared them, power may have
+    /// been lost.
     pub fn retained(self) -> Reset {
         match self {
             Self::Watchdog | Self::WindowWatchdog | Self::Software | Self::LowPower | Self::Pin => {
@@ -43,12 +43,12 @@ impl ResetCause {
     }
 }
 
-/// What the clocks are made from.
+/// Source of the clocks.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
 pub enum Oscillator {
-    /// The board's crystal, or the clock that comes in its place.
+    /// The board's crystal, or an external clock in its place.
     Crystal,
-    /// The chip's own oscillator: the crystal does not run.
+    /// The internal oscillator: the crystal does not run.
     Internal,
 }
 
@@ -57,13 +57,13 @@ pub static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 
 /// A board that is ready for the firmware, with its own types of ports, LED and watchdog.
 pub struct Ready<Port, Led, Watchdog, const PORTS: usize> {
-    /// Why it was reset.
+    /// Cause of the last reset.
     pub reset_cause: ResetCause,
-    /// What its clocks are made from.
+    /// Source of its clocks.
     pub oscillator: Oscillator,
     /// The requested ECU ports, open.
     pub ports: [Option<Port>; PORTS],
-    /// The status LED, dark.
+    /// The status LED, off.
     pub led: Led,
     /// The watchdog.
     pub watchdog: Watchdog,

@@ -1,4 +1,4 @@
-//! What boards with an STM32 share: LED, watchdog, the engines' executor. They log over RTT.
+//! Code shared by all boards with an STM32: LED, watchdog, the engines' executor. They log over RTT.
 
 use super::state::ENGINE_EXECUTOR;
 use super::{chip, watchdog};
@@ -27,7 +27,7 @@ pub struct Led {
 }
 
 impl Led {
-    /// On this pin, dark. It lights at the level `lit`.
+    /// On this pin, off. It lights at the level `lit`.
     pub fn new(pin: Peri<'static, impl Pin>, lit: Level, drive: Drive) -> Self {
         let mut led = Self { pin: Flex::new(pin), lit };
         led.set(false);
@@ -38,20 +38,20 @@ impl Led {
         led
     }
 
-    /// Lights the LED, or puts it out.
+    /// Turns the LED on or off.
     pub fn set(&mut self, lit: bool) {
         self.pin.set_level(Level::from(lit == (self.lit == Level::High)));
     }
 }
 
-/// Drives a pin for good.
+/// Drives a pin permanently.
 #[allow(dead_code, reason = "not every board has such pins")]
 pub fn hold(pin: Peri<'static, impl Pin>, level: Level) {
-    core::mem::forget(Output::new(pin, level, Speed::Low)); // dropped, it would let go of the pin
+    core::mem::forget(Output::new(pin, level, Speed::Low)); // dropping it would release the pin
 }
 
 /// The independent watchdog: its own oscillator (LSI: 32 kHz; 17 to 47 kHz on an F427, 29.4 to 33.6 kHz on an
-/// H743), and nothing but a reset stops it. It runs since the first instructions of the firmware (early.rs).
+/// H743), and only a reset stops it. It has been running since the first instructions of the firmware (early.rs).
 pub struct Watchdog(Peri<'static, chip::Iwdg>);
 
 impl Watchdog {
@@ -60,7 +60,7 @@ impl Watchdog {
         Self(peripheral)
     }
 
-    /// From here on, 1.0 s by the nominal oscillator without a feed mean a reset.
+    /// From here on, 1.0 s without a feed, by the nominal oscillator, causes a reset.
     pub fn start(&mut self) {
         watchdog::watch(Pr::from_bits(1), 3999);
     }
@@ -72,7 +72,7 @@ impl Watchdog {
     }
 }
 
-/// Starts the executor for the engines' tasks. To be called once.
+/// Starts the executor for the engines' tasks. Call it once.
 pub fn start_engine_executor() -> SendSpawner {
     // UARTs and the timer have P0, embassy-stm32's default.
     chip::EXECUTOR_INTERRUPT.set_priority(Priority::P6);

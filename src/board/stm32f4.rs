@@ -1,5 +1,4 @@
-//! What boards with an STM32F427 share: the names and registers that differ from one family of
-//! chips to another.
+//! Code shared by all boards with an STM32F427: the names and registers that differ between chip families.
 
 #[cfg(feature = "selftest")]
 pub mod facts;
@@ -21,7 +20,7 @@ pub type Iwdg = peripherals::IWDG;
 /// Its registers.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 
-/// Clock of the core on the chip's own oscillator, in Hz (RM0090, 6.2.2).
+/// Clock of the core on the internal oscillator, in Hz (RM0090, 6.2.2).
 const HSI_HZ: u32 = 16_000_000;
 
 /// Clock of the core on the PLL, in Hz.
@@ -42,8 +41,8 @@ unsafe fn CAN2_SCE() {
     unsafe { ENGINE_EXECUTOR.on_interrupt() }
 }
 
-/// Which error flags of a UART are up. Leaves them as they are: only a read of the data register after
-/// this one clears them.
+/// The error flags that are set in a UART. Does not clear them: only a subsequent read of the data register
+/// does.
 pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     let status = uart.sr().read();
     [
@@ -54,7 +53,7 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
-/// Lets the GPIO ports A to E answer, where the boards' TX pins are.
+/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are.
 pub fn clock_gpio() {
     RCC.ahb1enr().modify(|w| {
         w.set_gpioaen(true);
@@ -63,7 +62,7 @@ pub fn clock_gpio() {
         w.set_gpioden(true);
         w.set_gpioeen(true);
     });
-    // The clock comes two cycles later (ES0206, 2.2.7); a read takes longer.
+    // The clock starts two cycles later (ES0206, 2.2.7); a read takes longer.
     RCC.ahb1enr().read();
 }
 
@@ -72,7 +71,7 @@ pub fn freeze_watchdog_while_halted() {
     DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
 }
 
-/// Writes a word to the first backup register, which a reset leaves alone.
+/// Writes a word to the first backup register, which survives a reset.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn write_backup_register(word: u32) {
     use embassy_stm32::pac::RTC;
@@ -82,11 +81,11 @@ pub fn write_backup_register(word: u32) {
     RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
 
-/// What has to be so before `embassy_stm32::init`: nothing here. Behind ArduPilot's bootloader both give the RTC the LSI, so
-/// neither resets the backup domain.
+/// Prepares for `embassy_stm32::init`: nothing to do here. ArduPilot's bootloader and this firmware both clock the RTC from the
+/// LSI, so neither resets the backup domain.
 pub fn before_init() {}
 
-/// 336 MHz PLL from the board's clock, a multiple of 1 MHz, or from the chip's own 16 MHz; 168 MHz core, 42 MHz (APB1) and
+/// 336 MHz PLL from the board's clock, a multiple of 1 MHz, or from the internal 16 MHz; 168 MHz core, 42 MHz (APB1) and
 /// 84 MHz (APB2) for UARTs.
 pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     let mut config = Config::default();
@@ -105,8 +104,8 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
         divq: Some(PllQDiv::DIV7),
         divr: None,
     });
-    // No LSI for an RTC: Embassy waits for it without an end, and the watchdog, which runs on it, too, would not bite.
-    // ArduPilot's bootloader waits for it itself, and both have to choose it (`before_init`).
+    // No LSI for an RTC: Embassy waits for it without a timeout, and the watchdog, which also runs on it, would not fire.
+    // ArduPilot's bootloader waits for it itself, and both have to select it (`before_init`).
     #[cfg(not(feature = "ardupilot-bootloader"))]
     {
         config.rcc.ls = embassy_stm32::rcc::LsConfig::off();
@@ -118,8 +117,8 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config
 }
 
-/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal, if that is
-/// wanted. Whether it runs, within 0.1 s.
+/// Switches the core to the internal oscillator, whatever its clock was before, and starts the crystal if requested.
+/// Returns whether the crystal runs within 0.1 s.
 pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     RCC.cr().modify(|w| w.set_hsion(true));
     while !RCC.cr().read().hsirdy() {}
@@ -146,10 +145,10 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     false
 }
 
-/// Turns the flash accelerator on: prefetch and both of its caches. Embassy's `init` writes the flash's wait states with all
-/// of them off (`rcc/f247.rs` of embassy-stm32 0.6.0).
+/// Enables the flash accelerator: prefetch and both caches. Embassy's `init` disables all of them when it writes the flash's
+/// wait states (`rcc/f247.rs` of embassy-stm32 0.6.0).
 pub fn speed_up() {
-    // What the caches hold is from before, and they may be emptied only while they are off (RM0090, 3.9.1).
+    // The caches hold old content, and may only be reset while they are off (RM0090, 3.9.1).
     FLASH.acr().modify(|w| {
         w.set_icrst(true);
         w.set_dcrst(true);
@@ -165,9 +164,9 @@ pub fn speed_up() {
     });
 }
 
-/// Turns the voltage detector on: 2.84 V falling, 2.93 V rising, typical (DS9405, table 22, PLS 5). With its five wait states
-/// the flash is good for 168 MHz from 2.7 V on (RM0090, 3.5.1), and without option bytes for it the chip resets only at
-/// 1.7 V: in between it would execute what the flash does not say.
+/// Enables the voltage detector: 2.84 V falling, 2.93 V rising, typical (DS9405, table 22, PLS 5). With its five wait states
+/// the flash supports 168 MHz from 2.7 V on (RM0090, 3.5.1), and unless option bytes set a higher level, the chip only resets at
+/// 1.7 V: in between, it could read wrong instructions from the flash.
 fn detect_low_supply() {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
     PWR.cr1().modify(|w| {
@@ -176,9 +175,9 @@ fn detect_low_supply() {
     });
 }
 
-/// Waits until the supply is good, for as long as that takes.
+/// Waits until the supply is high enough, without a timeout.
 pub fn wait_for_supply(meanwhile: impl Fn()) {
-    // A start that is no reset leaves the line of the EXTI as it was: on, and its request up.
+    // A start without a reset leaves the EXTI line as it was: enabled, with its request pending.
     EXTI.imr(0).modify(|w| w.set_line(DETECTOR_LINE, false));
     detect_low_supply();
     cortex_m::asm::delay(HSI_HZ / DETECTOR_SETTLES); // at the internal oscillator's clock
@@ -188,43 +187,43 @@ pub fn wait_for_supply(meanwhile: impl Fn()) {
     }
 }
 
-/// A supply that falls raises an interrupt from here on. To be called after `embassy_stm32::init`, which resets the detector.
+/// From here on, a falling supply raises an interrupt. Call this after `embassy_stm32::init`, which resets the detector.
 pub fn watch_supply() {
     detect_low_supply();
     cortex_m::asm::delay(CORE_HZ / DETECTOR_SETTLES);
     EXTI.rtsr(0).modify(|w| w.set_line(DETECTOR_LINE, true));
-    // What it has seen until now, while it settled too, is looked at below.
+    // Anything detected until now, including while it settled, is checked below.
     EXTI.pr(0).write(|w| w.set_line(DETECTOR_LINE, true));
     EXTI.imr(0).modify(|w| w.set_line(DETECTOR_LINE, true));
-    // SAFETY: no critical section relies on masks of single interrupts, and the handler is there (`alarms.rs`).
+    // SAFETY: no critical section relies on masks of single interrupts, and the handler exists (`alarms.rs`).
     unsafe { cortex_m::peripheral::NVIC::unmask(Interrupt::PVD) };
     if PWR.csr1().read().pvdo() {
-        cortex_m::peripheral::NVIC::pend(Interrupt::PVD); // it fell before the line could see it
+        cortex_m::peripheral::NVIC::pend(Interrupt::PVD); // it fell before the line could detect it
     }
 }
 
-/// The detector has 0.1 ms to settle.
+/// Settling time of the detector, 0.1 ms, as a fraction of 1 s.
 const DETECTOR_SETTLES: u32 = 10_000;
 
 /// The detector's line of the EXTI (RM0090, 12.2.5).
 const DETECTOR_LINE: usize = 16;
 
-/// Turns the clock security system on: a crystal that stops raises the NMI.
+/// Enables the clock security system: a crystal that stops raises the NMI.
 pub fn watch_crystal() {
     RCC.cr().modify(|w| w.set_csson(true));
 }
 
-/// Takes the NMI of the clock security system back, which would else come again at once.
+/// Clears the NMI of the clock security system, which would otherwise be raised again at once.
 pub fn clear_crystal_alarm() {
     RCC.cir().modify(|w| w.set_cssc(true));
 }
 
-/// Why the chip was reset. Clears the flags, so only the first call after a reset knows.
+/// Cause of the last reset. Clears the flags, so only the first call after a reset returns it.
 pub fn reset_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
-    // Several flags are set at once (the pin's always, for the chip drives the pin): most telling
-    // first.
+    // Several flags are set at once (the pin's always, because the chip drives the pin): the most
+    // specific comes first.
     match () {
         () if flags.porrstf() => ResetCause::PowerOn,
         () if flags.borrstf() => ResetCause::BrownOut,

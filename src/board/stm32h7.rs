@@ -1,5 +1,4 @@
-//! What boards with an STM32H743 share: the names and registers that differ from one family of
-//! chips to another.
+//! Code shared by all boards with an STM32H743: the names and registers that differ between chip families.
 
 #[cfg(feature = "selftest")]
 pub mod facts;
@@ -28,7 +27,7 @@ pub type Iwdg = peripherals::IWDG1;
 /// Its registers.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 
-/// Clock of the core on the chip's own oscillator, in Hz (RM0433, 8.5.2).
+/// Clock of the core on the internal oscillator, in Hz (RM0433, 8.5.2).
 const HSI_HZ: u32 = 64_000_000;
 
 /// Clock of the core on the PLL, in Hz.
@@ -49,7 +48,7 @@ unsafe fn CEC() {
     unsafe { ENGINE_EXECUTOR.on_interrupt() }
 }
 
-/// Which error flags of a UART are up. Leaves them as they are.
+/// The error flags that are set in a UART. Does not clear them.
 pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     let status = uart.isr().read();
     [
@@ -60,7 +59,7 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
-/// Lets the GPIO ports A to E answer, where the boards' TX pins are.
+/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are.
 pub fn clock_gpio() {
     RCC.ahb4enr().modify(|w| {
         w.set_gpioaen(true);
@@ -69,7 +68,7 @@ pub fn clock_gpio() {
         w.set_gpioden(true);
         w.set_gpioeen(true);
     });
-    // The clock comes two cycles later (RM0433, 8.5.10); a read takes longer.
+    // The clock starts two cycles later (RM0433, 8.5.10); a read takes longer.
     RCC.ahb4enr().read();
 }
 
@@ -78,20 +77,20 @@ pub fn freeze_watchdog_while_halted() {
     DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
 }
 
-/// Writes a word to the first backup register, which a reset leaves alone.
+/// Writes a word to the first backup register, which survives a reset.
 #[cfg(feature = "ardupilot-bootloader")]
 pub fn write_backup_register(word: u32) {
     RCC.apb4enr().modify(|w| w.set_rtcapben(true));
     PWR.cr1().modify(|w| w.set_dbp(true));
     cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
-    // The bootloader resets the backup domain, and the word with it, if the clock of the RTC is another one than its
-    // own, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is chosen, here as in the
-    // configuration, and the RTC is turned on without one, as ArduPilot's set_rtc_backup() does.
+    // The bootloader resets the backup domain, and the word with it, if the RTC's clock differs from the bootloader's own
+    // setting, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is selected, here as in the
+    // configuration, and the RTC is enabled without one, as ArduPilot's set_rtc_backup() does.
     RCC.bdcr().modify(|w| w.set_rtcen(true));
     pac::RTC.bkpr(0).write(|w| w.set_bkp(word));
 }
 
-/// What has to be so before `embassy_stm32::init`: it resets the backup domain unless it finds what it is to make, here
+/// Prepares for `embassy_stm32::init`, which resets the backup domain unless it finds the configuration that it would set, here
 /// an RTC that is off.
 pub fn before_init() {
     PWR.cr1().modify(|w| w.set_dbp(true));
@@ -100,7 +99,7 @@ pub fn before_init() {
     }
 }
 
-/// 800 MHz PLL from the board's clock, a multiple of 8 MHz, or from the chip's own 64 MHz; 400 MHz core, 200 MHz buses,
+/// 800 MHz PLL from the board's clock, a multiple of 8 MHz, or from the internal 64 MHz; 400 MHz core, 200 MHz buses,
 /// 100 MHz for UARTs.
 pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     let mut config = Config::default();
@@ -131,8 +130,8 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config
 }
 
-/// Puts the core on the chip's own oscillator, whatever clocked it before, and starts the crystal, if that is
-/// wanted. Whether it runs, within 0.1 s.
+/// Switches the core to the internal oscillator, whatever its clock was before, and starts the crystal if requested.
+/// Returns whether the crystal runs within 0.1 s.
 pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     RCC.cr().modify(|w| w.set_hsion(true));
     while !RCC.cr().read().hsirdy() {}
@@ -158,35 +157,35 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     false
 }
 
-/// Turns the instruction cache on. Not the data cache: what is retained over a reset would be lost in it.
+/// Enables the instruction cache, but not the data cache: state to be retained across a reset would be lost in it.
 pub fn speed_up() {
     // SAFETY: nothing else in this firmware touches the SCB's cache control; one core, and start-up is its only thread.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.SCB.enable_icache();
 }
 
-/// Nothing here: a voltage that the core's clock does not allow is the regulator's and the brown-out reset's to see.
+/// Nothing to do: the regulator and the brown-out reset detect a voltage that is too low for the core's clock.
 pub fn wait_for_supply(_meanwhile: impl Fn()) {}
 
-/// Nothing here, see `wait_for_supply`.
+/// Nothing to do, see `wait_for_supply`.
 pub fn watch_supply() {}
 
-/// Turns the clock security system on: a crystal that stops raises the NMI.
+/// Enables the clock security system: a crystal that stops raises the NMI.
 pub fn watch_crystal() {
     RCC.cr().modify(|w| w.set_hsecsson(true));
 }
 
-/// Takes the NMI of the clock security system back, which would else come again at once.
+/// Clears the NMI of the clock security system, which would otherwise be raised again at once.
 pub fn clear_crystal_alarm() {
     RCC.cicr().write(|w| w.set_hsecssc(true));
 }
 
-/// Why the chip was reset. Clears the flags, so only the first call after a reset knows.
+/// Cause of the last reset. Clears the flags, so only the first call after a reset returns it.
 pub fn reset_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|w| w.set_rmvf(true));
-    // Several flags are set at once (the pin's always, for the chip drives the pin): most telling
-    // first.
+    // Several flags are set at once (the pin's always, because the chip drives the pin): the most
+    // specific comes first.
     match () {
         () if flags.porrstf() => ResetCause::PowerOn,
         () if flags.borrstf() => ResetCause::BrownOut,

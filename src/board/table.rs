@@ -26,7 +26,7 @@ macro_rules! board {
         /// The ECU ports by number, from 0.
         pub const PORTS: [&str; [$($port),*].len()] = [$($port),*];
 
-        /// Kept free for MAVLink.
+        /// Reserved for MAVLink.
         pub const TELEMETRY_PORT: &str = $telemetry;
 
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
@@ -46,7 +46,7 @@ macro_rules! board {
             $(
                 /// # Safety
                 ///
-                /// The port is not open.
+                /// The port must not be open.
                 pub unsafe fn $uart(line: Line) -> EcuPort {
                     // SAFETY: a port that is not open uses neither its UART nor its pins, and nothing else on the board does.
                     unsafe {
@@ -60,14 +60,14 @@ macro_rules! board {
         /// The board, ready for the firmware.
         pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-        /// Starts the clocks and opens the ports that have a line. To be called once.
+        /// Starts the clocks and opens the ports that have a line. Call it once.
         pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
             let early = early::begin(&TX, &RX, matches!(hse.mode, HseMode::Bypass));
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
-            // Taken for good: a pin that occurs twice in the table does not build.
+            // Taken permanently: a pin that occurs twice in the table does not build.
             let _taken = ($((p.$uart, p.$rx, p.$tx)),*);
             let openers: [unsafe fn(Line) -> EcuPort; PORTS.len()] = [$(openers::$uart),*];
             let mut ports = lines.into_iter().zip(openers).map(|(line, opener)| {

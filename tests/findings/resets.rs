@@ -4,7 +4,7 @@
 use crate::wire::Frame;
 use crate::world::*;
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Celsius;
@@ -220,7 +220,7 @@ fn record_of_another_amt_engine_does_not_arm_an_engine() {
     world.ready(Rc);
     world.halt();
     let (mut config, ecu) = amt(|_, _| {});
-    config.ecu = EngineConfig::amt("amt", 0, config.line, Some(Engine::Titan)).ecu;
+    config.ecu = EngineConfig::amt("amt", 0, config.line, Some(EngineModel::Titan)).ecu;
     let mut world = world.reconfigured(config, ecu);
     world.boot();
     world.says(Rc, Standby);
@@ -307,7 +307,9 @@ fn engine_goes_on_after_a_reset_with_another_limit() {
 
 /// What a pilot, a ground station and the LED can see, without what is only counted.
 fn shown(world: &World) -> Telemetry {
-    Telemetry { counters: Counters::default(), ..world.handle(0).telemetry() }
+    let mut telemetry = world.handle(0).telemetry();
+    telemetry.counters = Counters::default();
+    telemetry
 }
 
 /// Two nodes that differ in nothing but that the transmitter of one has hung for 3 s.

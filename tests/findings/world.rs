@@ -6,7 +6,7 @@ use embassy_time::{Duration, Timer};
 use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::line::Line;
@@ -48,8 +48,8 @@ pub fn seconds(time: Nanos) -> f64 {
 
 /// An Olympus with an AMT ECU at 2400 baud.
 pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineConfig, AnyEcu) {
-    let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
-    let mut ecu = AmtConfig::new(sim::amt::Engine::Olympus);
+    let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Olympus));
+    let mut ecu = AmtConfig::new(sim::amt::EngineModel::Olympus);
     change(&mut config, &mut ecu);
     (config, AnyConfig::Amt(ecu).ecu())
 }

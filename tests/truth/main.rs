@@ -89,6 +89,17 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
+/// Says each tenth of a long campaign.
+fn progress(before: u64, now: u64, engine_seconds: u64) {
+    let tenth = |seconds: u64| seconds * 10 / engine_seconds;
+    if engine_seconds >= LONG && tenth(now) > tenth(before) {
+        eprintln!("{} of {} engine-hours", now / 3600, engine_seconds / 3600);
+    }
+}
+
+/// From so many engine-seconds on, a campaign says how far it is.
+const LONG: u64 = 10 * 3600;
+
 /// Plays worlds from this seed on until so many engine-seconds are over, or so many worlds had findings.
 fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, Option<String>) {
     let (seed, done, failed) = (AtomicU64::new(first), AtomicU64::new(0), AtomicU64::new(0));
@@ -105,7 +116,9 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
                         *text.lock().unwrap() = Some(format!("seed {seed}: a panic"));
                         return;
                     };
-                    done.fetch_add(WORLD * world.engines.len() as u64, Ordering::Relaxed);
+                    let seconds = WORLD * world.engines.len() as u64;
+                    let before = done.fetch_add(seconds, Ordering::Relaxed);
+                    progress(before, before + seconds, engine_seconds);
                     let mut total = total.lock().unwrap();
                     for engine in &world.engines {
                         total.seconds += WORLD;

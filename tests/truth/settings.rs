@@ -5,7 +5,7 @@ use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::Engine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::amt::config::Service as AmtService;
 use jetlink::ecu::zk::codec::{Action as ZkAction, Rate};
 use jetlink::ecu::zk::config::Service as ZkService;
@@ -36,9 +36,9 @@ impl Setup {
             temper,
             log: 8,
             serial_delay: 4_000_000_000,
-            ..AmtConfig::new(sim::amt::Engine::Olympus)
+            ..AmtConfig::new(sim::amt::EngineModel::Olympus)
         };
-        let config = EngineConfig::amt("amt", 0, Line::new(2400), Some(Engine::Olympus));
+        let config = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Olympus));
         Self::of(config, AnyConfig::Amt(ecu), sim::line::Line::n1(2400), 2)
     }
 
@@ -198,7 +198,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usiz
 
 fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let line = Line::new(rng.pick(&[2400, 2400, 2400, 9600, 115_200]));
-    let engine = rng.pick(&[None, Some(Engine::Olympus)]);
+    let engine = rng.pick(&[None, Some(EngineModel::Olympus)]);
     let mut config = EngineConfig::amt("amt", port, line, engine);
     let start_throttle = rng.pick(&[0, 0, 0, 200]);
     let serial_delay = rng.pick(&[2, 4, 4]);
@@ -227,7 +227,7 @@ fn amt_setup(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         boot: rng.pick(&[30, 200, 500, 500, 3000]) * 1_000_000,
         start_throttle: (start_throttle / 5) as u8,
         loss_is_an_error: rng.percent(20),
-        ..AmtConfig::new(sim::amt::Engine::Olympus).on(sim::line::Line::n1(line.baud))
+        ..AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line::Line::n1(line.baud))
     };
     (config, AnyConfig::Amt(ecu))
 }

@@ -3,6 +3,7 @@
 use crate::environment::Program;
 use crate::pin;
 use boards::{BOARDS, Board};
+use std::io::IsTerminal;
 
 const QEMU: Program = Program {
     name: "qemu-system-arm",
@@ -73,7 +74,9 @@ impl<'a> Task<'a> {
     pub fn cargo_arguments(&self) -> Vec<String> {
         let firmware =
             ["--release", "--target", pin::target(), "--package", "jetlink-fw", "--bin", "jetlink-fw"];
-        let emu = ["run", "--quiet", "--manifest-path", EMULATION, "--bin", "emu", "--"];
+        // A person sees how far a first build is; a log does not have a line for each package.
+        let run: &[&str] = if std::io::stderr().is_terminal() { &["run"] } else { &["run", "--quiet"] };
+        let emu = [run, &["--manifest-path", EMULATION, "--bin", "emu", "--"]].concat();
         match self {
             Self::Fw(features, more) => {
                 strings(&[&["build"], &firmware[..], &["--features", features]].concat(), more)
@@ -95,7 +98,7 @@ impl<'a> Task<'a> {
                 strings(&[&emu[..], &[what]].concat(), more)
             }
             Self::Qemu(test, more) => {
-                let qemu = ["run", "--quiet", "--package", "qemu", "--", "test"];
+                let qemu = [run, &["--package", "qemu", "--", "test"]].concat();
                 strings(&qemu[..qemu.len() - usize::from(!test)], more)
             }
         }

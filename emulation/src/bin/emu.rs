@@ -7,6 +7,7 @@ use emulation::image::folder;
 use emulation::recording::{Comparison, MOST_SHIFT, NamedRun, RUNS, Recording};
 use emulation::{BOARDS, Board, Image, Run};
 use rigless::chip::uart::TcpPeer;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -98,6 +99,14 @@ fn succeed(command: &mut Command, what: &str) -> Result<(), String> {
     }
 }
 
+/// Builds these images, one after the other, and says how far it is.
+fn build_each(images: &[(&Board, Image)]) -> Result<(), String> {
+    images.iter().enumerate().try_for_each(|(i, &(board, image))| {
+        print!("image {} of {}: ", i + 1, images.len());
+        build(board, image)
+    })
+}
+
 /// Builds one image as everybody does, with `cargo fw`, and takes a copy.
 fn build(board: &Board, image: Image) -> Result<(), String> {
     let mut features = format!("board-{}", board.name);
@@ -106,7 +115,11 @@ fn build(board: &Board, image: Image) -> Result<(), String> {
     }
     println!("cargo fw {features}");
     let mut build = cargo();
-    build.current_dir(root()).args(["fw", &features, "--quiet"]);
+    build.current_dir(root()).args(["fw", &features]);
+    // A person sees how far a first build is; a log does not have a line for each package.
+    if !std::io::stderr().is_terminal() {
+        build.arg("--quiet");
+    }
     succeed(&mut build, &format!("`cargo fw {features}`"))?;
 
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
@@ -119,7 +132,9 @@ fn build(board: &Board, image: Image) -> Result<(), String> {
 }
 
 fn build_all() -> Result<(), String> {
-    BOARDS.into_iter().try_for_each(|board| Image::of(board).try_for_each(|image| build(board, image)))
+    let images: Vec<_> =
+        BOARDS.into_iter().flat_map(|board| Image::of(board).map(move |image| (board, image))).collect();
+    build_each(&images)
 }
 
 fn test(filters: &[String]) -> Result<(), String> {
@@ -156,7 +171,7 @@ fn play() -> Result<Vec<(&'static NamedRun, Recording)>, String> {
     let mut images: Vec<_> = RUNS.iter().map(|run| (run.board, run.image)).collect();
     images.sort_by_key(|(board, _)| board.name);
     images.dedup_by_key(|(board, image)| (board.name, *image));
-    images.into_iter().try_for_each(|(board, image)| build(board, image))?;
+    build_each(&images)?;
     let mut recordings = Vec::new();
     for pair in RUNS.chunks(2) {
         let played = std::thread::scope(|scope| {

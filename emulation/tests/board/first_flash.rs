@@ -198,7 +198,7 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
         ("SERIAL4", "9600 baud (third port): a byte", "9600 baud: from one command"),
         ("SERIAL5", "115 200 baud (fourth port): a byte", "115 200 baud: from one command"),
     ] {
-        let commands: Vec<_> = report.wire(port).tx.chunks_exact(4).collect();
+        let commands: Vec<_> = report.wire(port).tx.as_chunks::<4>().0.iter().collect();
         let gaps = commands.iter().flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
         note(4, byte_row, span(gaps));
         let ends: Vec<_> =
@@ -267,7 +267,7 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
     let every = report.lines("board: no crystal").map(|log| log.at).filter(|at| *at < reset);
     let every: Vec<_> = every.collect();
     note(7, "`board: no crystal", span(every.windows(2).map(|two| two[1] - two[0])));
-    let sent = report.wire("SERIAL5").tx.chunks_exact(4).filter(|command| command[3].end < reset);
+    let sent = report.wire("SERIAL5").tx.as_chunks::<4>().0.iter().filter(|command| command[3].end < reset);
     let gaps = sent.flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
     note(7, "a byte at 115 200 baud", span(gaps.collect::<Vec<_>>()));
     let after = report.lines("crystal").filter(|log| log.at > boots[1].0).count();

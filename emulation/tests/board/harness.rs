@@ -27,7 +27,7 @@ fn a_good_run_has_no_complaints() {
 #[test]
 fn a_wrong_baud_rate_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus).on(Line::n1(4800)));
+        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus).on(Line::n1(4800)));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n1(4800), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL2: the byte received at"), "{found}");
@@ -38,7 +38,7 @@ fn a_wrong_baud_rate_is_found() {
 #[test]
 fn a_wrong_number_of_stop_bits_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus).on(Line::n2(2400)));
+        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus).on(Line::n2(2400)));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n2(2400), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL2: the byte sent after"), "{found}");
@@ -48,7 +48,7 @@ fn a_wrong_number_of_stop_bits_is_found() {
 #[test]
 fn a_port_that_the_firmware_did_not_open_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(Engine::Olympus));
+        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL6", Line::n1(2400), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL6: P"), "{found}");

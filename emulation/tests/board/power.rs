@@ -11,7 +11,7 @@ const AMT: &str = "SERIAL2";
 const ZK: &str = "SERIAL5";
 
 fn amt() -> AmtEcu {
-    AmtEcu::new(AmtConfig::new(Engine::Olympus))
+    AmtEcu::new(AmtConfig::new(EngineModel::Olympus))
 }
 
 fn zk() -> ZkEcu {

@@ -67,7 +67,7 @@ pub struct Finding {
 
 /// What a frame of the node says, in the terms of either protocol.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Said {
+pub enum WireCommand {
     /// Emergency stop.
     Stop,
     /// Standby.
@@ -82,13 +82,13 @@ pub enum Said {
 
 /// A frame of the node on the wire.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Spoken {
+pub struct TransmittedFrame {
     /// Its first start bit.
     pub from: Nanos,
     /// Its last stop bit.
     pub to: Nanos,
-    /// What it says.
-    pub said: Said,
+    /// The command in it.
+    pub command: WireCommand,
 }
 
 /// What the node may say.
@@ -99,7 +99,7 @@ enum Allowed {
     /// A run at this throttle or any lower one.
     UpTo(u16),
     /// What it said last before it was reset, as exactly as the ECU tells it.
-    Again(Said),
+    Again(WireCommand),
 }
 
 /// What the ECU's frames on the wire show of gaps, by what became of each byte.
@@ -194,15 +194,15 @@ pub struct Audit {
     /// The first bit of the last frame, if it was a switch in a command of its own (ZK).
     switched_at: Option<Nanos>,
     /// What the node said last that concerns the switch or the demand.
-    pub on_wire: Option<Said>,
+    pub on_wire: Option<WireCommand>,
     /// The first bit of the first frame of the last emergency stop.
     pub stop_at: Option<Nanos>,
     /// All that it said; kept for a scenario's judge.
-    pub spoken: Option<Vec<Spoken>>,
+    pub transmitted: Option<Vec<TransmittedFrame>>,
     /// Frames of the node.
     pub frames: u64,
     /// Those of them that went out before the ECU said anything: it was still starting up.
-    pub frames_unheard: u64,
+    pub frames_before_ecu: u64,
     ecu_spoke: bool,
     /// The largest difference of two turns' distance from the cadence (ZK), see [`Audit::measure_cadence`].
     pub worst_cadence_error: Option<Nanos>,
@@ -234,7 +234,7 @@ impl Audit {
             orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
             on_wire: None,
             stop_at: None,
-            spoken: None,
+            transmitted: None,
             reader: Reader::strict(
                 match engine.ecu {
                     Kind::Amt(_) => Protocol::Amt,
@@ -261,7 +261,7 @@ impl Audit {
             last_turn: None,
             switched_at: None,
             frames: 0,
-            frames_unheard: 0,
+            frames_before_ecu: 0,
             ecu_spoke: false,
             worst_cadence_error: None,
             not_given: 0,
@@ -304,9 +304,9 @@ impl Audit {
     pub fn may_be_up_to(&mut self, at: Nanos, tenths: u16) {
         let now = match (self.on_wire, self.orders.back()) {
             (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
-            (Some(Said::Run(now)), _) => now,
+            (Some(WireCommand::Run(now)), _) => now,
             // After a reset: what the ECU tells of it.
-            (None, Some(&(_, Allowed::Again(Said::Run(before))))) => before + REPORTED_GRAIN,
+            (None, Some(&(_, Allowed::Again(WireCommand::Run(before))))) => before + REPORTED_GRAIN,
             (None, Some(&(_, Allowed::UpTo(most)))) => most,
             _ => return,
         };
@@ -322,7 +322,7 @@ impl Audit {
         self.last_turn = None;
         self.switched_at = None;
         let before = self.on_wire.take();
-        self.allow(at, Allowed::Again(before.unwrap_or(Said::Standby)));
+        self.allow(at, Allowed::Again(before.unwrap_or(WireCommand::Standby)));
         self.may_rise(at + RISE_WITHIN);
     }
 
@@ -371,7 +371,7 @@ impl Audit {
     pub fn given_up(&mut self, at: Nanos) {
         self.heard.find_gap(at);
         if self.heard.gap.is_some_and(|gap| at <= gap + UNCONFIRMED) {
-            self.allow(at, Allowed::Again(self.on_wire.unwrap_or(Said::Standby)));
+            self.allow(at, Allowed::Again(self.on_wire.unwrap_or(WireCommand::Standby)));
             self.may_rise(at + RISE_WITHIN);
         } else {
             self.find(at, Vec::new(), "the node gave up an order, although its ECU was received");
@@ -411,7 +411,7 @@ impl Audit {
 
     fn whole(&mut self, frame: &control::Frame) {
         self.frames += 1;
-        self.frames_unheard += u64::from(!self.ecu_spoke);
+        self.frames_before_ecu += u64::from(!self.ecu_spoke);
         let start = frame.start;
         self.frame_start = start;
         self.heard.find_gap(start);
@@ -425,20 +425,20 @@ impl Audit {
             Ok(command) => command,
             Err(bad) => return self.find(start, frame.bytes().to_vec(), &format!("no command: {bad:?}")),
         };
-        let said = self.said(command);
-        let allowed = self.any_order(said, |order| match command {
+        let wire = self.wire_command(command);
+        let allowed = self.any_order(wire, |order| match command {
             Command::Amt(command) => self.amt_allows(order, command),
             Command::Zk(command) => self.zk_allows(order, command),
         });
-        if said == Said::Stop && self.on_wire != Some(Said::Stop) {
+        if wire == WireCommand::Stop && self.on_wire != Some(WireCommand::Stop) {
             self.stop_at = Some(start);
         }
-        if said != Said::Nothing {
-            self.on_wire = Some(said);
+        if wire != WireCommand::Nothing {
+            self.on_wire = Some(wire);
         }
-        self.note_level(said);
-        let spoken = Spoken { from: start, to: frame.end, said };
-        self.spoken.iter_mut().for_each(|all| all.push(spoken));
+        self.note_level(wire);
+        let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire };
+        self.transmitted.iter_mut().for_each(|all| all.push(transmitted));
         if !allowed {
             self.find(start, frame.bytes().to_vec(), &format!("{command:?}"));
         }
@@ -453,8 +453,8 @@ impl Audit {
             &mut self.switched_at,
             matches!(command, Some(Command::Zk(ZkCommand::Switch { .. }))).then_some(start),
         );
-        let begins_stop = self.on_wire != Some(Said::Stop)
-            && command.is_some_and(|command| self.said(command) == Said::Stop);
+        let begins_stop = self.on_wire != Some(WireCommand::Stop)
+            && command.is_some_and(|command| self.wire_command(command) == WireCommand::Stop);
         let behind_switch = switched_at.is_some_and(|at| start < at + LONGEST_GAP);
         let Some(last) = self.last_turn else {
             self.last_turn = Some(start);
@@ -469,32 +469,36 @@ impl Audit {
     }
 
     /// Whether an order that was in force when the frame was made allows it.
-    fn any_order(&self, said: Said, allows: impl Fn(Order) -> bool) -> bool {
+    fn any_order(&self, wire: WireCommand, allows: impl Fn(Order) -> bool) -> bool {
         let start = self.frame_start;
         let ends = self.orders.iter().skip(1).map(|&(from, _)| from).chain([Nanos::MAX]);
         self.orders
             .iter()
             .zip(ends)
             .filter(|&(&(from, _), end)| from <= start && end.saturating_add(MADE_BEFORE) >= start)
-            .any(|(&(_, allowed), _)| match (allowed, said) {
+            .any(|(&(_, allowed), _)| match (allowed, wire) {
                 (Allowed::Order(order), _) => allows(order),
-                (Allowed::UpTo(most), Said::Run(tenths)) => tenths <= most,
-                (Allowed::Again(Said::Run(before)), Said::Run(now)) => before.abs_diff(now) <= REPORTED_GRAIN,
-                (Allowed::Again(before), _) => said == before || said == Said::Nothing,
-                (Allowed::UpTo(_), _) => said == Said::Nothing,
+                (Allowed::UpTo(most), WireCommand::Run(tenths)) => tenths <= most,
+                (Allowed::Again(WireCommand::Run(before)), WireCommand::Run(now)) => {
+                    before.abs_diff(now) <= REPORTED_GRAIN
+                }
+                (Allowed::Again(before), _) => wire == before || wire == WireCommand::Nothing,
+                (Allowed::UpTo(_), _) => wire == WireCommand::Nothing,
             })
     }
 
     /// What a frame says; a speed with the RPM_X that this engine needs, which may follow it.
-    fn said(&self, command: Command) -> Said {
+    fn wire_command(&self, command: Command) -> WireCommand {
         match (command.switch(), command) {
-            (Some(Switch::Stop), _) => Said::Stop,
-            (Some(Switch::Standby), _) => Said::Standby,
-            (Some(Switch::Run), _) => command.throttle_tenths().map_or(Said::Nothing, Said::Run),
-            (_, Command::Zk(ZkCommand::Rpm(code))) => {
-                Said::RunRpm(u32::from(code) * u32::from(self.factor) * 10)
+            (Some(Switch::Stop), _) => WireCommand::Stop,
+            (Some(Switch::Standby), _) => WireCommand::Standby,
+            (Some(Switch::Run), _) => {
+                command.throttle_tenths().map_or(WireCommand::Nothing, WireCommand::Run)
             }
-            _ => Said::Nothing,
+            (_, Command::Zk(ZkCommand::Rpm(code))) => {
+                WireCommand::RunRpm(u32::from(code) * u32::from(self.factor) * 10)
+            }
+            _ => WireCommand::Nothing,
         }
     }
 
@@ -526,21 +530,21 @@ impl Audit {
     }
 
     /// Keeps the demand of this frame; it rises no more when it is the one that is given.
-    fn note_level(&mut self, said: Said) {
+    fn note_level(&mut self, wire: WireCommand) {
         let at = self.frame_start;
         let given = self.orders.back().map(|&(_, allowed)| allowed);
-        let (value, arrived) = match (said, given) {
-            (Said::Run(value), Some(Allowed::Order(Order::Run(Demand::Throttle(given))))) => {
+        let (value, arrived) = match (wire, given) {
+            (WireCommand::Run(value), Some(Allowed::Order(Order::Run(Demand::Throttle(given))))) => {
                 (value.into(), value > 0 && value == given.tenths())
             }
-            (Said::RunRpm(value), Some(Allowed::Order(Order::Run(Demand::Rpm(given))))) => {
+            (WireCommand::RunRpm(value), Some(Allowed::Order(Order::Run(Demand::Rpm(given))))) => {
                 let step = u32::from(self.factor) * 10;
                 (value, value > self.idle_rpm && value / step == given.get() / step)
             }
-            (Said::Run(value), _) => (value.into(), false),
-            (Said::RunRpm(value), _) => (value, false),
-            (Said::Stop | Said::Standby, _) => (0, false),
-            (Said::Nothing, _) => return,
+            (WireCommand::Run(value), _) => (value.into(), false),
+            (WireCommand::RunRpm(value), _) => (value, false),
+            (WireCommand::Stop | WireCommand::Standby, _) => (0, false),
+            (WireCommand::Nothing, _) => return,
         };
         self.level = Some(Level { at, value });
         if arrived && self.heard.gap.is_none_or(|gap| at > gap + MADE_BEFORE) {

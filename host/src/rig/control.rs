@@ -1,5 +1,6 @@
 //! What steers a run while it goes on: nothing, a script file, or a person at the keyboard.
 
+use super::context::Stage;
 use super::ending::EndRequest;
 use super::passing::{Passing, SPEEDS};
 use super::play::action::{Action, Wish};
@@ -162,7 +163,8 @@ impl Control for Live {
             self.take(request, &mut turn);
         }
         if let Some(tour) = &mut self.tour {
-            let speed = tour.speed(situation.samples);
+            let stages: Vec<Stage> = situation.samples.iter().map(|sample| sample.stage).collect();
+            let speed = tour.speed(&stages);
             if self.passing.auto {
                 self.passing.speed = speed;
             }

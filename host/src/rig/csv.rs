@@ -1,8 +1,8 @@
 //! The CSV file: one row for each engine and sample. It is written directly and flushed every second, so that it can be
 //! read while the run goes on, and a kill loses a second.
 
-use super::audit::Said;
-use super::desk::{Lever, Note};
+use super::audit::WireCommand;
+use super::context::{Note, PilotInput};
 use super::output::cannot_write;
 use super::quantity::seconds;
 use super::sample::{Sample, loss};
@@ -130,10 +130,10 @@ impl<'a> Row<'a> {
             state: sample.state,
             rpm: sample.rpm,
             egt_c: sample.egt.map(Tenths),
-            command: match (sample.silent, sample.lever) {
+            command: match (sample.silent, sample.input) {
                 (true, _) => "",
-                (false, Lever::Standby) => "standby",
-                (false, Lever::Run(_)) => "run",
+                (false, PilotInput::Standby) => "standby",
+                (false, PilotInput::Run(_)) => "run",
             },
             demand_throttle_pct: sample.asked_percent().map(Tenths),
             demand_rpm: sample.asked_rpm(),
@@ -159,11 +159,11 @@ impl<'a> Row<'a> {
                 Order::Doubt(_) => "doubt",
             },
             wire_throttle_pct: match sample.on_wire {
-                Some(Said::Run(tenths)) => Some(Tenths(f64::from(tenths) / 10.0)),
+                Some(WireCommand::Run(tenths)) => Some(Tenths(f64::from(tenths) / 10.0)),
                 _ => None,
             },
             wire_rpm: match sample.on_wire {
-                Some(Said::RunRpm(rpm)) => Some(rpm),
+                Some(WireCommand::RunRpm(rpm)) => Some(rpm),
                 _ => None,
             },
             faults: faults(sample),

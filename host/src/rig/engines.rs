@@ -2,7 +2,7 @@
 
 use jetlink::config::{EngineConfig, validate};
 use jetlink::ecu::EcuConfig;
-use jetlink::ecu::amt::codec::Engine as AmtEngine;
+use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 
@@ -53,7 +53,7 @@ impl Engine {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Ecu {
     /// AMT, with the engine behind it.
-    Amt(sim::amt::Engine),
+    Amt(sim::amt::EngineModel),
     /// ZK.
     Zk {
         /// Protocol version.
@@ -173,12 +173,12 @@ fn amt(index: usize, name: &str, description: &Description<'_>) -> Result<Engine
         }
     }
     let (simulated, expected) = match description.engine.unwrap_or("olympus") {
-        "mercury" => (sim::amt::Engine::Mercury, AmtEngine::Mercury),
-        "pegasus" => (sim::amt::Engine::Pegasus, AmtEngine::Pegasus),
-        "olympus" => (sim::amt::Engine::Olympus, AmtEngine::Olympus),
-        "titan" => (sim::amt::Engine::Titan, AmtEngine::Titan),
-        "nike" => (sim::amt::Engine::Nike, AmtEngine::Nike),
-        "lynx" => (sim::amt::Engine::Lynx, AmtEngine::Lynx),
+        "mercury" => (sim::amt::EngineModel::Mercury, EngineModel::Mercury),
+        "pegasus" => (sim::amt::EngineModel::Pegasus, EngineModel::Pegasus),
+        "olympus" => (sim::amt::EngineModel::Olympus, EngineModel::Olympus),
+        "titan" => (sim::amt::EngineModel::Titan, EngineModel::Titan),
+        "nike" => (sim::amt::EngineModel::Nike, EngineModel::Nike),
+        "lynx" => (sim::amt::EngineModel::Lynx, EngineModel::Lynx),
         other => {
             return Err(format!(
                 "engine=`{other}` is not simulated: write mercury, pegasus, olympus, titan, nike or lynx"
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!(engine.name(), "engine1");
         assert_eq!(engine.ecu, Ecu::Zk { version: 5, mode: Mode::Throttle });
         assert_eq!(engine.config.line, Line::new(9600));
-        assert_eq!(one("name=x").unwrap().ecu, Ecu::Amt(sim::amt::Engine::Olympus));
+        assert_eq!(one("name=x").unwrap().ecu, Ecu::Amt(sim::amt::EngineModel::Olympus));
     }
 
     #[test]

@@ -198,7 +198,7 @@ fn amt_text(frame: &amt::Frame) -> String {
         amt::Message::Alternate { engine_id, .. } => {
             format!(
                 "alternate: {}",
-                amt::Engine::from_id(engine_id).map_or("unknown engine", amt::Engine::name)
+                amt::EngineModel::from_id(engine_id).map_or("unknown engine", amt::EngineModel::name)
             )
         }
         amt::Message::Setup(_) => "set-up".to_owned(),

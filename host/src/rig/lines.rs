@@ -1,6 +1,6 @@
 //! Plain lines, for an output that is not a terminal and for runs that are quicker than anybody reads.
 
-use super::desk::Note;
+use super::context::Note;
 use super::out::Out;
 use super::quantity::seconds;
 use super::row::{heads, row};

@@ -1,6 +1,6 @@
 //! What goes from the engines to whatever shows them.
 
-use super::desk::{Entry, Note};
+use super::context::{Entry, Note};
 use super::outcome::Outcomes;
 use super::passing::Passing;
 use super::sample::{Detail, Sample};

@@ -2,10 +2,11 @@
 
 mod audit;
 mod capture;
+mod chronicle;
 mod conditions;
+mod context;
 mod control;
 mod csv;
-mod desk;
 mod ending;
 mod engines;
 mod faults;
@@ -26,6 +27,7 @@ mod play;
 mod plot;
 mod quantity;
 mod record;
+mod report;
 mod row;
 mod sample;
 mod scenario;
@@ -41,6 +43,7 @@ mod view;
 pub use self::options::Args;
 
 use self::capture::Capture;
+use self::chronicle::{Chronicle, Subject};
 use self::control::{Control, Live, Scripted, Unattended};
 use self::csv::Csv;
 use self::ending::{EndRequest, EndedBy};
@@ -51,7 +54,8 @@ use self::out::{Out, reader_left};
 use self::outcome::{End, Outcomes};
 use self::output::{Problem, Wanted};
 use self::play::script;
-use self::plot::{Plot, Subject};
+use self::plot::Plot;
+use self::report::Report;
 use self::show::{Files, Show, ShowError, Shown};
 use self::tour::Tour;
 use self::view::model::Model;
@@ -105,7 +109,8 @@ fn wanted(args: &Args) -> Vec<Wanted<'_>> {
     let csv = args.csv.as_deref().map(|path| Wanted { option: "--csv", path, ending: "" });
     let plot = args.plot.as_deref().map(|path| Wanted { option: "--plot", path, ending: "svg" });
     let script = args.save_script.as_deref().map(|path| Wanted { option: "--save-script", path, ending: "" });
-    csv.into_iter().chain(plot).chain(script).collect()
+    let report = args.report.as_deref().map(|path| Wanted { option: "--report", path, ending: "html" });
+    csv.into_iter().chain(plot).chain(report).chain(script).collect()
 }
 
 fn list_scenarios() -> ExitCode {
@@ -140,6 +145,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         None => format!("jetlink rig, seed {}", order.setup.seed),
     };
     let subjects = order.setup.engines.iter().map(|engine| Subject {
+        name: engine.name(),
         caption: engine.caption(),
         max_rpm: simulated::parameters(engine).max_rpm,
         egt_limit: engine
@@ -151,11 +157,15 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
             .map(|limit| f64::from(limit.tenths()) / 10.0),
         by_rpm: engine.by_rpm(),
     });
-    let plot = |path| Plot::create(path, subjects.collect(), title, args.dark);
+    let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
+    let report = args.report.as_deref().map(|path| Report::create(path, about)).transpose()?;
+    let chronicle =
+        (args.plot.is_some() || report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
     let files = Files {
         names: names.clone(),
         csv: args.csv.as_deref().map(Csv::create).transpose()?,
-        plot: args.plot.as_deref().map(plot).transpose()?,
+        chronicle,
+        plot: args.plot.as_deref().map(|path| Plot::create(path, args.dark)).transpose()?,
         capture: args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?,
     };
     let out =
@@ -195,13 +205,13 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let show = Show { shown, files };
 
     // Whatever happens in the scope, it waits for the screen and the files.
-    let (outcomes, shown) = std::thread::scope(|scope| {
+    let (outcomes, (shown, chronicle)) = std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::sync_channel(MESSAGES);
         let shower = scope.spawn(move || show.run(&receiver));
         let go_on = |message| sender.send(message).is_ok() && end.requested().is_none();
         let outcomes = session::run(&order.setup, &mut *control, go_on);
         drop(sender);
-        (outcomes, shower.join().unwrap_or(Err(ShowError::Panicked)))
+        (outcomes, shower.join().unwrap_or((Err(ShowError::Panicked), None)))
     });
 
     // A request in the last moment ends nothing any more.
@@ -213,10 +223,15 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     // With the terminal or the reader gone, nobody reads.
     let nobody_reads = end.requested() == Some(EndedBy::HangUp)
         || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));
+    let reported = match (report, chronicle) {
+        (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
+        _ => Ok(()),
+    };
     let saved = save_script(args, order, &outcomes)?;
     if let (Some(saved), false) = (saved, args.script.is_some()) {
         text += &format!("To play it again: cargo rig --script {} --fast\n", saved.display());
     }
+    let shown = shown.and_then(|events| reported.map_err(ShowError::File).map(|()| events));
     let printed = match &shown {
         Err(ShowError::Screen(_) | ShowError::File(_)) => Ok(()),
         Ok(events) => out.write(&format!("{events}{text}")),

@@ -133,6 +133,10 @@ pub struct Args {
     #[arg(long, requires = "plot")]
     pub dark: bool,
 
+    /// Write a page for a browser into this file: curves to zoom into, events and the verdict for each engine
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<String>,
+
     /// Write the raw bytes of each line, a file for each engine and direction, into this folder
     #[arg(long, value_name = "DIR")]
     pub capture: Option<String>,

@@ -6,7 +6,7 @@
 //! is the end of the run for this engine, unless its flame was put out. A start that an interlock refuses is
 //! asked for again: another engine of the group may be starting, or the exhaust still be hot.
 
-use super::desk::{Desk, Lever, Stage};
+use super::context::{EngineContext, PilotInput, Stage};
 use super::faults::{Failure, Faults};
 use super::node::Node;
 use super::plan::{EnginePlan, LEAST_RUNNING};
@@ -59,7 +59,7 @@ enum Cut {
 /// The pilot of one engine.
 #[derive(Debug)]
 pub struct Pilot<'a> {
-    desk: &'a Desk<'a>,
+    desk: &'a EngineContext<'a>,
     node: &'a Node<'a>,
     plan: EnginePlan,
     standby_only: bool,
@@ -75,7 +75,7 @@ pub struct Pilot<'a> {
 impl<'a> Pilot<'a> {
     /// For one engine.
     pub fn new(
-        desk: &'a Desk<'a>,
+        desk: &'a EngineContext<'a>,
         node: &'a Node<'a>,
         plan: EnginePlan,
         standby_only: bool,
@@ -107,7 +107,7 @@ impl<'a> Pilot<'a> {
                 self.desk.failure.replace(Some(why.clone()));
                 self.stage(Stage::Failed);
                 // Nothing is left running.
-                self.desk.lever.set(Lever::Standby);
+                self.desk.input.set(PilotInput::Standby);
                 let limit = Instant::now() + self.plan.cooling_takes + READY_WITHIN;
                 let _ = self
                     .keep(limit, |telemetry| {
@@ -150,7 +150,7 @@ impl<'a> Pilot<'a> {
     /// Standby, until the ECU is heard, cool and ready.
     async fn ready(&mut self) -> Result<(), String> {
         self.stage(Stage::Standby);
-        self.desk.lever.set(Lever::Standby);
+        self.desk.input.set(PilotInput::Standby);
         self.node.command(self.desk.index, Command::Arm, Origin::Bench);
         let hot = self.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
         let cooling = if hot { self.plan.cooling_takes } else { Duration::MIN };
@@ -178,7 +178,7 @@ impl<'a> Pilot<'a> {
     async fn start(&mut self) -> Result<(), String> {
         self.stage(Stage::Start);
         let Some(idle) = self.demand(0) else { return Err("the ECU has not reported its speeds".to_owned()) };
-        self.desk.lever.set(Lever::Run(idle));
+        self.desk.input.set(PilotInput::Run(idle));
         self.allowed().await?;
         let takes = self.plan.start_takes;
         let started = Instant::now();
@@ -208,7 +208,7 @@ impl<'a> Pilot<'a> {
                 ticker.next().await;
                 continue;
             }
-            match self.command(self.desk.lever.get()) {
+            match self.command(self.desk.input.get()) {
                 Ok(()) => return Ok(()),
                 // It waits, for as long as it is asked for.
                 Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))) if Instant::now() < limit => {
@@ -216,7 +216,7 @@ impl<'a> Pilot<'a> {
                 }
                 // A refusal has used the permission up: standby once more.
                 Err(Cut::Refused(Rejected::Start(_)) | Cut::Stopped) if Instant::now() < limit => {
-                    let _ = self.command(Lever::Standby);
+                    let _ = self.command(PilotInput::Standby);
                     ticker.next().await;
                 }
                 Err(Cut::Refused(why)) => return Err(format!("the start was refused: {why}")),
@@ -279,7 +279,7 @@ impl<'a> Pilot<'a> {
         let Some(demand) = self.demand(percent) else {
             return Err("the ECU no longer reports its speeds".to_owned());
         };
-        self.desk.lever.set(Lever::Run(demand));
+        self.desk.input.set(PilotInput::Run(demand));
         let first = speed(&self.telemetry());
         let mut last = VecDeque::new();
         let reached = self
@@ -306,7 +306,7 @@ impl<'a> Pilot<'a> {
             Err(Cut::TimeUp) => {
                 return Err(format!(
                     "{} was not reached in time: {}",
-                    self.desk.lever.get(),
+                    self.desk.input.get(),
                     self.describe()
                 ));
             }
@@ -324,7 +324,7 @@ impl<'a> Pilot<'a> {
         self.desk.silent.set(false);
         silent?;
         self.desk.note(format!("its source speaks again after {} s", seconds(SILENCE)));
-        let Lever::Run(demand) = self.desk.lever.get() else { return Ok(()) };
+        let PilotInput::Run(demand) = self.desk.input.get() else { return Ok(()) };
         let follows = self
             .keep(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
                 (telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
@@ -342,7 +342,7 @@ impl<'a> Pilot<'a> {
 
     async fn shut_down(&mut self) -> Result<(), String> {
         self.stage(Stage::Cooling);
-        self.desk.lever.set(Lever::Standby);
+        self.desk.input.set(PilotInput::Standby);
         let limit = Instant::now() + self.plan.cooling_takes * 3 / 2 + READY_WITHIN;
         let mut cool_ticks = 0;
         let cooled = self
@@ -372,7 +372,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Holds the lever until then, whatever happens.
+    /// Holds the input until then, whatever happens.
     async fn hold(&self, until: Instant) {
         let _ = self.keep(until, |_| None::<()>).await;
     }
@@ -384,15 +384,15 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Holds the lever until this has come, or the time is over, or the engine stops.
+    /// Holds the input until this has come, or the time is over, or the engine stops.
     async fn keep<T>(&self, until: Instant, mut come: impl FnMut(&Telemetry) -> Option<T>) -> Result<T, Cut> {
-        let lever = self.desk.lever.get();
+        let input = self.desk.input.get();
         let mut ticker = Ticker::every(TICK);
-        self.command(lever)?;
+        self.command(input)?;
         loop {
             let telemetry = self.telemetry();
             let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
-            if matches!(lever, Lever::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
+            if matches!(input, PilotInput::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
             }
             if let Some(what) = come(&telemetry) {
@@ -401,22 +401,22 @@ impl<'a> Pilot<'a> {
             if Instant::now() >= until {
                 return Err(Cut::TimeUp);
             }
-            self.command(lever)?;
+            self.command(input)?;
             ticker.next().await;
         }
     }
 
-    fn command(&self, lever: Lever) -> Result<(), Cut> {
+    fn command(&self, input: PilotInput) -> Result<(), Cut> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
         if self.desk.silent.get() {
             self.desk.audit.borrow_mut().may_be_up_to(at, 0);
             return Ok(());
         }
-        let Some(answer) = self.node.command(self.desk.index, lever.command(), Origin::Bench) else {
+        let Some(answer) = self.node.command(self.desk.index, input.command(), Origin::Bench) else {
             return Ok(());
         };
-        self.desk.judge(at, lever.order(), Origin::Bench, answer);
+        self.desk.judge(at, input.order(), Origin::Bench, answer);
         match answer {
             // After a reset it listens first.
             Ok(Accepted::StartWaits) => Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))),

@@ -1,8 +1,8 @@
 //! The record of a run: what was seen of each engine over time, thinned to bands of least and most where it is long. The
 //! charts on the screen and the pictures read it.
 
-use super::audit::Said;
-use super::desk::Stage;
+use super::audit::WireCommand;
+use super::context::Stage;
 use super::quantity::seconds;
 use super::sample::Sample;
 use embassy_time::Instant;
@@ -61,7 +61,7 @@ pub struct Point {
     /// Shaft speed that was sent.
     pub sent_rpm: Option<Band>,
     /// What was last on the wire, at the end.
-    pub on_wire: Option<Said>,
+    pub on_wire: Option<WireCommand>,
 }
 
 impl Point {
@@ -80,11 +80,11 @@ impl Point {
             throttle: sample.asked_percent().map(Band::of),
             demand_rpm: sample.asked_rpm().map(|rpm| Band::of(rpm.into())),
             sent_throttle: match sample.on_wire {
-                Some(Said::Run(tenths)) => Some(Band::of(f64::from(tenths) / 10.0)),
+                Some(WireCommand::Run(tenths)) => Some(Band::of(f64::from(tenths) / 10.0)),
                 _ => None,
             },
             sent_rpm: match sample.on_wire {
-                Some(Said::RunRpm(rpm)) => Some(Band::of(rpm.into())),
+                Some(WireCommand::RunRpm(rpm)) => Some(Band::of(rpm.into())),
                 _ => None,
             },
             on_wire: sample.on_wire,
@@ -193,7 +193,7 @@ mod tests {
             demand_rpm: None,
             sent_throttle: Some(Band::of(60.0)),
             sent_rpm: None,
-            on_wire: Some(Said::Run(600)),
+            on_wire: Some(WireCommand::Run(600)),
         }
     }
 

@@ -39,7 +39,7 @@ pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) 
         sample.does_text(),
         sample.rpm.map_or_else(dash, |rpm| rpm.to_string()),
         sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")),
-        if sample.silent { "silent".to_owned() } else { sample.lever.to_string() },
+        if sample.silent { "silent".to_owned() } else { sample.input.to_string() },
         sample.wire_text(),
         // Of a line that is down, the rate would be of the time before.
         if sample.link == LinkState::Up {
@@ -79,8 +79,8 @@ fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()]) -> String 
 
 #[cfg(test)]
 mod tests {
-    use super::super::audit::Said;
-    use super::super::desk::{Desk, Lever, Notes, Stage};
+    use super::super::audit::WireCommand;
+    use super::super::context::{EngineContext, Notes, PilotInput, Stage};
     use super::super::engines::engines;
     use super::super::node::Node;
     use super::*;
@@ -108,16 +108,16 @@ mod tests {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines);
         let notes = Notes::default();
-        let desk = Desk::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
+        let desk = EngineContext::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
         let names = ["left", "right", "centre", "booster"];
         let quiet = Sample::take(&desk, &node.telemetry(3));
         let starting = jetlink::report::EcuState { code: 2, name: "ignition-min-throttle" };
         let mut loud = Sample {
             stage: Stage::Cooling,
-            lever: Lever::Run(Demand::Rpm(Rpm::new(160_000))),
+            input: PilotInput::Run(Demand::Rpm(Rpm::new(160_000))),
             link: LinkState::Up,
             does: EngineState::Starting(starting),
-            on_wire: Some(Said::RunRpm(159_960)),
+            on_wire: Some(WireCommand::RunRpm(159_960)),
             ruler: Origin::Emergency,
             waiting: Some(Origin::Mavlink),
             loss: LossStage::FailSafe,
@@ -148,10 +148,10 @@ mod tests {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines);
         let notes = Notes::default();
-        let desk = Desk::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
+        let desk = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
         let sample = Sample {
-            lever: Lever::Run(Demand::Throttle(Throttle::from_percent(60).unwrap())),
-            on_wire: Some(Said::Stop),
+            input: PilotInput::Run(Demand::Throttle(Throttle::from_percent(60).unwrap())),
+            on_wire: Some(WireCommand::Stop),
             ..Sample::take(&desk, &node.telemetry(0))
         };
         let row = row("left", &["left"], &sample, 8.0);

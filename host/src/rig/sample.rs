@@ -1,7 +1,7 @@
 //! What one engine looks like at one moment, for the table, the lines, the CSV file and the plot.
 
-use super::audit::Said;
-use super::desk::{Desk, Lever, Stage};
+use super::audit::WireCommand;
+use super::context::{EngineContext, PilotInput, Stage};
 use super::play::action::Fault;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
@@ -32,7 +32,7 @@ pub struct Sample {
     /// How far its pilot has come.
     pub stage: Stage,
     /// What its pilot commands.
-    pub lever: Lever,
+    pub input: PilotInput,
     /// Its pilot says nothing.
     pub silent: bool,
     /// Whether the ECU is heard.
@@ -54,7 +54,7 @@ pub struct Sample {
     /// What the node orders.
     pub order: Order,
     /// What was last on the wire.
-    pub on_wire: Option<Said>,
+    pub on_wire: Option<WireCommand>,
     /// Shaft speed.
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
@@ -73,12 +73,12 @@ pub struct Sample {
 
 impl Sample {
     /// Of this engine, now.
-    pub fn take(desk: &Desk<'_>, telemetry: &Telemetry) -> Self {
+    pub fn take(desk: &EngineContext<'_>, telemetry: &Telemetry) -> Self {
         let report = &telemetry.report;
         let at = telemetry.at;
         Self {
             stage: desk.stage.get(),
-            lever: desk.lever.get(),
+            input: desk.input.get(),
             silent: desk.silent.get(),
             link: telemetry.link,
             does: telemetry.state,
@@ -105,12 +105,12 @@ impl Sample {
 
     /// The throttle that is asked for, in percent.
     pub fn asked_percent(&self) -> Option<f64> {
-        self.lever.throttle_percent().filter(|_| !self.silent)
+        self.input.throttle_percent().filter(|_| !self.silent)
     }
 
     /// The speed that is asked for.
     pub fn asked_rpm(&self) -> Option<u32> {
-        self.lever.rpm().filter(|_| !self.silent)
+        self.input.rpm().filter(|_| !self.silent)
     }
 
     /// What the engine does; while it starts, with the step as the ECU names it.
@@ -124,11 +124,11 @@ impl Sample {
     /// What was last on the wire.
     pub fn wire_text(&self) -> String {
         match self.on_wire {
-            None | Some(Said::Nothing) => "-".to_owned(),
-            Some(Said::Stop) => "STOP".to_owned(),
-            Some(Said::Standby) => "standby".to_owned(),
-            Some(Said::Run(tenths)) => format!("{:.1} %", f64::from(tenths) / 10.0),
-            Some(Said::RunRpm(rpm)) => format!("{rpm} rpm"),
+            None | Some(WireCommand::Nothing) => "-".to_owned(),
+            Some(WireCommand::Stop) => "STOP".to_owned(),
+            Some(WireCommand::Standby) => "standby".to_owned(),
+            Some(WireCommand::Run(tenths)) => format!("{:.1} %", f64::from(tenths) / 10.0),
+            Some(WireCommand::RunRpm(rpm)) => format!("{rpm} rpm"),
         }
     }
 

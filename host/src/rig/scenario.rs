@@ -2,14 +2,14 @@
 //! what the simulated engines did whether it did. The node's own telemetry is only asked what it told.
 
 mod check;
-mod cockpit;
+mod context;
 mod faults;
 mod known;
 mod power;
 mod sources;
 mod wires;
 
-pub use self::cockpit::Cockpit;
+pub use self::context::ScenarioContext;
 use embassy_time::Duration;
 use std::pin::Pin;
 
@@ -45,7 +45,7 @@ pub struct Scenario {
     length: u64,
     /// Frames that an ECU hears cut off or damaged, because the scenario does that.
     pub bad_commands: u64,
-    script: for<'a> fn(&'a Cockpit<'a>) -> Script<'a>,
+    script: for<'a> fn(&'a ScenarioContext<'a>) -> Script<'a>,
 }
 
 impl Scenario {
@@ -63,7 +63,7 @@ impl Scenario {
     }
 
     /// Plays it.
-    pub fn script<'a>(&self, cockpit: &'a Cockpit<'a>) -> Script<'a> {
+    pub fn script<'a>(&self, cockpit: &'a ScenarioContext<'a>) -> Script<'a> {
         (self.script)(cockpit)
     }
 }

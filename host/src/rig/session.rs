@@ -1,8 +1,8 @@
 //! The run itself: the node's runners, the lines with the ECUs, the pilots and the samples, all in one
 //! thread on the clock of the simulation.
 
+use super::context::{EngineContext, Notes, look};
 use super::control::{Control, Situation};
-use super::desk::{Desk, Notes, look};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
 use super::mavlink::Mavlink;
@@ -13,14 +13,14 @@ use super::pilot::Pilot;
 use super::plan::Plan;
 use super::play::player::Player;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
-use super::scenario::{Cockpit, Scenario};
+use super::scenario::{Scenario, ScenarioContext};
 use super::simulated::{counts, ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channel::Events;
-use jetlink::command::{Demand, Order, Ordered, Origin, Rejected};
+use jetlink::command::{Order, Ordered, Origin, Rejected};
 use jetlink::event::End as LifeEnd;
-use jetlink::event::{Event, LossStage};
+use jetlink::event::Event;
 use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
@@ -76,8 +76,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
     let node = Node::new(&setup.engines);
-    let desk = |(i, engine)| Desk::new(i, engine, setup.faults.line_clean_from(i), &notes);
-    let desks: Vec<Desk<'_>> = setup.engines.iter().enumerate().map(desk).collect();
+    let desk = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
+    let desks: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(desk).collect();
     let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
     let plugs: Vec<Plug<AnyEcu>> = setup
         .engines
@@ -92,7 +92,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     if setup.details {
         desks.iter().for_each(|desk| desk.tap.borrow_mut().open());
     }
-    let cockpit = Cockpit::new(&node, &desks, &plugs, &notes);
+    let cockpit = ScenarioContext::new(&node, &desks, &plugs, &notes);
     let player = Player::new(&node, &desks, &plugs, &notes);
 
     // All that goes on when the node is reset.
@@ -146,26 +146,27 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
 
     let outcomes = |end: End| {
-        let of_engine = |(i, ((desk, plug), flown)): (usize, ((&Desk<'_>, &Plug<AnyEcu>), &Flown))| {
-            let telemetry = node.telemetry(i);
-            let flown = flown.borrow().clone();
-            Outcome {
-                name: desk.engine.name(),
-                // A pilot that has given up still waits for its engine to cool.
-                flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
-                played: player.verdict(i),
-                node: telemetry.counters,
-                commands_rejected: telemetry.counters.commands_rejected,
-                link: telemetry.link,
-                ecu: plug.ecu(|ecu| counts(ecu)),
-                audit: desk.audit.borrow().clone(),
-                stops: desk.stops.get(),
-                recovered_after: desk.recovered_after.get(),
-                // The script of a scenario judges its lines itself.
-                line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
-                is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
-            }
-        };
+        let of_engine =
+            |(i, ((desk, plug), flown)): (usize, ((&EngineContext<'_>, &Plug<AnyEcu>), &Flown))| {
+                let telemetry = node.telemetry(i);
+                let flown = flown.borrow().clone();
+                Outcome {
+                    name: desk.engine.name(),
+                    // A pilot that has given up still waits for its engine to cool.
+                    flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
+                    played: player.verdict(i),
+                    node: telemetry.counters,
+                    commands_rejected: telemetry.counters.commands_rejected,
+                    link: telemetry.link,
+                    ecu: plug.ecu(|ecu| counts(ecu)),
+                    audit: desk.audit.borrow().clone(),
+                    stops: desk.stops.get(),
+                    recovered_after: desk.recovered_after.get(),
+                    // The script of a scenario judges its lines itself.
+                    line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
+                    is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
+                }
+            };
         Outcomes {
             engines: desks.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
             length: Instant::now() - Instant::MIN,
@@ -270,9 +271,9 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
 async fn with_node(
     world: impl Future<Output = ()>,
     node: &Node<'_>,
-    desks: &[Desk<'_>],
+    desks: &[EngineContext<'_>],
     plugs: &[Plug<AnyEcu>],
-    cockpit: &Cockpit<'_>,
+    cockpit: &ScenarioContext<'_>,
     notes: &Notes,
     mavlink: Option<&Mavlink>,
 ) {
@@ -345,7 +346,12 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
 }
 
 /// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
-async fn listen(mut events: Events<'_>, desk: &Desk<'_>, plug: &Plug<AnyEcu>, cockpit: &Cockpit<'_>) {
+async fn listen(
+    mut events: Events<'_>,
+    desk: &EngineContext<'_>,
+    plug: &Plug<AnyEcu>,
+    cockpit: &ScenarioContext<'_>,
+) {
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,
@@ -394,75 +400,19 @@ const fn may_be_many(event: Event) -> bool {
     )
 }
 
-/// An event for people; `None` for what the pilot says itself or the counters show.
+/// The library's sentence of an event; `None`: it is said elsewhere, or only counted.
 fn text(event: Event) -> Option<String> {
-    Some(match event {
-        Event::LinkUp => "link up".to_owned(),
-        Event::LinkLost => "LINK LOST".to_owned(),
-        Event::EcuStarted => "the ECU has started".to_owned(),
-        Event::EngineIdentified(engine) => format!("the ECU names its engine: {engine:?}"),
-        Event::EngineUnknown => "the ECU names an engine that is not known".to_owned(),
-        Event::VersionKnown(version) => format!("protocol version {}", version.get()),
-        Event::Phase(phase) => format!("the engine is {}", phase.name()),
-        Event::Faults(faults) if faults.is_empty() => "no fault any more".to_owned(),
-        Event::Faults(faults) => format!("FAULT: {faults}"),
-        Event::RateConfirmed(rate) => format!("status rate {} Hz", rate.hz()),
-        Event::RateNotConfirmed(rate) => format!("the ECU does not take the status rate {} Hz", rate.hz()),
+    match event {
         // That it listens is said once, when it starts.
-        Event::CommandRejected(Rejected::Listening, _) => return None,
-        Event::CommandRejected(why, from) => {
-            format!("command of {} rejected: {why}", from.name())
-        }
-        Event::SourceLoss(LossStage::None) => "the source of commands is back".to_owned(),
-        Event::SourceLoss(LossStage::Hold) => "SOURCE LOST: its last demand is held".to_owned(),
-        Event::SourceLoss(LossStage::FailSafe) => {
-            "SOURCE LOST: the demand goes to the fail-safe throttle".to_owned()
-        }
-        Event::SourceLoss(LossStage::Standby) => "SOURCE LOST: standby".to_owned(),
-        Event::Armed(true, origin) => format!("armed by {}", origin.name()),
-        Event::Armed(false, origin) => format!("disarmed by {}", origin.name()),
-        Event::NotObeyed => "THE ECU DOES NOT FOLLOW ITS ORDERS: check the wire to it".to_owned(),
-        Event::ObeyedAgain => "the ECU follows its orders again".to_owned(),
-        Event::ActiveSource(origin) => format!("{} is in control", origin.name()),
+        Event::CommandRejected(Rejected::Listening, _) => None,
         // The fault itself is told by its name.
-        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => return None,
-        Event::Limit(passed) => format!("LIMIT: {}", limit(passed)),
-        Event::OtherFailed(0) => {
-            "no other engine counts as failed any more (runs again, or was commanded to standby)".to_owned()
-        }
-        Event::OtherFailed(1) => "ANOTHER ENGINE HAS FAILED".to_owned(),
-        Event::OtherFailed(count) => format!("{count} OTHER ENGINES HAVE FAILED"),
-        Event::Resumed(Demand::Throttle(throttle)) => {
-            format!("the node has started and goes on at {:.1} %", f64::from(throttle.tenths()) / 10.0)
-        }
-        Event::Resumed(Demand::Rpm(rpm)) => format!("the node has started and goes on at {} rpm", rpm.get()),
-        Event::RunCancelled(end) => format!("{}: the node goes to standby", end.name()),
-        Event::LifeInDoubt => "in doubt whether the engine runs: the demand does not reach it".to_owned(),
-        Event::LifeConfirmed => "the engine runs: the demand goes out".to_owned(),
-        Event::Clamped(max) => format!("the demand is beyond the maximum: {} rpm go out", max.get()),
-        Event::TransmitterFailed => "NOTHING GOES OUT: the transmitter has failed for 1 s".to_owned(),
-        Event::TransmitterWorks => "the transmitter works again".to_owned(),
-        Event::Ordered(Ordered { order: Order::EmergencyStop, origin }) => {
-            format!("EMERGENCY STOP by {}", origin.name())
-        }
+        Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => None,
         // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
-        _ => return None,
-    })
-}
-
-/// A limit that was passed, for people.
-fn limit(passed: LimitViolation) -> String {
-    let LimitViolation { kind, value, limit, .. } = passed;
-    match kind {
-        LimitKind::OverSpeed => format!("shaft speed {value} rpm, above {limit} rpm"),
-        LimitKind::OverTemperature => format!("EGT {} °C, above {} °C", value / 10, limit / 10),
-        LimitKind::LowRpm => format!("shaft speed {value} rpm while running, below {limit} rpm"),
-        LimitKind::HotStart => format!("hot start, EGT rises by {value} °C/s, more than {limit} °C/s"),
-        LimitKind::FlameOut => format!("flame-out, {value} % of the shaft speed lost, {limit} % or more"),
-        LimitKind::SupplyLow => format!("supply {value} mV, below {limit} mV"),
-        LimitKind::Implausible => format!("shaft speed changes by {value} rpm/s, more than {limit} rpm/s"),
-        LimitKind::EcuFault => format!("the ECU reports fault {value}"),
-        LimitKind::StartTimeout => format!("not running {} s after the start was commanded", limit / 1000),
+        Event::Ordered(Ordered { order, .. }) if order != Order::EmergencyStop => None,
+        Event::NotSent(_) | Event::ServiceSent(_) | Event::ServiceConfirmed(_) | Event::ServiceFailed(_) => {
+            None
+        }
+        told => Some(told.to_string()),
     }
 }
 

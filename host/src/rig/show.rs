@@ -2,6 +2,7 @@
 //! nor a slow disk may hold up an engine.
 
 use super::capture::Capture;
+use super::chronicle::Chronicle;
 use super::csv::Csv;
 use super::lines::Lines;
 use super::message::Message;
@@ -27,6 +28,8 @@ pub struct Files {
     pub names: Vec<&'static str>,
     /// The CSV file, if one is wanted.
     pub csv: Option<Csv>,
+    /// What pictures are made of, if one is wanted.
+    pub chronicle: Option<Chronicle>,
     /// The plot, if one is wanted.
     pub plot: Option<Plot>,
     /// The raw bytes, if they are wanted.
@@ -40,21 +43,21 @@ impl Files {
                 if let Some(csv) = &mut self.csv {
                     csv.note(note);
                 }
-                if let Some(plot) = &mut self.plot {
-                    plot.note(note);
+                if let Some(chronicle) = &mut self.chronicle {
+                    chronicle.note(note);
                 }
             }
             Message::Mark { at, label } => {
-                if let Some(plot) = &mut self.plot {
-                    plot.mark(*at, label);
+                if let Some(chronicle) = &mut self.chronicle {
+                    chronicle.mark(*at, label);
                 }
             }
             Message::Samples { at, samples, details } => {
                 if let Some(csv) = &mut self.csv {
                     csv.samples(*at, &self.names, samples)?;
                 }
-                if let Some(plot) = &mut self.plot {
-                    plot.samples(*at, samples);
+                if let Some(chronicle) = &mut self.chronicle {
+                    chronicle.samples(*at, samples);
                 }
                 if let Some(capture) = &mut self.capture {
                     capture.samples(details)?;
@@ -66,11 +69,14 @@ impl Files {
     }
 
     /// Completes all of them. A file that could not be written before cannot be completed either: the first error is the one.
-    fn finish(self) -> Result<(), String> {
+    fn finish(self) -> (Result<(), String>, Option<Chronicle>) {
         let csv = self.csv.map_or(Ok(()), Csv::finish);
-        let plot = self.plot.map_or(Ok(()), Plot::finish);
+        let plot = match (self.plot, &self.chronicle) {
+            (Some(plot), Some(chronicle)) => plot.finish(chronicle),
+            _ => Ok(()),
+        };
         let capture = self.capture.map_or(Ok(()), Capture::finish);
-        csv.and(plot).and(capture)
+        (csv.and(plot).and(capture), self.chronicle)
     }
 }
 
@@ -96,8 +102,8 @@ pub enum ShowError {
 
 impl Show {
     /// Takes messages until there are no more, or the screen takes none, and completes the files in either case. Gives what
-    /// is to be printed when the terminal is as it was.
-    pub fn run(mut self, messages: &Receiver<Message>) -> Result<String, ShowError> {
+    /// is to be printed when the terminal is as it was, and what a report is made of.
+    pub fn run(mut self, messages: &Receiver<Message>) -> (Result<String, ShowError>, Option<Chronicle>) {
         let shown = catch_unwind(AssertUnwindSafe(|| self.messages(messages)));
         let shown = shown.unwrap_or(Err(ShowError::Panicked));
         let events = match &self.shown {
@@ -106,8 +112,8 @@ impl Show {
         };
         // The terminal is put back before anything else can be printed.
         drop(self.shown);
-        let files = self.files.finish().map_err(ShowError::File);
-        shown.and(files).map(|()| events)
+        let (files, chronicle) = self.files.finish();
+        (shown.and(files.map_err(ShowError::File)).map(|()| events), chronicle)
     }
 
     fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {

@@ -1,6 +1,6 @@
 //! What happens, and why, in one line: for whoever looks on.
 
-use super::desk::Stage;
+use super::context::Stage;
 use super::sample::Sample;
 use jetlink::command::Order;
 use jetlink::event::LossStage;

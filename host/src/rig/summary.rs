@@ -79,7 +79,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
                 problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
             }
             // A starting ECU may or may not have heard what was sent before it spoke.
-            let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_unheard + 1);
+            let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_before_ecu + 1);
             if lost > missed(outcome) {
                 problem(format!("{} commands went to the ECU, it accepted {}", audit.frames, ecu.accepted));
             }
@@ -88,15 +88,14 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     problems
 }
 
-/// Writes it all. `ended_by` is who ended it before its time.
-pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>) -> String {
+/// What was counted, a row each: its head, and a cell for each engine.
+pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     let engines = &outcomes.engines;
     let mut rows: Vec<(&str, Vec<String>)> = Vec::new();
     let mut row = |head: &'static str, cell: &dyn Fn(&Outcome) -> String| {
         rows.push((head, engines.iter().map(cell).collect()));
     };
     let dash = || "-".to_owned();
-    let is_amt = |outcome: &Outcome| outcome.audit.worst_cadence_error.is_none();
     let amt = |outcome: &Outcome, text: String| if is_amt(outcome) { text } else { dash() };
 
     row("", &|o| o.name.to_owned());
@@ -131,7 +130,13 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
             o.recovered_after.map_or_else(dash, |after| format!("{:.2} s", seconds(after)))
         });
     }
+    rows
+}
 
+/// Writes it all. `ended_by` is who ended it before its time.
+pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>) -> String {
+    let engines = &outcomes.engines;
+    let rows = rows(outcomes);
     let mut text = format!("\nSummary after {:.1} s of engine time\n", seconds(outcomes.length));
     for first in (0..engines.len()).step_by(ENGINES_BESIDE) {
         for (head, cells) in &rows {
@@ -152,7 +157,6 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     }
 
     text.push('\n');
-    // Only AMT ECUs have windows for replies.
     if engines.iter().any(is_amt) {
         let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
         let missed: u64 = engines.iter().map(missed).sum();
@@ -183,6 +187,11 @@ pub fn pass(outcomes: &Outcomes) -> &'static str {
     } else {
         "PASS: all expected events occurred, and all engines are shut down."
     }
+}
+
+/// Only AMT ECUs have windows for replies.
+const fn is_amt(outcome: &Outcome) -> bool {
+    outcome.audit.worst_cadence_error.is_none()
 }
 
 fn missed(outcome: &Outcome) -> u64 {

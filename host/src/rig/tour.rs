@@ -1,7 +1,6 @@
 //! The run of somebody who looks on: fast where little happens, in real time where much does.
 
-use super::desk::Stage;
-use super::sample::Sample;
+use super::context::Stage;
 
 /// While the engines start, one after the other.
 const STARTING: u32 = 4;
@@ -17,13 +16,13 @@ pub struct Tour {
 }
 
 impl Tour {
-    /// The speed for what happens now.
-    pub fn speed(&mut self, samples: &[Sample]) -> u32 {
-        let all = |stages: &[Stage]| samples.iter().all(|sample| stages.contains(&sample.stage));
-        if samples.iter().any(|sample| sample.stage == Stage::Played) {
+    /// The speed for what happens now: how far the pilot of each engine has come.
+    pub fn speed(&mut self, stages: &[Stage]) -> u32 {
+        let all = |of: &[Stage]| stages.iter().all(|stage| of.contains(stage));
+        if stages.contains(&Stage::Played) {
             return FLYING;
         }
-        self.all_ran |= !samples.iter().any(|sample| matches!(sample.stage, Stage::Standby | Stage::Start));
+        self.all_ran |= !stages.iter().any(|stage| matches!(stage, Stage::Standby | Stage::Start));
         if all(&[Stage::Cooling, Stage::Done, Stage::Failed]) {
             COOLING
         } else if self.all_ran {

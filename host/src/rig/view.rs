@@ -2,6 +2,7 @@
 
 mod charts;
 mod draw;
+pub mod keyboard;
 pub mod keys;
 pub mod model;
 mod panels;

@@ -5,7 +5,7 @@ use super::{file, signal};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// The most that anything here may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(20);
 const HEAD: &str = "jetlink rig   ";
 const LEAVE_ALTERNATE_SCREEN: &str = "\u{1b}[?1049l";
 const SHOW_CURSOR: &str = "\u{1b}[?25h";
@@ -61,8 +61,10 @@ struct Terminal {
     /// What a person types goes in here.
     keyboard: Option<File>,
     /// The program's side, to look at its modes.
-    side: File,
+    side: Option<File>,
     output: Arc<Mutex<String>>,
+    /// Copies what is shown, until the last one who has the terminal open is gone.
+    reader: Option<thread::JoinHandle<()>>,
 }
 
 impl Terminal {
@@ -72,7 +74,8 @@ impl Terminal {
 
     /// On a terminal that says of itself what it is.
     fn start_as(term: &str, args: &[&str]) -> Self {
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+        let master =
+            openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
         grantpt(&master).expect("a terminal");
         unlockpt(&master).expect("a terminal");
         let name = ptsname(&master, Vec::new()).expect("a terminal").into_string().expect("UTF-8");
@@ -85,13 +88,13 @@ impl Terminal {
         let keyboard = File::from(master);
         let output = Arc::new(Mutex::new(String::new()));
         let (mut screen, copy) = (keyboard.try_clone().expect("a copy"), output.clone());
-        thread::spawn(move || {
+        let reader = thread::spawn(move || {
             let mut bytes = [0; 4096];
             while let Ok(count @ 1..) = screen.read(&mut bytes) {
                 copy.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..count]));
             }
         });
-        Self { child, keyboard: Some(keyboard), side, output }
+        Self { child, keyboard: Some(keyboard), side: Some(side), output, reader: Some(reader) }
     }
 
     fn output(&self) -> String {
@@ -102,14 +105,13 @@ impl Terminal {
     #[track_caller]
     fn is_live(&self) {
         wait_until("the screen is shown", || self.output().contains(HEAD) && self.output().contains("left"));
-        // The first event comes with the first frames of the ECUs, and more than a second of it is to be seen.
         wait_until("the run goes on", || self.output().contains("link up"));
-        thread::sleep(Duration::from_secs(1));
         assert!(self.is_raw(), "the screen needs single keys");
     }
 
     fn is_raw(&self) -> bool {
-        !tcgetattr(&self.side).expect("modes").local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
+        let side = self.side.as_ref().expect("open");
+        !tcgetattr(side).expect("modes").local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
     }
 
     fn types(&mut self, keys: &[u8]) {
@@ -121,9 +123,9 @@ impl Terminal {
     fn end(mut self) -> (ExitStatus, String) {
         let status = ended(&mut self.child);
         assert!(!self.is_raw(), "the terminal is still in raw mode");
-        // The last of it may still be on its way from the terminal.
-        wait_until("the summary", || self.output().contains("\nSummary after "));
-        thread::sleep(Duration::from_millis(200));
+        // With nobody left who has it open, the reader comes to the end of what was shown.
+        drop(self.side.take());
+        self.reader.take().expect("it reads").join().expect("it reads");
         let output = self.output();
         let (_, normal) = output.rsplit_once(LEAVE_ALTERNATE_SCREEN).expect("the alternate screen is left");
         assert!(normal.contains(SHOW_CURSOR), "the cursor is shown: {normal:?}");
@@ -136,6 +138,13 @@ impl Drop for Terminal {
         let _ = self.child.kill(); // it may have ended already
         let _ = self.child.wait();
     }
+}
+
+/// Until the CSV file has more than a second of each engine.
+#[track_caller]
+fn has_rows(csv: &Path, engines: usize) {
+    let rows = || std::fs::read_to_string(csv).unwrap_or_default().lines().count();
+    wait_until("rows in the CSV file", || rows() > 10 * engines);
 }
 
 /// Both files are what a run that ends by itself leaves: whole rows for all engines, and a picture.
@@ -192,6 +201,7 @@ fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
                 let mut terminal =
                     Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
                 terminal.is_live();
+                has_rows(&csv, 4);
                 end(&mut terminal);
                 let (ended, text) = terminal.end();
                 assert_eq!(ended.code(), Some(status), "{name}: {text}");
@@ -204,14 +214,19 @@ fn keys_and_signals_on_a_terminal_restore_it_and_print_the_summary_so_far() {
 
 #[test]
 fn events_are_printed_with_the_summary() {
-    let mut terminal = Terminal::start(&["--standby"]);
+    let csv = file("events.csv");
+    let mut terminal = Terminal::start(&["--standby", "--csv", csv.to_str().unwrap()]);
     terminal.is_live();
+    has_rows(&csv, 4);
     terminal.types(b"q");
     let (ended, text) = terminal.end();
     assert_eq!(ended.code(), Some(0), "{text}");
     let events = text.split_once("\nEvents\n").expect("events").1;
     let events = events.split_once("\nSummary after ").expect("a summary").0;
-    assert!(events.contains("  left          link up") && events.contains("the node has started"), "{text}");
+    assert!(
+        events.contains("  left          ECU link up") && events.contains("the node has started"),
+        "{text}"
+    );
 }
 
 /// The screen is left, the shell gets its terminal, and `fg` brings it back.
@@ -256,7 +271,7 @@ fn a_dumb_terminal_and_plain_get_lines() {
         wait_until("the summary", || terminal.output().contains("\nSummary after "));
         let text = terminal.output();
         assert_eq!(status.code(), Some(0), "{text}");
-        assert!(!text.contains('\u{1b}') && text.contains("  left          link up"), "{text}");
+        assert!(!text.contains('\u{1b}') && text.contains("  left          ECU link up"), "{text}");
     }
 }
 
@@ -293,7 +308,7 @@ fn a_terminal_can_change_its_size() {
     for (columns, rows, what) in [(30, 10, "columns"), (150, 40, "Titan")] {
         let before = terminal.output().len();
         let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
-        tcsetwinsize(&terminal.side, size).expect("a size");
+        tcsetwinsize(terminal.side.as_ref().expect("open"), size).expect("a size");
         signal(&terminal.child, "WINCH");
         wait_until(what, || terminal.output().get(before..).is_some_and(|new| new.contains(what)));
         let output = terminal.output();
@@ -343,10 +358,48 @@ fn a_closed_terminal_ends_the_run_with_complete_files() {
     let (csv, plot) = (file("closed.csv"), file("closed.svg"));
     let mut terminal = Terminal::start(&["--csv", csv.to_str().unwrap(), "--plot", plot.to_str().unwrap()]);
     terminal.is_live();
+    has_rows(&csv, 4);
     // First the signal, then nothing can be written any more.
     signal(&terminal.child, "HUP");
     drop(terminal.keyboard.take());
     assert_eq!(ended(&mut terminal.child).code(), Some(129));
+    files_are_complete(&csv, &plot, 4);
+}
+
+/// No signal comes, as where a terminal's server is killed, and SIGHUP is ignored: the program sees it by itself.
+#[test]
+fn a_terminal_that_is_gone_ends_the_run() {
+    let (csv, plot) = (file("gone.csv"), file("gone.svg"));
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
+    grantpt(&master).expect("a terminal");
+    unlockpt(&master).expect("a terminal");
+    let name = ptsname(&master, Vec::new()).expect("a terminal").into_string().expect("UTF-8");
+    let side = || OpenOptions::new().read(true).write(true).open(&name).expect("a terminal");
+    tcsetwinsize(side(), Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
+    let script = format!(
+        "trap '' HUP; exec '{}' rig --standby --duration 600s --csv '{}' --plot '{}'",
+        env!("CARGO_BIN_EXE_jetlink"),
+        csv.display(),
+        plot.display()
+    );
+    let mut rig = Command::new("sh");
+    rig.args(["-c", &script]).env("TERM", "xterm-256color");
+    let mut child = rig.stdin(side()).stdout(side()).stderr(Stdio::null()).spawn().expect("it runs");
+    drop(rig); // it holds the terminal open
+    let mut terminal = File::from(master);
+    let mut screen = terminal.try_clone().expect("a copy");
+    let reader = thread::spawn(move || {
+        let (mut output, mut bytes) = (String::new(), [0; 4096]);
+        while !(output.contains(HEAD) && output.contains("link up")) {
+            let count = screen.read(&mut bytes).expect("output");
+            output.push_str(&String::from_utf8_lossy(&bytes[..count]));
+        }
+    });
+    reader.join().expect("the screen is shown");
+    has_rows(&csv, 4);
+    terminal.write_all(b"?").expect("typed");
+    drop(terminal);
+    assert_eq!(ended(&mut child).code(), Some(129));
     files_are_complete(&csv, &plot, 4);
 }
 
@@ -395,8 +448,16 @@ fn a_scenario_can_be_ended() {
 #[cfg(target_os = "linux")]
 fn nohup_is_respected() {
     let script = format!("trap '' HUP; exec '{}' rig --standby --duration 2s", env!("CARGO_BIN_EXE_jetlink"));
-    let mut child = Command::new("sh").args(["-c", &script]).stdout(Stdio::null()).spawn().expect("it runs");
-    thread::sleep(Duration::from_secs(1));
+    let mut child = Command::new("sh").args(["-c", &script]).stdout(Stdio::piped()).spawn().expect("it runs");
+    let mut output = BufReader::new(child.stdout.take().expect("piped"));
+    let mut line = String::new();
+    while !line.contains("link up") {
+        line.clear();
+        assert!(output.read_line(&mut line).expect("output") > 0, "it ended");
+    }
     signal(&child, "HUP");
+    let mut rest = String::new();
+    output.read_to_string(&mut rest).expect("output");
+    assert!(rest.contains("PASS: "), "{rest}");
     assert_eq!(ended(&mut child).code(), Some(0));
 }

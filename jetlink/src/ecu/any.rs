@@ -17,7 +17,7 @@ macro_rules! any_link {
         }
 
         impl AnyLink {
-            /// The link that a configuration asks for.
+            /// The link for a configuration.
             pub fn new(config: &EcuConfig, line: Line, timing: Timing) -> Self {
                 match config {
                     $(EcuConfig::$name(config) => Self::$name(config.link(line, timing)),)+

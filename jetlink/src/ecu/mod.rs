@@ -1,4 +1,4 @@
-//! The ECUs jetlink speaks to, each in a folder of its own, and what is common to them: configuration, services, faults.
+//! The supported ECUs, each in its own folder, and their common types: configuration, services, faults.
 
 pub mod amt;
 pub mod any;
@@ -11,7 +11,7 @@ use crate::setting::{Row, Setting};
 use vendor::{VendorFaults, VendorService};
 
 /// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU. A new one is a
-/// folder and a line here (docs/porting.md); `Config`, `Service` and the faults offer what the makers below ask of them.
+/// folder and a line here (docs/porting.md); `Config`, `Service` and the faults provide what the macros below need.
 macro_rules! protocols {
     ($make:ident) => {
         $make! {
@@ -62,7 +62,7 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// The protocol, and which engine it is set to: another number makes retained state invalid.
+            /// The protocol, and the engine that it is set to: another number makes retained state invalid.
             pub(crate) fn identity(&self) -> [u8; 2] {
                 match self {
                     $(Self::$name(config) => config.identity(),)+
@@ -73,6 +73,7 @@ macro_rules! vendor_types {
         /// Mistake in the configuration of an ECU.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[non_exhaustive]
         pub enum Mistake {
             $($(#[$doc])* $name($mistake),)+
         }
@@ -105,14 +106,14 @@ macro_rules! vendor_types {
         }
 
         impl Service {
-            /// It moves fuel or heats, so the engine has to be cold and at rest, and it is ended after a time.
+            /// It moves fuel or heats, so the engine has to be cold and at rest, and it is limited in time.
             pub fn moves_fuel(self) -> bool {
                 match self {
                     $(Self::$name(service) => service.moves_fuel(),)+
                 }
             }
 
-            /// It ends what one that moves fuel began.
+            /// It ends the effect of one that moves fuel.
             pub fn closes_pump(self) -> bool {
                 match self {
                     $(Self::$name(service) => service.closes_pump(),)+

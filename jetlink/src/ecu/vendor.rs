@@ -1,15 +1,15 @@
-//! What every ECU protocol offers beside its codec and its link, for whoever does not know which protocol it is.
+//! Interface of every ECU protocol beside its codec and its link, for code that does not depend on the protocol.
 
 use core::fmt::Display;
 
 /// The service commands of a protocol.
 pub trait VendorService: Copy {
-    /// It moves fuel or heats, so the engine has to be cold and at rest, and it is ended after a time.
+    /// It moves fuel or heats, so the engine has to be cold and at rest, and it is limited in time.
     fn moves_fuel(self) -> bool {
         false
     }
 
-    /// It ends what one that moves fuel began.
+    /// It ends the effect of one that moves fuel.
     fn closes_pump(self) -> bool {
         false
     }
@@ -18,8 +18,8 @@ pub trait VendorService: Copy {
     fn needs_stopped_engine(self) -> bool;
 }
 
-/// The faults of a protocol: several at once or one code. Displayed as a text for people, `none` where there is none.
+/// The faults of a protocol: several at once or one code. Displayed as text, `none` if there is none.
 pub trait VendorFaults: Copy + Display {
-    /// The number on the wire; 0 where there is none.
+    /// The number on the wire; 0 if there is none.
     fn number(self) -> u8;
 }

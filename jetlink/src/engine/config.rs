@@ -397,3 +397,12 @@ impl Supervision {
 }
 
 const _: () = assert!(Supervision::DEFAULT.validate().is_ok(), "a default is out of its range");
+
+impl core::fmt::Display for SettingId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let row = Supervision::row(*self);
+        write!(f, "{}: {}", row.name, row.message)
+    }
+}
+
+impl core::error::Error for SettingId {}

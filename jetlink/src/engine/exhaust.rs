@@ -35,7 +35,7 @@ pub(super) enum Burning {
     No,
     /// Neither.
     NotKnown,
-    /// The sensor failed or jumped: its values are not believed.
+    /// The sensor failed or jumped: its values are not used.
     NotReadable,
 }
 

@@ -346,7 +346,7 @@ impl Life {
                 (_, Burning::No) => false,
                 // A restarted ECU could start its engine when the fault clears.
                 (Cause::Gap, _) => false,
-                // Without a sensor nothing will ever decide: the order goes on under the stages of loss, as it did before.
+                // Without a sensor nothing will ever decide: the order stays in force under the stages of loss, as before.
                 (Cause::Reset, exhaust) => exhaust == Burning::NotReadable,
                 (Cause::Report, _) => true,
             },

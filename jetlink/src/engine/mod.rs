@@ -12,14 +12,14 @@
 //! - The state that the ECU reports takes precedence over what was commanded.
 
 pub mod config;
-pub mod limits;
+mod limits;
 pub mod retained;
 pub mod state;
 
 mod commands;
 mod exhaust;
 mod governor;
-pub mod life;
+mod life;
 mod lives;
 mod ramp;
 mod reset;

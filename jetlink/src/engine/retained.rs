@@ -1,8 +1,8 @@
 //! State that survives a reset: the order in force, its demand and its source, in memory that start-up does not clear.
 //! Two copies with a checksum and a sequence number: a reset during a write leaves the previous copy intact.
 //!
-//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only those
-//! parts of a record are used that can stop an engine or preserve one: [`RetainedState::without_start`].
+//! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only the parts
+//! of a record that can stop or preserve an engine are used: [`RetainedState::without_start`].
 
 use crate::command::{Demand, Order, Origin};
 use crate::event::LossStage;
@@ -97,8 +97,8 @@ impl RetainedState {
         }
     }
 
-    /// The parts that remain after a loss of power, or of another engine's record: those that can only stop an engine or
-    /// preserve one, never start it or raise its demand.
+    /// The parts that remain after a loss of power, or from another engine's record: those that can only stop or preserve an
+    /// engine, never start it or raise its demand.
     pub const fn without_start(self) -> Self {
         let order = match self.order {
             Order::EmergencyStop => Order::EmergencyStop,

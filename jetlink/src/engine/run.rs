@@ -110,7 +110,7 @@ impl Run {
                     return None;
                 }
                 let latest = match self.taking_over {
-                    // One deadline for all: alternating sources must not hold a lost demand for ever.
+                    // One deadline for all: alternating sources must not hold a lost demand forever.
                     Some((_, latest)) => latest,
                     None => now + config.takeover.within,
                 };
@@ -175,13 +175,14 @@ impl Run {
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
         // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
         // loop of resets must.
-        match by.doubted.filter(|_| by.config.loss.standby_after.is_none() && !self.resumed_low) {
+        let could_run = self.life.reached() && !self.resumed_low;
+        match by.doubted.filter(|_| could_run && by.config.loss.standby_after.is_none()) {
             Some(since) => Some(at.max(since.checked_add(CONFIRMS_WITHIN)?)),
             None => Some(at),
         }
     }
 
-    /// Begin of the next stage of loss.
+    /// Start of the next stage of loss.
     pub fn loss_deadline(&self, by: &Arbitration<'_>) -> Option<Instant> {
         if self.taking_over.is_some() {
             // The stage does not change: the waiting source takes over or falls silent.

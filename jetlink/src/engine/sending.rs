@@ -1,4 +1,4 @@
-//! What goes out: from a run and its shaped demand to the order of the link, and whether the ECU obeys it.
+//! Turns a run and its shaped demand into the order of the link, and checks whether the ECU obeys it.
 
 use super::shaper::Shape;
 use super::state::STATE_MAX_AGE;

@@ -97,7 +97,7 @@ impl Sources {
         let before = self.slot(origin).copied();
         let fresh = before.is_some_and(|source| now < source.silent_from);
         let changed = !fresh || before.is_some_and(|source| source.intent != Intent::Standby);
-        // Two of its own periods, if that is longer. The shorter of two periods, because an outage is none.
+        // Two of its own periods, if that is longer. Use the shorter of its last two, because the other may be an outage.
         let period = |source: Source| source.period.min(source.period_before);
         let within = before.map_or(timeout, |source| timeout.max((period(source) * 2).min(TWO_STANDBYS_MAX)));
         let second = before.and_then(|source| source.standby_at).is_some_and(|at| now <= at + within);

@@ -1,4 +1,4 @@
-//! A source of commands is a capability: whoever holds it is the only one who speaks for it.
+//! A source of commands is a capability: only its owner can command in its name.
 
 use jetlink::channel::{Channel, ClaimError};
 use jetlink::command::{Accepted, Command, Origin};
@@ -12,7 +12,7 @@ fn config(port: u8) -> EngineConfig {
 }
 
 #[test]
-fn source_is_held_by_one_until_it_is_dropped() {
+fn source_has_one_owner_until_it_is_dropped() {
     let channel = Channel::new(&config(0), None);
     let (one, other) = (channel.handle(), channel.handle());
     let held = one.source(Origin::Rc).unwrap();
@@ -24,7 +24,7 @@ fn source_is_held_by_one_until_it_is_dropped() {
 }
 
 #[test]
-fn node_and_emergency_are_no_ordinary_sources() {
+fn node_and_emergency_cannot_be_claimed_as_ordinary_sources() {
     let channel = Channel::new(&config(0), None);
     let handle = channel.handle();
     assert_eq!(handle.source(Origin::Node).err(), Some(ClaimError::Node));

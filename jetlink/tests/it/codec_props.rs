@@ -177,7 +177,7 @@ proptest! {
     /// ZK-16: a corrupted frame, full of false heads or not, never takes the good frame behind it along, unless
     /// seven bytes across both are a frame by chance (a CRC of eight bits passes one in 256).
     #[test]
-    fn zk_16_a_corrupted_frame_does_not_cost_the_next(
+    fn zk_16_a_corrupted_frame_does_not_lose_the_next(
         mut bad in zk_frame(),
         byte in 0..7usize,
         flip in 1..=255u8,
@@ -196,7 +196,7 @@ proptest! {
     /// ZK-16: after any noise at most one frame is lost: a lock by chance is seven bytes long, so one that began
     /// in the noise ends within the first good frame, and the second is found.
     #[test]
-    fn zk_16_noise_costs_a_bounded_number_of_bytes(noise in noise(60), good in zk_frame()) {
+    fn zk_16_noise_loses_a_bounded_number_of_bytes(noise in noise(60), good in zk_frame()) {
         // But for the one frame in some hundreds that holds another by chance where it meets its copy.
         prop_assume!((1..ZK_LEN).all(|at| {
             let twice = [good.clone(), good.clone()].concat();
@@ -234,14 +234,14 @@ proptest! {
 
     /// AMT-1: after any noise the very next frame is found: its 0xFF always starts one.
     #[test]
-    fn amt_1_noise_never_costs_the_next_frame(noise in noise(60), good in amt_frame()) {
+    fn amt_1_noise_never_loses_the_next_frame(noise in noise(60), good in amt_frame()) {
         let found = amt_frames_of(&[noise, good.clone()].concat());
         prop_assert_eq!(found.last(), Some(&good));
     }
 
     /// AMT-1: bytes lost inside a frame cost that frame and no other.
     #[test]
-    fn amt_1_lost_bytes_cost_one_frame(
+    fn amt_1_lost_bytes_lose_one_frame(
         before in amt_frame(), spoilt in amt_frame(), after in amt_frame(), lost in any::<prop::sample::Index>(),
     ) {
         // One byte is lost behind the leader; the shorter frame of six bytes ends in the next leader.
@@ -374,7 +374,7 @@ fn amt_10_every_control_survives_the_round_trip() {
 
 /// AMT-10: of all pairs of an OPS and a THR byte exactly 4 × 201 are messages.
 #[test]
-fn amt_10_nothing_else_is_a_message() {
+fn amt_10_no_other_bytes_are_a_message() {
     let mut good = 0;
     for ops in 0..=255 {
         for thr in 0..=255 {
@@ -402,7 +402,7 @@ fn random_bytes(count: usize, mut seed: u64) -> impl Iterator<Item = u8> {
 
 /// A million random bytes: no panic, frames as the document's rule finds them, counters that add up.
 #[test]
-fn zk_16_survives_a_million_random_bytes() {
+fn zk_16_the_decoder_survives_a_million_random_bytes() {
     let stream: Vec<u8> = random_bytes(1_000_000, 0x5EED).collect();
     let mut decoder = zk::Decoder::new();
     let mut found = Vec::new();
@@ -415,7 +415,7 @@ fn zk_16_survives_a_million_random_bytes() {
 
 /// AMT-1: the same for AMT. There is no checksum, so most of it makes frames.
 #[test]
-fn amt_1_survives_a_million_random_bytes() {
+fn amt_1_the_decoder_survives_a_million_random_bytes() {
     let stream: Vec<u8> = random_bytes(1_000_000, 0xA37).collect();
     let mut decoder = amt::Decoder::new();
     let mut found = Vec::new();
@@ -448,7 +448,7 @@ fn amt_9_setup_is_recognised_at_its_full_stop() {
 
 /// ZK-16: a CRC failure drops one byte, never the seven of the window.
 #[test]
-fn zk_16_the_search_goes_on_in_the_same_window() {
+fn zk_16_the_search_continues_in_the_same_window() {
     //          a head without its frame, then a whole frame whose first bytes stood in the false window
     let good = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
     for false_heads in 1..=30 {

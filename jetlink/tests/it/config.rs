@@ -123,16 +123,16 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
 
 /// A record belongs to one engine: its protocol, port, name and kind. Every other setting may change without losing it.
 #[test]
-fn the_fingerprint_is_of_the_engine_and_not_of_its_settings() {
-    use jetlink::ecu::amt::codec::Engine;
+fn the_fingerprint_identifies_the_engine_and_not_its_settings() {
+    use jetlink::ecu::amt::codec::EngineModel;
     let line = Line::new(9600);
     let others = [
         amt(0, line),
         amt(1, line),
         zk(0, line, Rate::Hz20),
         EngineConfig::amt("other", 0, line, None),
-        EngineConfig::amt("amt", 0, line, Some(Engine::Olympus)),
-        EngineConfig::amt("amt", 0, line, Some(Engine::Titan)),
+        EngineConfig::amt("amt", 0, line, Some(EngineModel::Olympus)),
+        EngineConfig::amt("amt", 0, line, Some(EngineModel::Titan)),
     ];
     for (i, one) in others.iter().enumerate() {
         for (j, other) in others.iter().enumerate() {
@@ -462,7 +462,7 @@ fn settings_change_within_their_range() {
 
 /// Settings given to a running engine hold from then on, and a wrong one changes nothing.
 #[test]
-fn settings_can_be_given_to_a_running_engine() {
+fn settings_of_a_running_engine_can_be_changed() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     let mut settings = Ecu::Zk.config().supervision;

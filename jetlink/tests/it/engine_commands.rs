@@ -1,4 +1,4 @@
-//! Service commands, the hand-over to PWM, what is told, and any schedule of all of it. For both ECUs.
+//! Service commands, the hand-over to PWM, reports, and random schedules of all of them. For both ECUs.
 
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action};
@@ -132,9 +132,9 @@ fn zk_8_a_hand_over_counts_as_a_start() {
 // Service commands and refusals
 // ---------------------------------------------------------------------------------------------
 
-/// An ECU that was not heard for three frames may be another one when it comes back.
+/// An ECU that was silent for three frames may be another one when it returns.
 #[test]
-fn zk_13_nothing_that_moves_fuel_goes_to_an_ecu_that_is_in_a_gap() {
+fn zk_13_services_that_move_fuel_are_refused_in_a_gap() {
     for service in MOVE_FUEL {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         scenario.silent().pass_us(140_000);
@@ -255,7 +255,7 @@ fn refusals_change_nothing() {
     }
 }
 
-/// The order is told when it changes in kind or hands, not at every new throttle.
+/// The order is reported when it changes in kind or origin, not at every new throttle.
 #[test]
 fn orders_are_reported_when_they_change_in_kind() {
     for ecu in BOTH {
@@ -325,7 +325,7 @@ proptest! {
     /// for it, armed and from standby, what is refused changes nothing but for a demand that moves by itself, no
     /// demand outlives its hold, and the bench finds no deadline that is over. From an engine in standby, or one that runs.
     #[test]
-    fn in_any_schedule_a_run_begins_only_by_a_command_for_it(
+    fn in_any_schedule_a_run_only_begins_by_its_command(
         is_zk in any::<bool>(),
         runs in any::<bool>(),
         steps in prop::collection::vec((0..1_500_000u64, step()), 1..60),

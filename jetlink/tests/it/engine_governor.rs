@@ -123,12 +123,12 @@ fn the_governor_is_limited_in_slew_and_authority() {
 /// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself. While faults
 /// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
 #[test]
-fn the_governor_never_holds_throttle_up_on_old_telemetry() {
+fn the_governor_never_holds_a_throttle_on_old_telemetry() {
     for exhaust in [Exhaust::Burns, Exhaust::Broken] {
         let mut scenario = at(governed(|_| {}), 60, 80_000);
         scenario.fly_us(target(85_000), Origin::Rc, 2 * SECOND);
         assert!(throttle(&scenario) > 500);
-        // Error sets: heard, and without an rpm.
+        // Error sets: received, without an rpm.
         let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
         let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
         scenario.silent();
@@ -162,7 +162,7 @@ fn the_governor_never_holds_throttle_up_on_old_telemetry() {
 
 /// On a line that is cut nothing goes out. When it is mended the governor goes on from the throttle that the ECU reports.
 #[test]
-fn the_governor_resumes_where_it_was_when_a_cut_line_is_mended() {
+fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     scenario.silent().fly_us(target(80_000), Origin::Rc, FRAME_PERIOD_US);
@@ -177,13 +177,13 @@ fn the_governor_resumes_where_it_was_when_a_cut_line_is_mended() {
 
 /// A source that is lost: held, and then down from the throttle that the governor had set, never up.
 #[test]
-fn a_lost_source_brings_the_governors_throttle_down() {
+fn a_lost_source_lowers_the_governors_throttle() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     let held = scenario.tenths();
     scenario.pass_us(500_000 - 100_000 + SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
-    // The shaft falls, and nobody pushes it up.
+    // The shaft slows down, and nothing accelerates it.
     scenario.values.rpm = Some(60_000);
     let mut before = scenario.tenths();
     assert!(before <= held + 5);
@@ -247,7 +247,7 @@ fn a_lost_line_is_not_a_lost_source() {
 
 /// How old a speed may be for it is its own setting, not another's.
 #[test]
-fn a_speed_is_as_old_as_its_own_setting_says() {
+fn a_speed_expires_after_its_own_setting() {
     for (link_stable, age, answer) in [
         (Duration::from_ticks(0), 10_000, Ok(Accepted::InForce)),
         (Duration::from_millis(1500), 601_000, Err(Rejected::RpmNotKnown)),

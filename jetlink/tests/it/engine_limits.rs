@@ -29,7 +29,7 @@ fn burns(scenario: &mut Scenario) {
     scenario.fly_us(run(50), Origin::Rc, SECOND);
 }
 
-/// What is told when some frames in a row say this, and the engine's own values after it.
+/// Events after some consecutive frames with these values, and then the engine's own values.
 fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
     let before = scenario.values;
     scenario.values = values;
@@ -41,7 +41,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
 
 /// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
 #[test]
-fn a_limit_is_passed_by_two_consecutive_values() {
+fn a_limit_is_violated_by_two_consecutive_values() {
     use LimitKind::{LowRpm, OverSpeed, OverTemperature};
     type Change = fn(&mut Limits);
     let cases: [(Change, LimitKind, Values, Values, i32, i32); 3] = {
@@ -118,7 +118,7 @@ fn a_limit_is_reported_with_its_time() {
 
 /// Without a limit of our own, the ZK ECU's figures serve: 105 % of its maximum, 80 % of its idle while running.
 #[test]
-fn without_a_limit_the_engines_own_figures_serve() {
+fn without_a_limit_the_engines_own_figures_apply() {
     let values = |rpm| Values { rpm: Some(rpm), egt_celsius: 26, half_percents: 0, fault: 0 };
     let quiet = |limits: &mut Limits| {
         limits.implausible = Limit::NONE;
@@ -133,7 +133,7 @@ fn without_a_limit_the_engines_own_figures_serve() {
         let mut scenario = running(Ecu::Zk, quiet);
         assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
     }
-    // Low while it stands or starts is nothing.
+    // A low speed at rest or during a start is no violation.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(run(0)).unwrap();
     scenario.values.rpm = Some(1_000);
@@ -146,7 +146,7 @@ fn without_a_limit_the_engines_own_figures_serve() {
 #[test]
 fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
     for ecu in BOTH {
-        // °C per second, and whether that is told: the default is 200.
+        // °C per second, and whether that is reported: the default is 200.
         for (rate, says, told) in
             [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
         {
@@ -361,7 +361,7 @@ fn each_limit_takes_its_action() {
 
 /// A limit with an action that is passed refuses a start; one that is only told does not.
 #[test]
-fn a_limit_that_is_passed_refuses_a_start() {
+fn a_violated_limit_refuses_a_start() {
     for (action, expected) in [
         (Action::Report, Ok(Accepted::InForce)),
         (Action::FailSafe, Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow)))),

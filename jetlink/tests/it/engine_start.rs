@@ -1,4 +1,4 @@
-//! What an engine is said to do, and what it takes to start one. For both ECUs, to the tick.
+//! The reported state of an engine, and the conditions for a start. For both ECUs, exact to the tick.
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
@@ -110,7 +110,7 @@ fn zk_each_state_is_reported_as_its_phase() {
     }
 }
 
-/// A state ages: an ECU that is heard and no longer says it is not known, one that is not heard is offline.
+/// A state ages: it is unknown if a received ECU no longer reports it, and offline if the ECU is silent.
 #[test]
 fn a_state_is_as_old_as_its_report() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
@@ -136,7 +136,7 @@ fn a_state_is_as_old_as_its_report() {
 
 /// What is commanded does not show in the state.
 #[test]
-fn a_state_is_not_what_was_commanded() {
+fn a_state_is_never_taken_from_a_command() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
@@ -374,7 +374,7 @@ fn one_engine_of_a_group_starts_at_a_time() {
     }
 }
 
-/// Whoever is refused is told why, once, and nothing has changed but its permission to start, which is gone.
+/// A refusal is reported once with its reason, and changes nothing but the start permission, which it uses up.
 #[test]
 fn a_refusal_is_typed_counted_and_reported_once() {
     for ecu in BOTH {
@@ -514,7 +514,7 @@ fn one_odd_report_does_not_drop_the_throttle() {
 
 /// Too long a start goes to standby, with an event that names the limit in force; a stream of run starts nothing.
 #[test]
-fn a_start_has_its_time_to_the_tick() {
+fn a_start_times_out_exactly_to_the_tick() {
     for ecu in BOTH {
         for says in [Says::Standby, Says::Starting] {
             let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
@@ -546,9 +546,9 @@ fn a_start_has_its_time_to_the_tick() {
     }
 }
 
-/// Where the ECU gives its own start-up time, twice that counts, and the event says so.
+/// Where the ECU reports its own start-up time, twice that time applies, and the event shows it.
 #[test]
-fn the_ecus_own_start_up_time_counts_twice() {
+fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
     scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, 40]));
     let startup = scenario.telemetry().report.startup.expect("version 5 gives it").value;
@@ -593,7 +593,7 @@ fn the_ecus_own_start_up_time_has_bounds() {
 /// Sources that ask for a start while the node still listens are told so, or that there is nothing to be heard. A stream
 /// of standby is obeyed after the second in which a higher source could have spoken.
 #[test]
-fn nobody_starts_while_the_node_listens() {
+fn no_source_starts_an_engine_while_the_node_listens() {
     for ecu in BOTH {
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
@@ -657,9 +657,9 @@ fn one_odd_report_does_not_end_a_start() {
     }
 }
 
-/// A loss that ends in the moment it is found makes the link new all the same.
+/// A loss that ends at the moment when it is detected still restarts the stable time of the link.
 #[test]
-fn a_link_loss_that_ends_at_once_makes_the_link_new() {
+fn a_link_loss_that_ends_at_once_restarts_the_stable_link_time() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.silent();

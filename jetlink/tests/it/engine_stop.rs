@@ -24,7 +24,7 @@ fn drain() -> Command {
 
 /// AMT: in the reply to the very next frame. ZK: out of turn, at once, and again at every turn.
 #[test]
-fn a_stop_goes_out_at_once() {
+fn a_stop_is_sent_at_once() {
     for after in [0, 1, 7_000, 20_000, 49_999] {
         let mut amt = Scenario::started(Ecu::Amt, percent(50));
         amt.pass_us(after);
@@ -237,7 +237,7 @@ fn a_release_allows_no_start() {
 
 /// A stop comes while the node listens, too.
 #[test]
-fn a_stop_goes_out_while_the_node_listens() {
+fn a_stop_is_sent_while_the_node_listens() {
     for ecu in BOTH {
         let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
         assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
@@ -521,7 +521,7 @@ fn a_latched_stop_survives_a_reset() {
 /// An AMT ECU with a fault sends, and does not say what its engine does: what was kept counts for as much as the exhaust
 /// says. Without a record nothing is in force, until the stages of loss have run out.
 #[test]
-fn amt_8_after_a_reset_the_exhaust_decides_where_the_ecu_has_a_fault() {
+fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
     let run = kept_run(percent(60));
     for (kept, egt, order, sent) in [
         (run, 500, Order::Doubt(percent(60)), vec![Wire::Run(600); 3]),

@@ -417,7 +417,7 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
         EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
     ];
     let node: Node<2> = Node::new(&engines, None).unwrap();
-    let amt = AmtEcu::new(AmtConfig::new(sim::amt::Engine::Olympus).on(line(engines[0].line)));
+    let amt = AmtEcu::new(AmtConfig::new(sim::amt::EngineModel::Olympus).on(line(engines[0].line)));
     let zk = ZkEcu::new(ZkConfig::new(5).on(line(engines[1].line)));
     let (left_rx, left_tx, left) = sim::wire::connect(amt, line(engines[0].line), 1);
     let (right_rx, right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);

@@ -1,4 +1,4 @@
-//! The control message `FF OPS THR OPS THR` (AMT-10), read by itself and found in a stream of bytes.
+//! The control message `FF OPS THR OPS THR` (AMT-10): decoding it, and finding it in a stream of bytes.
 
 use crate::ecu::{LineFault, Nanos};
 
@@ -44,7 +44,7 @@ impl Ops {
     }
 }
 
-/// What the host asks for.
+/// The host's command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AmtCommand {
     /// The operation switch.
@@ -53,7 +53,7 @@ pub struct AmtCommand {
     pub throttle_half_percent: u8,
 }
 
-/// Why a control message is none.
+/// Reason why a control message is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadCommand {
     /// Not five bytes, or the first is not 0xFF.
@@ -62,7 +62,7 @@ pub enum BadCommand {
     Truncated,
     /// The two copies of OPS or of THR differ.
     Mismatch,
-    /// No such switch.
+    /// Unknown switch.
     Ops(u8),
     /// Throttle outside 32..=232.
     Throttle(u8),
@@ -89,22 +89,22 @@ pub fn parse_command(bytes: &[u8]) -> Result<AmtCommand, BadCommand> {
     }
 }
 
-/// What a byte from the host has completed.
+/// Result of a byte from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
     /// Nothing yet.
     Part,
     /// A byte that belongs to no message.
     Stray,
-    /// A byte arrived broken, within a message or not; the message is lost with it.
+    /// A byte was received with an error; a message that it belongs to is lost.
     Broken { in_message: bool },
     /// A new message began within another one; the older one is lost.
     Truncated,
-    /// Five bytes, and when the first of them began.
+    /// Five bytes, and the start time of the first.
     Message { start: Nanos, command: Result<AmtCommand, BadCommand> },
 }
 
-/// Finds control messages in what arrives.
+/// Finds control messages in the received bytes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Receiver {
     bytes: [u8; LENGTH],
@@ -113,7 +113,7 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    /// `start` is when this byte began, if it began a message.
+    /// `start` is the start time of this byte, in case it begins a message.
     pub(super) fn hear(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Heard {
         let Ok(byte) = byte else {
             return Heard::Broken { in_message: core::mem::take(&mut self.len) > 0 };

@@ -1,8 +1,8 @@
-//! What an AMT ECU reports, and the bytes of the four kinds of set.
+//! The reports of an AMT ECU, and the bytes of the four kinds of set.
 
 /// The engines of the document's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Engine {
+pub enum EngineModel {
     /// Mercury.
     Mercury,
     /// Pegasus.
@@ -17,7 +17,7 @@ pub enum Engine {
     Lynx,
 }
 
-impl Engine {
+impl EngineModel {
     /// Data 1 of the alternate set (AMT-4).
     pub const fn id(self) -> u8 {
         match self {
@@ -40,7 +40,7 @@ impl Engine {
         }
     }
 
-    /// A first number of the software version that names this engine (AMT-9).
+    /// A first number of the software version that identifies this engine (AMT-9).
     pub const fn version(self) -> u8 {
         match self {
             Self::Mercury => 8,
@@ -80,13 +80,13 @@ impl Engine {
 /// Bits 7 to 3 of Data 1 in a normal set (AMT-3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// Nothing of the below.
+    /// None of the states below.
     NoClearance,
-    /// All is well for a start that was asked for.
+    /// Cleared for a commanded start.
     StartClearance,
-    /// Starter, igniter, first fire.
+    /// Starter, igniter, first ignition.
     Starting,
-    /// It gathers speed by itself.
+    /// It accelerates without the starter.
     StartedUp,
     /// Idle is being measured.
     IdleCalibration,
@@ -94,7 +94,7 @@ pub enum Status {
     FullOperation,
     /// At its maximum speed.
     MaximumRpm,
-    /// A number without a name, 0 to 31.
+    /// An unnamed number, 0 to 31.
     Unnamed(u8),
 }
 
@@ -119,10 +119,10 @@ fn unit(value: f64) -> u8 {
     value.round().clamp(0.0, 254.0) as u8
 }
 
-/// What normal and error sets are made of.
+/// Content of normal and error sets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Values {
-    pub(super) engine: Engine,
+    pub(super) engine: EngineModel,
     pub(super) rpm: f64,
     pub(super) egt: f64,
     pub(super) throttle_half_percent: u8,
@@ -159,7 +159,7 @@ pub(super) struct Voltages {
     pub(super) external: f64,
 }
 
-pub(super) fn alternate(engine: Engine, id: u8, voltages: Voltages) -> [u8; 6] {
+pub(super) fn alternate(engine: EngineModel, id: u8, voltages: Voltages) -> [u8; 6] {
     let pump = |volts: f64| unit(volts * 255.0 / engine.pump_scale());
     [
         0xFF,
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_normal_set_by_hand() {
         let values = Values {
-            engine: Engine::Olympus,
+            engine: EngineModel::Olympus,
             rpm: 108_500.0,
             egt: 700.0,
             throttle_half_percent: 100,
@@ -201,14 +201,19 @@ mod tests {
         assert_eq!(values.normal(Status::MaximumRpm, 0x11)[1], 0x81);
         assert_eq!(values.error(0b0010_1001), [0xFF, 0, 0x29, 163, 100, 190]);
 
-        let mercury = Values { engine: Engine::Mercury, rpm: 151_200.0, ..values };
+        let mercury = Values { engine: EngineModel::Mercury, rpm: 151_200.0, ..values };
         assert_eq!(mercury.normal(Status::Starting, 0x14), [0xFF, 0x14, 216, 163, 100, 253]);
     }
 
     #[test]
     fn no_data_byte_is_ever_the_head() {
-        let values =
-            Values { engine: Engine::Pegasus, rpm: 1e9, egt: 1e9, throttle_half_percent: 255, pump_v: 1e9 };
+        let values = Values {
+            engine: EngineModel::Pegasus,
+            rpm: 1e9,
+            egt: 1e9,
+            throttle_half_percent: 255,
+            pump_v: 1e9,
+        };
         assert_eq!(values.normal(Status::MaximumRpm, 4)[1..], [0x84, 254, 254, 254, 254]);
         assert_eq!(values.error(255)[1..], [0, 254, 254, 254, 254]);
         let cold = Values { rpm: -1.0, egt: -100.0, pump_v: f64::NAN, ..values };
@@ -219,7 +224,7 @@ mod tests {
     fn an_alternate_set_by_hand() {
         let voltages = Voltages { idle: 1.3, maximum: 6.2, battery: 7.4, external: 12.0 };
         // 1.3 x 255 / 8.3 = 39.9; 190.5; 7.4 x 25.5 = 188.7; 5 x 255 / 9.3 = 137.1
-        assert_eq!(alternate(Engine::Titan, 0x20, voltages), [0xFF, 0x20, 40, 190, 189, 137]);
+        assert_eq!(alternate(EngineModel::Titan, 0x20, voltages), [0xFF, 0x20, 40, 190, 189, 137]);
     }
 
     #[test]

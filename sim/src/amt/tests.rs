@@ -38,7 +38,7 @@ impl Bench {
     }
 
     fn olympus() -> Self {
-        Self::new(AmtConfig::new(Engine::Olympus))
+        Self::new(AmtConfig::new(EngineModel::Olympus))
     }
 
     fn reply(&mut self, message: &[u8]) -> &mut Self {
@@ -268,7 +268,7 @@ fn the_stick_must_be_where_the_ecu_wants_it() {
     bench.reply(&run(0)).wait(2000);
     assert_eq!(bench.ecu.status(), Status::Starting);
 
-    let mut bench = Bench::new(AmtConfig { start_throttle: 100, ..AmtConfig::new(Engine::Titan) });
+    let mut bench = Bench::new(AmtConfig { start_throttle: 100, ..AmtConfig::new(EngineModel::Titan) });
     bench.reply(&run(0)).wait(5000);
     assert_eq!(bench.ecu.status(), Status::NoClearance);
     bench.reply(&run(60)).wait(2000);
@@ -277,7 +277,7 @@ fn the_stick_must_be_where_the_ecu_wants_it() {
 
 #[test]
 fn emergency_stop_stops_at_once_and_does_not_cool() {
-    let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+    let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     bench.reply(&STOP).wait(160);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Stopped);
     assert_eq!(bench.ecu.turbine().fuel_flow(), 0.0);
@@ -288,7 +288,7 @@ fn emergency_stop_stops_at_once_and_does_not_cool() {
 
 #[test]
 fn a_silent_host_stops_the_engine_after_the_serial_delay() {
-    let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+    let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     bench.wait(60_000);
     assert_eq!(bench.ecu.status(), Status::FullOperation, "it is kept alive by replies");
     bench.reply = None;
@@ -310,7 +310,7 @@ fn a_silent_host_stops_the_engine_after_the_serial_delay() {
 #[test]
 fn late_and_malformed_replies_do_not_keep_the_engine_alive() {
     for (delay, message) in [(15 * MILLIS, run(0)), (MILLIS, [0xFF, 0x14, 32, 0x14, 33])] {
-        let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+        let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
         bench.reply_after(delay, &message).wait(2500);
         assert_eq!(bench.ecu.stats.serial_delay_stops, 1);
     }
@@ -318,8 +318,11 @@ fn late_and_malformed_replies_do_not_keep_the_engine_alive() {
 
 #[test]
 fn the_serial_delay_can_be_set() {
-    let config =
-        AmtConfig { serial_delay: 500 * MILLIS, loss_is_an_error: true, ..AmtConfig::new(Engine::Titan) };
+    let config = AmtConfig {
+        serial_delay: 500 * MILLIS,
+        loss_is_an_error: true,
+        ..AmtConfig::new(EngineModel::Titan)
+    };
     let mut bench = Bench::running(config);
     bench.reply = None;
     bench.wait(450);
@@ -333,7 +336,7 @@ fn the_serial_delay_can_be_set() {
 
 #[test]
 fn ctf_stops_the_engine_after_the_serial_delay() {
-    let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+    let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     bench.reply(&CTF);
     let from = bench.ecu.commands.total();
     bench.until(|ecu| ecu.commands.total() > from);
@@ -344,7 +347,7 @@ fn ctf_stops_the_engine_after_the_serial_delay() {
     assert_eq!((bench.ecu.stats.ctf_stops, bench.ecu.stats.serial_delay_stops), (1, 0));
 
     // Called off in time.
-    let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+    let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     bench.reply(&CTF).wait(1000);
     bench.reply(&run(0)).wait(10_000);
     assert_eq!(bench.ecu.status(), Status::FullOperation);
@@ -386,7 +389,7 @@ fn failures_show_as_error_sets_until_the_switch_leaves_run() {
 
 #[test]
 fn a_loss_of_power_stops_the_engine_and_begins_anew() {
-    let mut bench = Bench::running(AmtConfig::new(Engine::Olympus));
+    let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     let now = bench.now;
     bench.ecu.power(now, false);
     bench.reply = None;
@@ -419,18 +422,21 @@ fn how_often_it_is_called_changes_nothing() {
 #[test]
 fn the_newer_engines_and_other_numbers() {
     for (engine, id, text) in [
-        (Engine::Titan, 0x20, "10.35 140617 "),
-        (Engine::Nike, 0x28, "12.35 140617 "),
-        (Engine::Lynx, 0x30, "14.35 140617 "),
-        (Engine::Mercury, 0x08, "8.35 140617 "),
-        (Engine::Pegasus, 0x10, "7.35 140617 "),
+        (EngineModel::Titan, 0x20, "10.35 140617 "),
+        (EngineModel::Nike, 0x28, "12.35 140617 "),
+        (EngineModel::Lynx, 0x30, "14.35 140617 "),
+        (EngineModel::Mercury, 0x08, "8.35 140617 "),
+        (EngineModel::Pegasus, 0x10, "7.35 140617 "),
     ] {
         let mut bench = Bench::new(AmtConfig::new(engine));
         bench.wait(2000);
         assert_eq!(&bench.sets[0].2[5..], text.as_bytes());
         assert_eq!(bench.sets[11].2[1], id);
     }
-    let old = AmtConfig { engine_id: Engine::Mercury.old_id().unwrap(), ..AmtConfig::new(Engine::Mercury) };
+    let old = AmtConfig {
+        engine_id: EngineModel::Mercury.old_id().unwrap(),
+        ..AmtConfig::new(EngineModel::Mercury)
+    };
     let mut bench = Bench::new(old);
     bench.wait(2000);
     assert_eq!(bench.sets[11].2[1], 0x07);
@@ -476,7 +482,7 @@ fn over_the_wire_a_host_task_keeps_it_running() {
     clock::reset();
     clock::advance(embassy_time::Duration::from_secs(1000));
     let line = Line::n1(2400);
-    let (mut rx, mut tx, plug) = wire::connect(AmtEcu::new(AmtConfig::new(Engine::Titan)), line, 1);
+    let (mut rx, mut tx, plug) = wire::connect(AmtEcu::new(AmtConfig::new(EngineModel::Titan)), line, 1);
     let host = async {
         let (mut buf, mut in_set, mut length) = ([0; 32], 0, 6);
         loop {

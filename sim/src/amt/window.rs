@@ -3,14 +3,14 @@
 
 use crate::ecu::Nanos;
 
-/// A message may seem to begin so much before the set has ended: the ECU knows when a byte has
-/// ended and reckons back by the length of a byte.
+/// Tolerance for a message that seems to begin before the end of the set: the ECU knows when a byte
+/// ended and subtracts the duration of a byte.
 const TOLERANCE: Nanos = 1_000;
 
-/// What a message is, seen from the window.
+/// Relation of a message to the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reply {
-    /// The first message after a set, complete in time, with so much to spare.
+    /// The first message after a set, complete in time, with this margin.
     InWindow { margin: Nanos },
     /// The first message after a set, but too late.
     Late,
@@ -25,23 +25,23 @@ struct Sent {
     answered: bool,
 }
 
-/// The sets whose replies may still come.
+/// The sets whose replies may still arrive.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window {
-    /// A late message may still be arriving while the next set is sent already.
+    /// A late message may still be arriving while the next set is already being sent.
     previous: Option<Sent>,
     current: Option<Sent>,
 }
 
 impl Window {
-    /// A set goes out from `start` to `end`.
+    /// A set is sent from `start` to `end`.
     pub(super) fn sent(&mut self, start: Nanos, end: Nanos) {
         self.previous = self.current.replace(Sent { start, end, answered: false });
     }
 
-    /// Whether a set has gone unanswered for good by now; each is told once.
+    /// Whether a set has finally remained unanswered; each is reported once.
     pub(super) fn gave_up(&mut self, now: Nanos) -> bool {
-        // A message that began before the current set did is complete before that set is.
+        // A message that began before the current set is complete before the set is.
         let over = self.current.is_some_and(|current| current.end <= now);
         over && self.previous.take().is_some_and(|previous| !previous.answered)
     }

@@ -1,26 +1,26 @@
-//! Holds virtual time back to the wall clock.
+//! Limits virtual time to the wall clock.
 
 use core::time::Duration;
 use std::time::Instant;
 
-/// A run this little ahead of the wall clock goes on without a sleep: the bytes of a line at 115200 baud are
-/// 87 µs apart, and a sleep costs about as much.
+/// Lead over the wall clock below which a run continues without a sleep: the bytes of a line at 115 200 baud are
+/// 87 µs apart, and a sleep takes about as long.
 const LEAD: Duration = Duration::from_millis(2);
-/// A run this late makes up for it. A longer delay (a suspended laptop, a stopped process) shifts all that follows.
+/// Delay up to which a run catches up. A longer one (a suspended laptop, a stopped process) shifts all that follows.
 const CATCHES_UP: Duration = Duration::from_millis(100);
 
-/// Which wall clock time belongs to which virtual time.
+/// Relation between wall clock time and virtual time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pacer {
     /// In µs.
     virtual_time: u64,
     wall: Instant,
-    /// So much faster than the wall clock is virtual time.
+    /// Speed of virtual time relative to the wall clock.
     speed: u32,
 }
 
 impl Pacer {
-    /// From here on virtual time is so many times as fast as the wall clock.
+    /// From here on, virtual time runs at this multiple of the wall clock.
     pub(super) const fn new(virtual_time: u64, wall: Instant, speed: u32) -> Self {
         Self { virtual_time, wall, speed }
     }

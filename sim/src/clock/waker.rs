@@ -2,7 +2,7 @@
 //!
 //! Its table is a `static`: with `Waker::from(Arc<impl Wake>)` the table is a constant that may
 //! exist more than once (Miri does that on purpose), two clones then do not recognise each other
-//! by `will_wake`, and embassy-sync answers by waking the "other" one at every registration.
+//! by `will_wake`, and embassy-sync then wakes the "other" one at every registration.
 
 #![allow(unsafe_code)]
 
@@ -10,7 +10,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::{RawWaker, RawWakerVTable, Waker};
 use std::sync::Arc;
 
-/// Whether the root future of a thread is to be polled.
+/// Whether the root future of a thread has to be polled.
 #[derive(Debug)]
 pub(super) struct Root {
     woken: AtomicBool,

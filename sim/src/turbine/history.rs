@@ -1,32 +1,32 @@
-//! What happened to a turbine that no report of its ECU shows reliably: for judges that know only the truth.
+//! Events of a turbine that its ECU's reports do not show reliably, for judges that only use what really happened.
 
 use crate::ecu::Nanos;
 
-/// Fuel that flowed into a hot engine without a fire.
+/// Fuel that flowed into a hot engine without combustion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HotFuel {
-    /// When it began.
+    /// Time at which it began.
     pub from: Nanos,
-    /// For how long it flowed.
+    /// Duration of the flow.
     pub length: Nanos,
 }
 
-/// Everything since the turbine was built.
+/// All events since the turbine's creation.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// Each instant at which a start began: starter and igniter on.
+    /// Times at which a start began: starter and igniter on.
     pub ignitions: Vec<Nanos>,
     /// Those of them that the ECU began by itself.
     pub relights: Vec<Nanos>,
-    /// Each instant at which fuel caught fire.
+    /// Times of ignition.
     pub light_offs: Vec<Nanos>,
-    /// Each time that fuel flowed into an engine that neither starts nor runs, with its exhaust at
+    /// Every flow of fuel into an engine that neither starts nor runs, with its exhaust at
     /// [`COOL_EGT`](super::COOL_EGT) or above.
     pub hot_fuel: Vec<HotFuel>,
 }
 
 impl History {
-    /// All fuel into a hot engine without a fire.
+    /// All fuel into a hot engine without combustion.
     pub fn hot_fuel_time(&self) -> Nanos {
         self.hot_fuel.iter().map(|fuel| fuel.length).sum()
     }

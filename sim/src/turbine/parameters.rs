@@ -46,17 +46,17 @@ pub struct Parameters {
     pub light_rpm: f64,
     /// Speed of the starter while cooling, rpm.
     pub cooling_rpm: f64,
-    /// From the first turn to the flame, s.
+    /// Time from the first turn to the flame, s.
     pub ignition_s: f64,
-    /// From the flame to the ramp, s.
+    /// Time from the flame to the ramp, s.
     pub preheat_s: f64,
-    /// The ramp to idle, s.
+    /// Duration of the ramp to idle, s.
     pub ramp_s: f64,
-    /// Holding idle before the throttle is obeyed, s.
+    /// Time at idle before the throttle is obeyed, s.
     pub learn_s: f64,
-    /// From idle to full throttle at the nominal curve, s (about).
+    /// Time from idle to full throttle at the nominal curve, s (approximate).
     pub acceleration_s: f64,
-    /// Time constant of the rotor without fire, s.
+    /// Time constant of the rotor without combustion, s.
     pub coast_s: f64,
     /// Time constant of the EGT while air flows, s.
     pub cooling_s: f64,
@@ -176,7 +176,7 @@ impl Parameters {
         cooling_s: 20.0,
     };
 
-    /// Where a speed is between idle (0) and maximum (1).
+    /// Position of a speed between idle (0) and maximum (1).
     pub fn load(&self, rpm: f64) -> f64 {
         ((rpm - self.idle_rpm) / (self.max_rpm - self.idle_rpm)).clamp(0.0, 1.0)
     }

@@ -1,26 +1,26 @@
-//! What can be wrong with a line, and the record of what happened to each byte.
+//! Faults of a line, and the recording of what happened to each byte.
 
 use crate::ecu::Nanos;
 
-/// Faults that strike at random in one direction. The default is a clean line.
+/// Random faults in one direction. The default is a clean line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// Chance of each data bit to arrive inverted, in millionths.
+    /// Probability that a data bit arrives inverted, in millionths.
     pub flip_per_million: u32,
-    /// Chance of each byte not to arrive, in millionths.
+    /// Probability that a byte is lost, in millionths.
     pub lose_per_million: u32,
-    /// Chance that a byte of random value arrives directly after a byte, in millionths.
+    /// Probability that a random byte arrives directly after a byte, in millionths.
     pub add_per_million: u32,
-    /// Chance of each byte to arrive with a framing error, in millionths.
+    /// Probability that a byte arrives with a framing error, in millionths.
     pub framing_per_million: u32,
-    /// Every byte arrives so much later.
+    /// Fixed delay of every byte.
     pub delay_ns: Nanos,
-    /// Every byte arrives later by a random time up to this; bytes never overtake each other.
+    /// Largest random delay of a byte; bytes never overtake each other.
     pub jitter_ns: Nanos,
 }
 
 impl Faults {
-    /// A line that loses, adds, flips and breaks about one byte in a thousand each.
+    /// A line that loses, adds, flips and corrupts about one byte in a thousand each.
     pub const NOISY: Self = Self {
         flip_per_million: 125,
         lose_per_million: 1000,
@@ -31,7 +31,7 @@ impl Faults {
     };
 }
 
-/// What the node's UART makes of a byte with a framing error.
+/// Treatment of a byte with a framing error by the node's UART.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FramingAs {
     /// A byte like any other, with a wrong value: embassy-stm32's `BufferedUart`, which only logs.
@@ -46,11 +46,11 @@ pub enum FramingAs {
 pub enum Babble {
     /// Random bytes.
     Random,
-    /// These bytes over and over, for example the head of a frame; zeros when empty.
+    /// These bytes repeatedly, for example the head of a frame; zeros when empty.
     Repeat(Vec<u8>),
 }
 
-/// Which way a byte went.
+/// Direction of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From the ECU to the node.
@@ -59,32 +59,32 @@ pub enum Direction {
     ToEcu,
 }
 
-/// What became of a byte.
+/// Fate of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fate {
     /// It arrived as it was sent.
     Delivered,
-    /// It did not arrive: lost at random, cut off, or its sender lost power.
+    /// It was lost: at random, by a cut, or because its sender lost power.
     Lost,
-    /// It arrived as this value.
+    /// It arrived with this value.
     Flipped(u8),
-    /// It arrived with a framing error, as this value if at all.
+    /// It arrived with a framing error, with this value if at all.
     Framing(u8),
-    /// Nobody sent it: it appeared on the line.
+    /// It was not sent, but appeared on the line.
     Added,
 }
 
 /// One byte on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Which way it went.
+    /// Its direction.
     pub direction: Direction,
     /// The byte as it was sent, before any fault.
     pub byte: u8,
-    /// The beginning of its start bit.
+    /// Start of its start bit.
     pub start: Nanos,
-    /// The end of its last stop bit, where the sender is.
+    /// End of its last stop bit, at the sender.
     pub end: Nanos,
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
 }

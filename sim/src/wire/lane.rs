@@ -1,5 +1,5 @@
-//! One direction of the wire: a sender that shifts bytes out, what happens to them on the way, and
-//! the times at which they arrive.
+//! One direction of the wire: a sender that shifts bytes out, the faults on the way, and the times
+//! at which the bytes arrive.
 
 use std::collections::VecDeque;
 
@@ -7,19 +7,19 @@ use super::faults::{Direction, Entry, Fate, Faults};
 use crate::ecu::Nanos;
 use crate::line::Line;
 
-/// How the two ends of one direction are set.
+/// Configuration of the two ends of one direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
     pub(super) sender: Line,
-    /// Whether the receiver's baud rate is the sender's.
+    /// Whether the receiver's baud rate matches the sender's.
     pub(super) matched: bool,
 }
 
-/// What a receiver gets.
+/// Byte as received.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Arrival {
     Good(u8),
-    /// No stop bit where one should be; the value is whatever was sampled.
+    /// No stop bit in its place; the value is as sampled.
     Framing(u8),
 }
 
@@ -31,8 +31,8 @@ struct Sending {
     spoilt: bool,
 }
 
-/// Bytes sent without a gap; their ends are reckoned from the start of the run, so that rounding
-/// does not add up.
+/// Bytes sent without a gap; their ends are calculated from the start of the run, so that rounding
+/// errors do not accumulate.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     start: Nanos,
@@ -48,7 +48,7 @@ pub(super) struct Lane {
     pub(super) queue: VecDeque<u8>,
     sending: Option<Sending>,
     run: Option<Run>,
-    /// Taken from the front only: a byte with a shorter delay waits for the one before it.
+    /// Taken only from the front: a byte with a shorter delay waits for the previous one.
     arrivals: VecDeque<(Nanos, Arrival)>,
     cut: bool,
     pub(super) faults: Faults,
@@ -79,7 +79,7 @@ impl Lane {
     }
 
     pub(super) fn set_cut(&mut self, cut: bool) {
-        // Half a byte is no byte, whether its first or its second half is missing.
+        // A byte with its first or second half missing is lost.
         self.spoil();
         self.cut = cut;
     }
@@ -112,7 +112,7 @@ impl Lane {
         }
     }
 
-    /// Ends the byte in the shifter if it ends now, and sends it on its way.
+    /// Completes the byte in the shifter if it ends now, and puts it on the line.
     pub(super) fn end_byte(&mut self, at: Nanos, record: Option<&mut Vec<Entry>>) -> Option<u8> {
         let Sending { byte, start, end, spoilt } = self.sending.take_if(|sending| sending.end <= at)?;
         let arrival = end + self.faults.delay_ns + self.random_up_to(self.faults.jitter_ns);
@@ -143,7 +143,7 @@ impl Lane {
             return Fate::Lost;
         }
         if !self.ends.matched {
-            // Sampled at the wrong times: garbage, but always the same for the same byte.
+            // Sampled at the wrong times: garbage, but the same for the same byte.
             return Fate::Framing(byte.rotate_left(3) ^ 0x5A);
         }
         if self.strikes(self.faults.framing_per_million) {

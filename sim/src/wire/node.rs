@@ -42,7 +42,7 @@ impl embedded_io_async::Error for WireError {
     }
 }
 
-/// What an interrupt of the UART does at each framing error.
+/// Action of the UART's interrupt at each framing error.
 pub(super) struct FramingHandler(pub(super) Box<dyn Fn()>);
 
 impl core::fmt::Debug for FramingHandler {
@@ -51,13 +51,13 @@ impl core::fmt::Debug for FramingHandler {
     }
 }
 
-/// What the two halves and the plug share.
+/// State shared by the two halves and the plug.
 #[derive(Debug)]
 pub(super) struct Port {
     /// Bytes of the transmit ring, each with the time at which it was written.
     pub(super) tx: VecDeque<(u8, Nanos)>,
     tx_ring: usize,
-    /// A byte has left the ring and is still on its way out.
+    /// A byte has left the ring and is still being sent.
     pub(super) shifting: bool,
     pub(super) stalled: bool,
     rx: VecDeque<Result<u8, WireError>>,
@@ -103,7 +103,7 @@ impl Port {
         } else {
             self.overruns += 1;
             if self.framing == FramingAs::Error {
-                // RingBufferedUartRx starts over with an empty ring; BufferedUart says nothing.
+                // RingBufferedUartRx restarts with an empty ring; BufferedUart reports nothing.
                 self.rx.clear();
                 self.rx.push_back(Err(WireError::Overrun));
             }
@@ -146,7 +146,7 @@ fn register(slot: &mut Option<Waker>, cx: &Context<'_>) {
     }
 }
 
-/// The node's receiver. A read that is dropped takes no bytes with it.
+/// The node's receiver. A dropped read loses no bytes.
 #[derive(Debug)]
 pub struct WireRx {
     port: Rc<RefCell<Port>>,
@@ -202,7 +202,7 @@ impl ReadReady for WireRx {
     }
 }
 
-/// The node's transmitter. A write that is dropped has written nothing.
+/// The node's transmitter. A dropped write has written nothing.
 #[derive(Debug)]
 pub struct WireTx {
     port: Rc<RefCell<Port>>,

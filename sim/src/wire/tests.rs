@@ -1,4 +1,4 @@
-//! The wire alone, with an ECU that only sends what it is told and writes down what it hears.
+//! The wire alone, with an ECU that only sends scripted bytes and records those that it receives.
 
 use super::*;
 use crate::ecu::MILLIS;

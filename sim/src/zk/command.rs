@@ -1,4 +1,4 @@
-//! The control frame `FF, ID and data, data, CRC` (ZK-1, ZK-2), read by itself and found in a
+//! The control frame `FF, ID and data, data, CRC` (ZK-1, ZK-2): decoding it, and finding it in a
 //! stream of bytes.
 
 use crate::ecu::LineFault;
@@ -11,7 +11,7 @@ pub const LENGTH: usize = 4;
 
 /// CRC-8/MAXIM-DOW, as the document's first listing with seed 0 computes it (ZK-1).
 pub fn crc8(bytes: &[u8]) -> u8 {
-    // What each set bit of the running value contributes; the document's eight constants.
+    // Contribution of each set bit of the running value; the document's eight constants.
     const BITS: [u8; 8] = [0x5E, 0xBC, 0x61, 0xC2, 0x9D, 0x23, 0x46, 0x8C];
     bytes.iter().fold(0, |crc, byte| {
         let key = byte ^ crc;
@@ -19,10 +19,10 @@ pub fn crc8(bytes: &[u8]) -> u8 {
     })
 }
 
-/// What the host wants of the engine (ZK-8).
+/// Engine switch commanded by the host (ZK-8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sw {
-    /// 0: in ID 1 the PWM input rules, in ID 6 it says nothing.
+    /// 0: in ID 1 the PWM input is in control, in ID 6 it has no meaning.
     None,
     /// 1: stop without cooling.
     Stop,
@@ -101,10 +101,10 @@ impl Action {
     }
 }
 
-/// What the host sends.
+/// A command from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ZkCommand {
-    /// ID 0: keeps the connection, commands nothing.
+    /// ID 0: keeps the connection alive and commands nothing.
     Empty,
     /// ID 1.
     Control {
@@ -125,7 +125,7 @@ pub enum ZkCommand {
     Switch {
         /// The engine's switch.
         sw: Sw,
-        /// RPM_X, 0..=6; anything but 0 makes ID 7 rule the speed.
+        /// RPM_X, 0..=6; with any value but 0, ID 7 controls the speed.
         factor: u8,
     },
     /// ID 7: rpm / 10 / RPM_X.
@@ -150,7 +150,7 @@ impl ZkCommand {
         }
     }
 
-    /// The first protocol version that knows it (ZK-7).
+    /// The first protocol version that supports it (ZK-7).
     pub const fn since_version(self) -> u8 {
         match self {
             Self::Action(Action::ResetFuel | Action::ZeroThrust) => 2,
@@ -161,20 +161,20 @@ impl ZkCommand {
     }
 }
 
-/// Why a control frame is none.
+/// Reason why a control frame is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadCommand {
     /// The first byte is not 0xFF.
     Head,
     /// The CRC is not that of bytes 1 and 2.
     Crc,
-    /// No such command ID.
+    /// Unknown command ID.
     Id(u8),
-    /// A value outside of the range that is printed for it.
+    /// A value outside its documented range.
     Range(u8),
 }
 
-/// Reads one control frame. Reserved bits are not looked at; see [`reserved_bits`].
+/// Reads one control frame. Reserved bits are ignored; see [`reserved_bits`].
 pub fn parse_command(bytes: &[u8; 4]) -> Result<ZkCommand, BadCommand> {
     let &[head, high, low, crc] = bytes;
     if head != HEAD {
@@ -219,7 +219,7 @@ pub fn reserved_bits(bytes: &[u8; 4]) -> u16 {
     u16::from_be_bytes([bytes[1], bytes[2]]) & reserved
 }
 
-/// What a byte from the host has completed.
+/// Result of a byte from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
     /// Nothing.
@@ -232,8 +232,8 @@ pub(super) enum Heard {
     Frame([u8; LENGTH]),
 }
 
-/// Finds control frames in what arrives: by head and CRC over a sliding window, because 0xFF also
-/// occurs inside frames.
+/// Finds control frames in the received bytes, by head and CRC over a sliding window, because 0xFF
+/// also occurs inside frames.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Receiver {
     bytes: [u8; LENGTH],
@@ -243,7 +243,7 @@ pub(super) struct Receiver {
 impl Receiver {
     pub(super) fn hear(&mut self, byte: Result<u8, LineFault>) -> Heard {
         let Ok(byte) = byte else {
-            // What it was is not known, so what it was part of is not known either.
+            // The byte is unknown, so the frame that it belonged to is unknown too.
             self.len = 0;
             return Heard::Part;
         };
@@ -259,7 +259,7 @@ impl Receiver {
             self.len = 0;
             return Heard::Frame(self.bytes);
         }
-        // Look for another head within what is here.
+        // Look for another head in the window.
         let next = self.bytes[1..].iter().position(|&byte| byte == HEAD).map_or(LENGTH, |at| at + 1);
         self.bytes.copy_within(next.., 0);
         self.len = LENGTH - next;
@@ -378,7 +378,7 @@ mod tests {
         let good = [0xFF, 0x14, 0x64, 0xD3];
         assert_eq!(hear(&good), (vec![good], 0, 0));
         assert_eq!(hear(&[1, 2, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 0, 2));
-        // Half a frame, then a whole one: nothing of the whole one is dropped.
+        // Half a frame, then a whole one: no byte of the whole one is dropped.
         assert_eq!(hear(&[0xFF, 0x14, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
         assert_eq!(hear(&[0xFF, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
         // 0xFF within a frame.

@@ -1,4 +1,4 @@
-//! Which ZK ECU is simulated.
+//! Configuration of a simulated ZK ECU.
 
 use super::status::since_version;
 use super::temper::ZkTemper;
@@ -6,7 +6,7 @@ use crate::ecu::{MILLIS, Nanos, SECOND};
 use crate::line::Line;
 use crate::turbine::{Parameters, Switch};
 
-/// How often status is sent (ZK-11).
+/// Rate of status frames (ZK-11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
     /// 20 Hz.
@@ -18,7 +18,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// From one frame to the next.
+    /// Interval between frames.
     pub const fn period(self) -> Nanos {
         match self {
             Self::Hz20 => 50 * MILLIS,
@@ -36,7 +36,7 @@ impl Rate {
     }
 }
 
-/// What comes in on the ECU's PWM input; it rules while the UART says SW = 0.
+/// Signal at the ECU's PWM input, which is in control while the UART sends SW = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pwm {
     /// The switch channel.
@@ -45,12 +45,12 @@ pub struct Pwm {
     pub throttle: u16,
 }
 
-/// How a ZK ECU is set.
+/// Configuration of a ZK ECU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZkConfig {
     /// Protocol version, 1 to 6; higher ones behave as 6.
     pub version: u8,
-    /// What the document leaves open and ECUs may do differently.
+    /// Behaviour that the document leaves open and in which ECUs may differ.
     pub temper: ZkTemper,
     /// Its serial line (ZK-12).
     pub line: Line,
@@ -58,22 +58,22 @@ pub struct ZkConfig {
     pub rate: Rate,
     /// The turbine behind it.
     pub turbine: Parameters,
-    /// It has no sensor of the air pressure and asks the host for it (ZK-14).
+    /// It has no air pressure sensor and requests the pressure from the host (ZK-14).
     pub esr: bool,
-    /// Status IDs in the order in which they go round. IDs without a meaning here are sent with
-    /// zeros for data.
+    /// Status IDs in the order in which they are repeated. IDs without a meaning here are sent with
+    /// zeros as data.
     pub ids: Vec<u8>,
-    /// From power to the first frame, or until it listens (not printed).
+    /// Time from power-up to the first frame, or until it listens (not printed).
     pub boot: Nanos,
-    /// From the end of a command to the answer (not printed).
+    /// Time from the end of a command to the answer (not printed).
     pub answer_delay: Nanos,
-    /// Whether answers of versions up to 4 keep the distance of the status rate.
+    /// Whether answers of versions up to 4 are limited to the status rate.
     pub rate_bounds_answers: bool,
-    /// After so long without a command the control signal is lost, up to version 4 (not printed).
+    /// Time without a command after which the control signal is lost, up to version 4 (not printed).
     pub control_loss: Nanos,
-    /// How long a service test lasts (not printed).
+    /// Duration of a service test (not printed).
     pub service_time: Nanos,
-    /// Whether a start waits for the throttle to be down.
+    /// Whether a start waits until the throttle is down.
     pub start_needs_low_throttle: bool,
     /// Ignition pump voltage in steps of 0.02 V.
     pub ignition_voltage: u8,
@@ -87,7 +87,7 @@ pub struct ZkConfig {
     pub supply_v: f64,
     /// Temperature of the ECU in °C.
     pub ecu_temperature: f64,
-    /// How many obeyed commands are kept.
+    /// Number of obeyed commands to log.
     pub log: usize,
 }
 

@@ -1,11 +1,11 @@
-//! What a ZK ECU keeps from one power-up to the next loss of power: what it heard last, and who rules (ZK-9).
+//! State of a ZK ECU from a power-up to the next loss of power: the last commands received, and the input in control (ZK-9).
 
 use super::command::{Action, Receiver, Sw};
 use super::config::{Pwm, ZkConfig};
 use crate::ecu::Nanos;
 use crate::turbine::{Demand, STEP, Switch};
 
-/// Who rules the switch.
+/// Input that controls the switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ruler {
     /// The UART.
@@ -21,14 +21,14 @@ pub(super) struct Service {
     pub(super) until: Nanos,
 }
 
-/// What begins anew with each power-up.
+/// State that is reset by each power-up.
 #[derive(Clone, Debug)]
 pub(super) struct Session {
     pub(super) ready_at: Nanos,
     pub(super) next_tick: Nanos,
     /// From version 5.
     pub(super) next_status: Nanos,
-    /// Up to version 4: the answer that waits.
+    /// Up to version 4: the answer that is waiting.
     pub(super) answer_at: Option<Nanos>,
     pub(super) last_status: Option<Nanos>,
     pub(super) line_free: Nanos,
@@ -42,28 +42,28 @@ pub(super) struct Session {
     pub(super) id6_sw: Sw,
     pub(super) factor: u8,
     pub(super) rpm_code: u16,
-    /// The switch as the UART last had it, for rpm mode without one.
+    /// The last switch from the UART, for rpm mode without one.
     pub(super) held_sw: Sw,
 
-    /// When a command last came that keeps the control signal from counting as lost.
+    /// Time of the last command that prevents a loss of the control signal.
     pub(super) last_control: Option<Nanos>,
-    /// No start before the switch has left run.
+    /// No start until the switch has left run.
     pub(super) held_off: bool,
     pub(super) waits_for_throttle: bool,
     /// The start under way is a relight: state 13.
     pub(super) restarting: bool,
-    /// The engine was starting or running when the ECU lost its power: the next start is a relight.
+    /// The engine was starting or running when the ECU lost power: the next start is a relight.
     pub(super) resumes: bool,
-    /// Relights by itself that are left in this run.
+    /// Number of automatic relights left in this run.
     pub(super) relights_left: u8,
-    /// What so many status frames ID 1 still show: state and switch from before the loss of power.
+    /// Number of ID 1 status frames that still show the state and switch from before the loss of power.
     pub(super) stale: Option<(u8, LastState)>,
     pub(super) error: u8,
     pub(super) service: Option<Service>,
     pub(super) pressure: Option<u16>,
 }
 
-/// What was reported last before power was lost.
+/// Last report before the loss of power.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastState {
     pub(super) state: u8,
@@ -105,12 +105,12 @@ impl Session {
         }
     }
 
-    /// What the status still shows from before the loss of power.
+    /// The report from before the loss of power that the status still shows.
     pub(super) fn stale(&self) -> Option<LastState> {
         self.stale.filter(|&(frames, _)| frames > 0).map(|(_, last)| last)
     }
 
-    /// The switch as the UART has it, in whichever of the three modes (ZK-9).
+    /// The switch from the UART, in any of the three modes (ZK-9).
     pub(super) fn sw(&self) -> Sw {
         match (self.id6_sw, self.factor) {
             (Sw::None, 0) => self.id1_sw,
@@ -123,7 +123,7 @@ impl Session {
         if self.sw() == Sw::None { Ruler::Pwm } else { Ruler::Uart }
     }
 
-    /// What is commanded: by the UART, else by the PWM input, else by nobody.
+    /// The command in force: from the UART, otherwise from the PWM input, otherwise none.
     pub(super) fn switch(&self, pwm: Option<Pwm>) -> Option<Switch> {
         match self.sw() {
             Sw::None => pwm.map(|pwm| pwm.switch),

@@ -1,15 +1,15 @@
-//! What a simulated ZK ECU counts.
+//! Counters of a simulated ZK ECU.
 
 use crate::ecu::Nanos;
 
-/// Frames that were none, by reason.
+/// Invalid frames, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bad {
     /// Wrong CRC.
     pub crc: u64,
-    /// No such command ID.
+    /// Unknown command ID.
     pub id: u64,
-    /// A value out of its range.
+    /// A value out of range.
     pub range: u64,
 }
 
@@ -23,7 +23,7 @@ impl Bad {
 /// Good frames that changed nothing, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ignored {
-    /// The ECU's version does not know it. It is not answered either.
+    /// The ECU's version does not support it. It is not answered either.
     pub version: u64,
     /// ID 4 or 5 without ID 3 directly before. It is not answered either.
     pub locked: u64,
@@ -36,7 +36,7 @@ pub struct Ignored {
 /// The times between accepted commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Intervals {
-    /// How many.
+    /// Their number.
     pub count: u64,
     /// The shortest.
     pub min: Option<Nanos>,
@@ -52,18 +52,18 @@ impl Intervals {
     }
 }
 
-/// What a ZK ECU has counted since it was built; a loss of power does not clear it.
+/// Counters of a ZK ECU since its creation; a loss of power does not clear them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Status frames sent, by ID.
     pub frames: [u64; 16],
-    /// Commands that were obeyed and not answered, because an answer was waiting already.
+    /// Commands that were obeyed but not answered, because an answer was already waiting.
     pub unanswered: u64,
-    /// Good frames with a command that the version knows; all but the ignored ones are obeyed.
+    /// Good frames with a command that the version supports; all but the ignored ones are obeyed.
     pub accepted: u64,
     /// Good frames that changed nothing.
     pub ignored: Ignored,
-    /// Frames that were none.
+    /// Invalid frames.
     pub bad: Bad,
     /// Good frames with reserved bits that were not 0.
     pub reserved_bits: u64,
@@ -71,11 +71,11 @@ pub struct Stats {
     pub stray_bytes: u64,
     /// Good bytes.
     pub bytes_heard: u64,
-    /// Broken bytes.
+    /// Bytes received with an error.
     pub framing_errors: u64,
     /// The times between accepted commands, within one power-up.
     pub intervals: Intervals,
-    /// How often the control signal of a live engine was lost.
+    /// Number of times the control signal of a live engine was lost.
     pub control_losses: u64,
     /// Pressures received.
     pub pressures: u64,

@@ -1,4 +1,4 @@
-//! What a ZK ECU reports: the nine status frames of 7 bytes (ZK-5) and the numbers in them.
+//! The reports of a ZK ECU: the nine status frames of 7 bytes (ZK-5) and the numbers in them.
 
 use super::command::crc8;
 
@@ -38,11 +38,11 @@ pub mod state {
     pub const TEST_PUMP: u8 = 17;
     /// Starter test.
     pub const TEST_STARTER: u8 = 18;
-    /// Air is driven out of the fuel line.
+    /// The fuel line is being bled.
     pub const EXHAUST_AIR: u8 = 19;
 }
 
-/// Engine error codes of the document's appendix, as far as this ECU has them by itself.
+/// Engine error codes of the document's appendix, as far as this ECU detects them itself.
 pub mod error {
     /// Time out.
     pub const TIME_OUT: u8 = 1;
@@ -70,7 +70,7 @@ pub const fn since_version(id: u8) -> u8 {
     }
 }
 
-/// All that is reported, in plain units.
+/// All reported values, in physical units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Values {
     pub(super) version: u8,
@@ -101,7 +101,7 @@ pub(super) struct Values {
     pub(super) ecu_temperature: f64,
 }
 
-/// A value in so many bits; what does not fit is cut to the largest that does.
+/// A value in this number of bits, clamped to the largest that fits.
 fn bits(value: f64, bits: u32) -> u16 {
     let most = (1_u32 << bits) - 1;
     value.round().clamp(0.0, f64::from(most)) as u16

@@ -1,26 +1,26 @@
-//! What the ZK document leaves open, as options: a host has to be right for each of them.
+//! Behaviour that the ZK document leaves open, as options: a host has to work with all of them.
 
-/// How one ZK ECU behaves where the document does not say.
+/// Behaviour of one ZK ECU where the document does not specify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ZkTemper {
-    /// After power-up a switch at run starts nothing before it was at stop or standby once. Default `false`: SW 3 alone
+    /// After power-up, a switch at run has no effect until it was at stop or standby once. Default `false`: SW 3 alone
     /// starts the engine.
     pub wants_standby_first: bool,
-    /// So many status frames ID 1 after a power-up still show the state and the switch from before it. Default 0.
+    /// Number of ID 1 status frames after a power-up that still show the state and the switch from before it. Default 0.
     pub last_state_first: u8,
     /// A start begins at any exhaust temperature and with a coasting shaft. Default `false`: the engine is cooled to
     /// [`COOL_EGT`](crate::turbine::COOL_EGT) first.
     pub starts_hot: bool,
-    /// So many times in one run it relights by itself after a flame-out, and reports state 13 (restart) until it runs. A
-    /// start after power was lost in flight is then reported as state 13, too. Default 0: a flame-out is error 6.
+    /// Number of automatic relights in one run after a flame-out, reported as state 13 (restart) until the engine runs. A
+    /// start after a loss of power in flight is then also reported as state 13. Default 0: a flame-out is error 6.
     pub relights: u8,
-    /// Service commands are obeyed while the engine is cooled, too. Default `false`.
+    /// Service commands are also obeyed while the engine is cooled. Default `false`.
     pub services_while_cooling: bool,
     /// The tests of main valve and ignition valve let fuel through. Default `false`.
     pub valves_pass_fuel: bool,
-    /// ID 0 keeps the control signal from counting as lost, up to version 4. Default `true`: "keep the connection".
-    /// Otherwise an engine that is switched to run is given up after
-    /// [`ZkConfig::control_loss`](super::ZkConfig::control_loss) of nothing but ID 0.
+    /// ID 0 prevents a loss of the control signal, up to version 4. Default `true`: "keep the connection". Otherwise an
+    /// engine that is switched to run is shut down after [`ZkConfig::control_loss`](super::ZkConfig::control_loss) of
+    /// ID 0 alone.
     pub empty_keeps_control: bool,
 }
 

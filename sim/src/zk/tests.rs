@@ -136,7 +136,7 @@ impl Bench {
         (self.now - from) / MILLIS
     }
 
-    /// Started, and running at idle; the host goes on with `ID 1, run, 0 %`.
+    /// Started, and running at idle; the host keeps sending `ID 1, run, 0 %`.
     fn running(version: u8) -> Self {
         let mut bench = Self::version(version);
         bench.host(&[control(3, 0)]).until(|ecu| ecu.state() == state::MINIMUM);
@@ -364,7 +364,7 @@ fn id_6_and_7_rule_in_mode_3_and_id_1_is_ignored() {
     bench.once(control(1, 0)).wait(5000);
     assert!((bench.ecu.turbine().rpm() - 100_000.0).abs() < 100.0);
     assert_eq!(bench.ecu.stats.ignored.mode, 1);
-    // Without a switch of its own ID 6 leaves it as it is.
+    // Without its own switch, ID 6 leaves the switch unchanged.
     bench.host(&[switch(0, 3), rpm(2500)]).wait(10_000);
     assert!((bench.ecu.turbine().rpm() - 75_000.0).abs() < 100.0);
     bench.host(&[switch(2, 4), rpm(2500)]).wait(200);

@@ -1,5 +1,5 @@
-//! Embassy's time driver. The board's counter of microseconds is the clock, and SysTick rings
-//! for the next timer: SysTick alone would lose time at every new alarm, or ring thousands of times
+//! Embassy's time driver. The board's microsecond counter is the clock, and SysTick interrupts for
+//! the next timer: SysTick alone would lose time at every new alarm, or interrupt thousands of times
 //! a second.
 
 use super::hardware::{CLOCK_HZ, Register};
@@ -16,7 +16,7 @@ const PRESCALE: Register = Register::at(0x4002_801C);
 const SYST_CSR: Register = Register::at(0xE000_E010);
 const SYST_RVR: Register = Register::at(0xE000_E014);
 const SYST_CVR: Register = Register::at(0xE000_E018);
-/// Core clock, interrupt, on.
+/// Core clock, interrupt, enable.
 const SYST_ON: u32 = 0b111;
 /// SysTick counts 24 bits: 0.67 s.
 const SYST_MAX: u64 = 0x00FF_FFFF;
@@ -26,7 +26,7 @@ const CYCLES_PER_TICK: u32 = CLOCK_HZ / TICK_HZ as u32;
 struct Clock(Mutex<CriticalSectionRawMutex, RefCell<State>>);
 
 struct State {
-    /// The counter when it was read last, and how often it had wrapped (every 71 minutes).
+    /// The counter at the last read, and the number of wraps until then (one every 71 minutes).
     counter: u32,
     wraps: u32,
     timers: Queue,
@@ -64,7 +64,7 @@ impl Clock {
         self.0.lock(|state| act(&mut state.borrow_mut()))
     }
 
-    /// Wakes what is due.
+    /// Wakes all timers that are due.
     fn ring(&self) {
         self.with(State::set_alarm);
     }
@@ -72,7 +72,7 @@ impl Clock {
 
 impl State {
     fn now(&mut self) -> u64 {
-        // SysTick rings at least every 0.67 s, so no wrap is missed.
+        // SysTick interrupts at least every 0.67 s, so no wrap is missed.
         let counter = COUNTER.read();
         if counter < self.counter {
             self.wraps += 1;
@@ -81,11 +81,11 @@ impl State {
         u64::from(self.wraps) << 32 | u64::from(counter)
     }
 
-    /// Wakes what is due and sets SysTick for what is next.
+    /// Wakes all timers that are due and sets SysTick for the next one.
     fn set_alarm(&mut self) {
         let now = self.now();
         let next = self.timers.next_expiration(now);
-        // A tick more: the counter may be about to count.
+        // One tick more: the counter may be about to advance.
         let cycles = (next - now).saturating_add(1).saturating_mul(CYCLES_PER_TICK.into());
         SYST_CSR.write(0);
         SYST_RVR.write(cycles.min(SYST_MAX) as u32);

@@ -1,10 +1,9 @@
-//! Test image only (feature `count`, `cargo qemu count`): how many instructions a received byte, a frame and a
-//! reply take.
+//! Test image only (feature `count`, `cargo qemu count`): counts the instructions for a received byte, a frame and a
+//! reply.
 //!
-//! QEMU runs this image with `-icount`: its time passes with the instructions and with nothing else, so a timer
-//! counts them. Sockets would bring the host's time in. So the UARTs' registers are memory here, this task puts
-//! the ECU's bytes there, and has the receiver's interrupt taken. From there on the firmware is the same to the
-//! last instruction.
+//! QEMU runs this image with `-icount`: its time advances only with the instructions, so a timer counts them. Sockets
+//! would introduce the host's time. So the UARTs' registers are memory here, and this task writes the ECU's bytes to
+//! them and triggers the receiver's interrupt. From there on, the firmware is the same to the last instruction.
 
 use super::hardware::Register;
 use super::memory_uart::{SPOKE, TIMER_VALUE, now};
@@ -23,9 +22,9 @@ const TIMER_RELOAD: Register = Register::at(0x4000_0008);
 const INSTRUCTION_NS: u32 = 128;
 const TICK_NS: u32 = 40;
 
-/// Frames of each kind. The least count of them all is printed: a timer may ring at some.
+/// Frames of each kind. The lowest count is printed, because a timer may interrupt some of them.
 const FRAMES: usize = 50;
-/// Between two frames; less than the time after which an ECU is lost.
+/// Pause between two frames, shorter than the time after which an ECU is lost.
 const PERIOD: Duration = Duration::from_millis(125);
 
 /// An AMT set of an engine in standby.
@@ -79,7 +78,7 @@ pub async fn run() -> ! {
         defmt::info!("count: {=str}, {=[u8]:02x}, on {}", engine.name, frame, engine.line);
         defmt::info!("count: its bytes, interrupt to sleep: {=[?]} instructions", bytes);
         defmt::info!("count: the frame, all of its bytes: {=u32} instructions", all);
-        // A ZK ECU is not answered: what was sent meanwhile was the keep-alive.
+        // A ZK ECU is not answered: only the keep-alive was sent in the meantime.
         if matches!(engine.ecu, EcuConfig::Amt(_)) {
             defmt::info!(
                 "count: last byte's interrupt to the reply's first byte: {=u32} instructions",

@@ -1,11 +1,11 @@
-//! The executor of thread mode. Embassy's own sleeps with WFE, at which QEMU does not sleep: it would take a
-//! core of the host for nothing, and count every turn of an idle loop as work. This one sleeps with WFI.
+//! The executor of thread mode. Embassy's own sleeps with WFE, which QEMU does not implement as a sleep: it would occupy a
+//! core of the host, and count every pass of an idle loop as work. This one sleeps with WFI.
 
 use super::hardware::{Handler, Irq, unmask};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_executor::{Spawner, raw};
 
-/// The touch screen's, which nothing here uses: it says that a task was woken.
+/// The touch screen's interrupt, which nothing here uses: it signals that a task was woken.
 const INTERRUPT: Irq = Irq(15);
 
 static WOKEN: AtomicBool = AtomicBool::new(false);
@@ -25,17 +25,17 @@ pub struct Executor(raw::Executor);
 impl Executor {
     /// Without tasks.
     pub fn new() -> Self {
-        // What embassy-executor is to do when a task is woken: have this interrupt taken.
+        // Called by embassy-executor when a task is woken: triggers this interrupt.
         Self(raw::Executor::new(usize::from(INTERRUPT.0) as *mut ()))
     }
 
-    /// Runs for ever.
+    /// Runs forever.
     pub fn run(&'static mut self, init: impl FnOnce(Spawner)) -> ! {
         init(self.0.spawner());
         unmask(INTERRUPT);
         loop {
-            // WFI ends when an interrupt is pending, also while interrupts are off: none can come between the
-            // look and the sleep.
+            // WFI also ends on a pending interrupt while interrupts are off, so none can be missed between the
+            // check and the sleep.
             cortex_m::interrupt::disable();
             if !WOKEN.load(Ordering::Relaxed) {
                 cortex_m::asm::wfi();
@@ -43,7 +43,7 @@ impl Executor {
             // SAFETY: outside of any critical section.
             unsafe { cortex_m::interrupt::enable() };
             if WOKEN.swap(false, Ordering::Relaxed) {
-                // SAFETY: only here, so never from within itself.
+                // SAFETY: polled only here, so never reentrantly.
                 unsafe { self.0.poll() };
             }
         }

@@ -5,10 +5,10 @@ use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 /// The ECU ports by number, from 0. QEMU's n-th `-serial` is UARTn.
 pub const PORTS: [&str; 4] = ["UART0", "UART1", "UART2", "UART3"];
 
-/// Of the core and of everything on its buses.
+/// Clock of the core and of all its buses.
 pub const CLOCK_HZ: u32 = 25_000_000;
 
-/// A register of 32 bits.
+/// A 32-bit register.
 #[derive(Clone, Copy)]
 pub struct Register(pub *mut u32);
 
@@ -17,14 +17,14 @@ impl Register {
         Self(address as *mut u32)
     }
 
-    /// The register so many bytes further on.
+    /// The register at this offset in bytes.
     pub const fn next(self, offset: usize) -> Self {
         Self(self.0.wrapping_byte_add(offset))
     }
 
     pub fn read(self) -> u32 {
         // SAFETY: private to this board, whose files make registers from its memory map only; each
-        // is 32 bits wide, aligned, and never the address of anything that Rust knows of.
+        // is 32 bits wide, aligned, and never the address of a Rust object.
         unsafe { self.0.read_volatile() }
     }
 
@@ -38,7 +38,7 @@ impl Register {
 #[derive(Clone, Copy)]
 pub struct Irq(pub u16);
 
-// SAFETY: all are made in this board's files, below 32, which is what the board has.
+// SAFETY: all are defined in this board's files and below 32, the number that the board has.
 unsafe impl InterruptNumber for Irq {
     fn number(self) -> u16 {
         self.0
@@ -48,12 +48,12 @@ unsafe impl InterruptNumber for Irq {
 /// An interrupt's handler.
 pub type Handler = unsafe extern "C" fn();
 
-/// Has an interrupt taken.
+/// Triggers an interrupt.
 pub fn pend(irq: Irq) {
     NVIC::pend(irq);
 }
 
-/// Turns an interrupt on.
+/// Enables an interrupt.
 pub fn unmask(irq: Irq) {
     // SAFETY: no critical section relies on masks of single interrupts.
     unsafe { NVIC::unmask(irq) }

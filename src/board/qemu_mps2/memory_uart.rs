@@ -1,13 +1,13 @@
-//! Test image only (feature `count`): the UARTs' registers are memory, and a timer sees when a transmitter is given a byte.
+//! Test image only (feature `count`): the UARTs' registers are memory, and a timer records when a transmitter is given a byte.
 
 use super::hardware::{PORTS, Register};
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// In place of each UART's registers.
+/// Replaces the registers of each UART.
 pub static REGISTERS: [[AtomicU32; 5]; PORTS.len()] =
     [const { [const { AtomicU32::new(0) }; 5] }; PORTS.len()];
 
-/// Where they are. (The only registers that Rust knows of: as atomics, which anybody may write.)
+/// Their addresses. (The only registers that are Rust objects: atomics, which any code may write.)
 pub const BASES: [Register; PORTS.len()] = [
     Register(REGISTERS[0][0].as_ptr()),
     Register(REGISTERS[1][0].as_ptr()),
@@ -15,13 +15,13 @@ pub const BASES: [Register; PORTS.len()] = [
     Register(REGISTERS[3][0].as_ptr()),
 ];
 
-/// When the transmitter was given a byte for the first time since somebody set this to 0.
+/// Time at which the transmitter was given its first byte since this was set to 0.
 pub static SPOKE: AtomicU32 = AtomicU32::new(0);
 
 /// The timer's value; it counts down.
 pub const TIMER_VALUE: Register = Register::at(0x4000_0004);
 
-/// What the timer of the count shows, counted up.
+/// The timer's value, converted to count up.
 pub fn now() -> u32 {
     !TIMER_VALUE.read()
 }

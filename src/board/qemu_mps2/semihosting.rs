@@ -1,5 +1,5 @@
 //! Semihosting: the log, and the end of a trial. QEMU serves these calls; on a board without a
-//! debugger each one would be a fault.
+//! debugger, each one would cause a fault.
 //!
 //! The logger of the crate `defmt-semihosting` makes one call for each byte of a frame, with all
 //! interrupts off. This one makes one call for each frame.
@@ -18,10 +18,10 @@ const EXIT_EXTENDED: usize = 0x20;
 ///
 /// # Safety
 ///
-/// `arguments` are what `operation` says; pointers among them point to what it says.
+/// `arguments` must be those that `operation` requires, including the targets of any pointers.
 unsafe fn call(operation: usize, arguments: &[usize]) -> usize {
     let mut result = operation;
-    // SAFETY: the caller's word. The call takes r0 and r1 and returns r0; nothing else changes.
+    // SAFETY: guaranteed by the caller. The call takes r0 and r1 and returns r0; nothing else changes.
     unsafe { asm!("bkpt 0xAB", inout("r0") result, in("r1") arguments.as_ptr(), options(nostack)) };
     result
 }
@@ -63,7 +63,7 @@ struct State {
 
 struct Shared(UnsafeCell<State>);
 
-// SAFETY: whoever uses the state holds the critical section that `acquire` took.
+// SAFETY: all code that uses the state holds the critical section that `acquire` took.
 unsafe impl Sync for Shared {}
 
 static STATE: Shared = Shared(UnsafeCell::new(State {
@@ -76,7 +76,7 @@ static STATE: Shared = Shared(UnsafeCell::new(State {
 impl State {
     fn encode(&mut self, encode: impl FnOnce(&mut defmt::Encoder, &mut dyn FnMut(&[u8]))) {
         let frame = &mut self.frame;
-        // A frame that is too long is cut off, and its decoder says so.
+        // A frame that is too long is cut off, which its decoder reports.
         encode(&mut self.encoder, &mut |bytes| {
             let _ = frame.extend_from_slice(bytes);
         });
@@ -89,8 +89,8 @@ unsafe impl defmt::Logger for Logger {
     fn acquire() {
         // SAFETY: `release` ends it.
         let restore = unsafe { critical_section::acquire() };
-        // SAFETY: inside the critical section. A panic inside a frame would come here again, but
-        // it has no other way to say anything, and resets after it.
+        // SAFETY: inside the critical section. A panic inside a frame would call this again, but it
+        // has no other way to log, and resets afterwards.
         let state = unsafe { &mut *STATE.0.get() };
         state.restore = restore;
         state.frame.clear();

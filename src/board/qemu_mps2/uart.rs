@@ -1,9 +1,9 @@
-//! ECU ports on the design kit's UARTs: each has a buffer of one byte in either direction, an
-//! interrupt for each, and always one stop bit.
+//! ECU ports on the design kit's UARTs: each has a one-byte buffer and an interrupt for either
+//! direction, and always one stop bit.
 //!
-//! QEMU moves bytes as fast as its socket takes them. So that the firmware sees a line as it is,
-//! [`EcuTx::flush`] waits until the last stop bit would be out at the port's baud rate, which is
-//! right on the board too: its UART has no flag for an empty shift register.
+//! QEMU moves bytes as fast as its socket takes them. To behave like a real line, [`EcuTx::flush`]
+//! waits until the last stop bit would have been sent at the port's baud rate. This is also right on
+//! the board, whose UART has no flag for an empty shift register.
 
 use super::hardware::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
 use core::cell::Cell;
@@ -17,7 +17,7 @@ use jetlink::line::{Line, LineError, StopBits};
 use jetlink::link::MAX_TRANSMISSION;
 use jetlink::runner::{LineErrors, Runner};
 
-/// More than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
+/// Room for more than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
 const RX_BUFFER: usize = 256;
 const TX_BUFFER: usize = 6 * MAX_TRANSMISSION;
 
@@ -44,7 +44,7 @@ pub struct EcuPort {
     pub rx: EcuRx,
     /// To the ECU.
     pub tx: EcuTx,
-    /// What went wrong on the line, counted in the UART's interrupt.
+    /// Line errors, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
 }
 
@@ -61,7 +61,7 @@ pub struct EcuRx(&'static Port);
 /// Writes bytes.
 pub struct EcuTx(&'static Port);
 
-/// A UART and what its interrupts and its two halves share.
+/// A UART, and the state that its interrupts and its two halves share.
 pub struct Port {
     base: Register,
     rx_interrupt: Irq,
@@ -70,7 +70,7 @@ pub struct Port {
     to_send: Pipe<CriticalSectionRawMutex, TX_BUFFER>,
     /// The UART has taken the last byte.
     drained: Signal<CriticalSectionRawMutex, ()>,
-    /// How long a byte takes on the line, and when the last one has left it.
+    /// Duration of a byte on the line, and the time at which the last one has been sent.
     line: Mutex<CriticalSectionRawMutex, Cell<(Duration, Instant)>>,
     errors: LineErrors,
 }
@@ -126,7 +126,7 @@ impl Port {
         self.base.next(offset)
     }
 
-    /// Opens a port: 8 data bits, no parity, one stop bit. To be called once for each.
+    /// Opens a port: 8 data bits, no parity, one stop bit. Call it once for each.
     ///
     /// # Panics
     ///
@@ -177,7 +177,7 @@ impl Port {
         }
     }
 
-    /// Lets the receiver have a byte, where its registers are memory.
+    /// Gives the receiver a byte, where its registers are memory.
     #[cfg(feature = "count")]
     pub fn put(number: usize, byte: u8) {
         let port = &UARTS[number];
@@ -185,7 +185,7 @@ impl Port {
         port.register(STATE).write(RX_FULL);
     }
 
-    /// Has the interrupt of the receiver taken.
+    /// Triggers the interrupt of the receiver.
     #[cfg(feature = "count")]
     #[inline(always)]
     pub fn interrupt(number: usize) {
@@ -218,7 +218,7 @@ impl Write for EcuTx {
         Ok(count)
     }
 
-    /// Returns when the last stop bit is out.
+    /// Returns when the last stop bit has been sent.
     #[expect(clippy::disallowed_methods, reason = "this UART has no flag for an idle line")]
     async fn flush(&mut self) -> Result<(), Infallible> {
         while !self.0.is_drained() {

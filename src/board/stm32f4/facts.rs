@@ -1,4 +1,4 @@
-//! For the self-test: what an STM32F427 says of its own chip, power, clocks, flash and option bytes (RM0090).
+//! For the self-test: what an STM32F427 reports about its chip, power, clocks, flash and option bytes (RM0090).
 
 use crate::board::facts;
 use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
@@ -6,7 +6,7 @@ use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
 /// Size of the flash in KiB (RM0090, 39.2).
 const FLASH_SIZE: *const u16 = 0x1FFF_7A22 as *const u16;
 
-/// Which chip this is, and how it is supplied and clocked.
+/// Identity of the chip, its supply and its clocks.
 pub fn chip() {
     let id = DBGMCU.idcode().read().0;
     // SAFETY: read-only memory that every STM32F427 has, aligned.

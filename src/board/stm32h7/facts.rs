@@ -1,4 +1,4 @@
-//! For the self-test: what an STM32H743 says of its own chip, power, clocks, flash and option bytes (RM0433).
+//! For the self-test: what an STM32H743 reports about its chip, power, clocks, flash and option bytes (RM0433).
 
 use crate::board::facts;
 use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
@@ -6,7 +6,7 @@ use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
 /// Size of the flash in KiB (RM0433, 61.2).
 const FLASH_SIZE: *const u16 = 0x1FF1_E880 as *const u16;
 
-/// Which chip this is, and how it is supplied and clocked.
+/// Identity of the chip, its supply and its clocks.
 pub fn chip() {
     let id = DBGMCU.idc().read().0;
     // SAFETY: read-only memory that every STM32H743 has, aligned.

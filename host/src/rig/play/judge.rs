@@ -2,7 +2,7 @@
 //! are late on the wire, reply windows that are missed outside of the faults that a person has set. Frames that nothing
 //! allows are the audit's.
 
-use super::super::audit::{Audit, Said};
+use super::super::audit::{Audit, WireCommand};
 use super::super::simulated::EcuCounts;
 use embassy_time::{Duration, Instant};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -68,7 +68,7 @@ impl Judge {
 
     /// An emergency stop is commanded.
     pub fn stop(&mut self, at: Nanos, audit: &Audit) {
-        if audit.on_wire != Some(Said::Stop) {
+        if audit.on_wire != Some(WireCommand::Stop) {
             self.stop_since.get_or_insert(at);
         }
     }

@@ -1,7 +1,7 @@
 //! Plays: does what keys or a script file ask for, keeps it with its engine time, and speaks for the source of each engine
 //! that was taken from its script.
 
-use super::super::desk::{Desk, Lever, Notes, Stage};
+use super::super::context::{EngineContext, Notes, PilotInput, Stage};
 use super::super::faults::Faults;
 use super::super::node::{Cause, Node, Reset};
 use super::super::simulated::counts;
@@ -41,7 +41,7 @@ struct Hand {
 #[derive(Debug)]
 pub struct Player<'a> {
     node: &'a Node<'a>,
-    desks: &'a [Desk<'a>],
+    desks: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
     hands: Vec<Hand>,
@@ -52,7 +52,7 @@ impl<'a> Player<'a> {
     /// For these engines.
     pub fn new(
         node: &'a Node<'a>,
-        desks: &'a [Desk<'a>],
+        desks: &'a [EngineContext<'a>],
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
@@ -128,15 +128,15 @@ impl<'a> Player<'a> {
                     let by = i64::from(most - least) * i64::from(by) / i64::from(WHOLE);
                     (i64::from(from) + by).clamp(least.into(), most.into()) as u32
                 };
-                match desk.lever.get() {
-                    Lever::Run(Demand::Throttle(now)) => {
+                match desk.input.get() {
+                    PilotInput::Run(Demand::Throttle(now)) => {
                         Some(Act::Throttle(step(now.tenths().into(), 0, WHOLE) as u16))
                     }
-                    Lever::Run(Demand::Rpm(now)) => {
+                    PilotInput::Run(Demand::Rpm(now)) => {
                         let (least, most) = self.speeds(engine)?;
                         Some(Act::Rpm(step(now.get(), least, most.max(least))))
                     }
-                    Lever::Standby => {
+                    PilotInput::Standby => {
                         desk.note("played: there is no demand in standby: start the engine first");
                         None
                     }
@@ -162,16 +162,16 @@ impl<'a> Player<'a> {
             Act::Arm => self.tell(engine, Command::Arm),
             Act::Disarm => self.tell(engine, Command::Disarm),
             Act::Start => match self.idle(engine) {
-                Some(idle) => desk.lever.set(Lever::Run(idle)),
+                Some(idle) => desk.input.set(PilotInput::Run(idle)),
                 None => desk.note("the ECU has not reported its speeds"),
             },
-            Act::Standby => desk.lever.set(Lever::Standby),
+            Act::Standby => desk.input.set(PilotInput::Standby),
             Act::Throttle(tenths) => {
                 self.demand(desk, Throttle::from_tenths(tenths).ok().map(Demand::Throttle))
             }
             Act::Rpm(rpm) => self.demand(desk, Some(Demand::Rpm(Rpm::new(rpm)))),
             Act::EmergencyStop => {
-                desk.lever.set(Lever::Standby);
+                desk.input.set(PilotInput::Standby);
                 hand.stop.set(true);
                 hand.judge.borrow_mut().stop(clock::now_ns(), &desk.audit.borrow());
             }
@@ -180,7 +180,7 @@ impl<'a> Player<'a> {
                 self.order(engine, Command::ReleaseStop, Order::Standby);
             }
             Act::Script => {
-                desk.lever.set(Lever::Standby);
+                desk.input.set(PilotInput::Standby);
                 desk.played.set(false);
             }
             Act::Fault(fault, begins) => self.fault(engine, fault, begins),
@@ -191,9 +191,9 @@ impl<'a> Player<'a> {
     }
 
     /// Changes the demand of an engine that is commanded to run.
-    fn demand(&self, desk: &Desk<'_>, demand: Option<Demand>) {
-        match (desk.lever.get(), demand) {
-            (Lever::Run(_), Some(demand)) => desk.lever.set(Lever::Run(demand)),
+    fn demand(&self, desk: &EngineContext<'_>, demand: Option<Demand>) {
+        match (desk.input.get(), demand) {
+            (PilotInput::Run(_), Some(demand)) => desk.input.set(PilotInput::Run(demand)),
             _ => desk.note("there is no demand in standby: start the engine first"),
         }
     }
@@ -270,13 +270,13 @@ impl<'a> Player<'a> {
             desk.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
             return;
         }
-        let lever = desk.lever.get();
-        let answer = self.order(engine, lever.command(), lever.order());
+        let input = desk.input.get();
+        let answer = self.order(engine, input.command(), input.order());
         let refused =
             matches!(answer, Some(Err(Rejected::Start(_) | Rejected::StandbyFirst | Rejected::StopLatched)));
-        if refused && matches!(lever, Lever::Run(_)) {
+        if refused && matches!(input, PilotInput::Run(_)) {
             // The event says why. To ask again takes another key.
-            desk.lever.set(Lever::Standby);
+            desk.input.set(PilotInput::Standby);
         }
     }
 
@@ -302,7 +302,7 @@ impl<'a> Player<'a> {
                 plug.ecu(|ecu| (counts(ecu), ecu.turbine().history().ignitions.clone()));
             hand.judge.borrow_mut().look(&Seen {
                 at: Instant::now(),
-                commands_run: matches!(desk.lever.get(), Lever::Run(_)),
+                commands_run: matches!(desk.input.get(), PilotInput::Run(_)),
                 link_up: self.node.telemetry(i).link == LinkState::Up,
                 counts,
                 ignitions: &ignitions,

@@ -1,6 +1,6 @@
 //! The colours of a plot, for a light page and for a dark one.
 
-use super::super::desk::Stage;
+use super::super::context::Stage;
 
 /// All of them.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,10 @@
 //! One engine of a plot: what happened above, shaft speed and EGT, the throttle in a strip of its own, the switch below.
 
-use super::super::audit::Said;
+use super::super::audit::WireCommand;
+use super::super::chronicle::{Happening, Subject};
 use super::super::record::{Band, Point};
 use super::palette::Palette;
 use super::scale::{Scale, thousands};
-use super::subject::{Happening, Subject};
 use super::svg::{Anchor, Svg, width};
 
 /// Lines of text for what happened.
@@ -275,10 +275,10 @@ impl Panel<'_> {
     /// What was on the wire: stop, standby or run.
     fn ribbon(&self, svg: &mut Svg, top: f64) {
         let name = |point: &Point| match point.on_wire {
-            None | Some(Said::Nothing) => None,
-            Some(Said::Stop) => Some(("emergency stop", 0)),
-            Some(Said::Standby) => Some(("standby", 1)),
-            Some(Said::Run(_) | Said::RunRpm(_)) => Some(("run", 2)),
+            None | Some(WireCommand::Nothing) => None,
+            Some(WireCommand::Stop) => Some(("emergency stop", 0)),
+            Some(WireCommand::Standby) => Some(("standby", 1)),
+            Some(WireCommand::Run(_) | WireCommand::RunRpm(_)) => Some(("run", 2)),
         };
         for (name, from, to) in self.runs(name) {
             let Some((name, color)) = name else { continue };

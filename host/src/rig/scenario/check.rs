@@ -1,6 +1,6 @@
 //! What the scenarios look for on the wires, and the times that they allow.
 
-use super::super::audit::{Said, Spoken};
+use super::super::audit::{TransmittedFrame, WireCommand};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 /// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
@@ -15,29 +15,29 @@ pub const WORDS: Nanos = 100 * MILLIS;
 pub const GRAIN: u16 = 10;
 
 /// All frames say this, but for those that say nothing of switch and demand, and there are some.
-pub fn all(frames: &[Spoken], said: Said) -> bool {
-    frames.iter().any(|frame| frame.said == said)
-        && frames.iter().all(|frame| frame.said == said || frame.said == Said::Nothing)
+pub fn all(frames: &[TransmittedFrame], wire: WireCommand) -> bool {
+    frames.iter().any(|frame| frame.command == wire)
+        && frames.iter().all(|frame| frame.command == wire || frame.command == WireCommand::Nothing)
 }
 
 /// At least so many frames, and all of them say this.
-pub fn only(frames: &[Spoken], least: usize, allowed: impl Fn(Said) -> bool) -> bool {
-    frames.len() >= least && frames.iter().all(|frame| allowed(frame.said))
+pub fn only(frames: &[TransmittedFrame], least: usize, allowed: impl Fn(WireCommand) -> bool) -> bool {
+    frames.len() >= least && frames.iter().all(|frame| allowed(frame.command))
 }
 
-pub const fn is_run(said: Said) -> bool {
-    matches!(said, Said::Run(_) | Said::RunRpm(_))
+pub const fn is_run(wire: WireCommand) -> bool {
+    matches!(wire, WireCommand::Run(_) | WireCommand::RunRpm(_))
 }
 
 /// Standby, or what says nothing of switch and demand.
-pub const fn is_standby(said: Said) -> bool {
-    matches!(said, Said::Standby | Said::Nothing)
+pub const fn is_standby(wire: WireCommand) -> bool {
+    matches!(wire, WireCommand::Standby | WireCommand::Nothing)
 }
 
 /// No throttle on the wire rises by more than 50 % a second.
-pub fn rises_slowly(frames: &[Spoken]) -> bool {
-    let mut runs = frames.iter().filter_map(|frame| match frame.said {
-        Said::Run(tenths) => Some((frame.from, tenths)),
+pub fn rises_slowly(frames: &[TransmittedFrame]) -> bool {
+    let mut runs = frames.iter().filter_map(|frame| match frame.command {
+        WireCommand::Run(tenths) => Some((frame.from, tenths)),
         _ => None,
     });
     let Some(mut last) = runs.next() else { return false };

@@ -1,17 +1,17 @@
 //! Engines that fail.
 
-use super::super::audit::Said;
-use super::super::desk::Stage;
+use super::super::audit::WireCommand;
+use super::super::context::Stage;
 use super::check::{ON_WIRE, all, is_run};
-use super::cockpit::Cockpit;
+use super::context::ScenarioContext;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
-use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, SECOND};
 
-pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn fault_clears(c: &ScenarioContext<'_>) -> Result<(), String> {
     // An ECU that forgets a fault after 40 s, and starts on run alone, however hot.
-    let mut config = AmtConfig::new(Engine::Olympus).on(c.line(0));
+    let mut config = AmtConfig::new(EngineModel::Olympus).on(c.line(0));
     config.temper.starts_hot = true;
     config.temper.trips_clear_after = Some(40 * SECOND);
     c.plug_in(0, AmtEcu::new(config));
@@ -28,8 +28,8 @@ pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(15.0).await;
     let end = c.now();
     c.look();
-    let frames = c.spoken(0, out, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    let frames = c.transmitted(0, out, end);
+    let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     c.must(
         standby.is_some_and(|at| at <= out + 6 * SECOND),
         format!(
@@ -38,7 +38,7 @@ pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
         ),
     );
     c.must(
-        standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
+        standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
         "left: and stays, also when the fault clears, although run goes on being commanded",
     );
     c.must(
@@ -60,7 +60,7 @@ pub async fn fault_clears(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn two_engines_one_fails(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("flame-out of left; run is still commanded");
@@ -88,8 +88,8 @@ pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
         "right: reported that none counts as failed any more when left was shut down, and not before",
     );
     c.must(
-        all(&c.spoken(1, out, asked), Said::Run(600))
-            && all(&c.spoken(1, asked + 300 * MILLIS, end), Said::Run(800)),
+        all(&c.transmitted(1, out, asked), WireCommand::Run(600))
+            && all(&c.transmitted(1, asked + 300 * MILLIS, end), WireCommand::Run(800)),
         "right: its own demand is on the wire, 60 % and 80 %, at once",
     );
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
@@ -98,7 +98,7 @@ pub async fn two_engines_one_fails(c: &Cockpit<'_>) -> Result<(), String> {
         format!("right: its source is in control ({})", c.answer_text(1)),
     );
     c.must(
-        !c.spoken(0, out + 6 * SECOND + ON_WIRE, end).iter().any(|frame| is_run(frame.said)),
+        !c.transmitted(0, out + 6 * SECOND + ON_WIRE, end).iter().any(|frame| is_run(frame.command)),
         "left: no run is on the wire 6 s after its flame-out",
     );
     c.must(

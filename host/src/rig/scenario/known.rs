@@ -1,10 +1,10 @@
 //! The six that have their pictures in `docs/failsafe.md`.
 
-use super::super::audit::Said;
-use super::super::desk::Stage;
+use super::super::audit::WireCommand;
+use super::super::context::Stage;
 use super::super::node::{Cause, Reset};
 use super::check::{GRAIN, ON_WIRE, SEES_STOP, WORDS, all, rises_slowly, seconds};
-use super::cockpit::{Cockpit, Seat};
+use super::context::{CommandSource, ScenarioContext};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::event::{End, Event, LossStage};
@@ -17,11 +17,11 @@ const SEES_COLD: Nanos = 6 * SECOND;
 /// A demand rises from idle to 60 % at 50 % a second.
 const RISE_TO_60: Nanos = 1200 * MILLIS;
 
-pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn source_loss(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("the source falls silent");
-    c.each(Seat::silence);
+    c.each(CommandSource::silence);
     let silent = c.now();
     c.sleep(8.0).await;
     c.mark("it speaks again");
@@ -33,33 +33,35 @@ pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
     for i in 0..c.count() {
         let name = c.name(i);
         // Its age limit is 0.5 s, its last word up to 0.1 s old.
-        let held = c.spoken(i, silent + ON_WIRE, silent + 1400 * MILLIS);
+        let held = c.transmitted(i, silent + ON_WIRE, silent + 1400 * MILLIS);
         c.must(
-            all(&held, Said::Run(600)),
+            all(&held, WireCommand::Run(600)),
             format!("{name}: 60 % stays on the wire for 0.5 s (age limit) and 1 s (hold)"),
         );
-        let mut frames = c.spoken(i, silent + 1400 * MILLIS, back);
-        frames.retain(|frame| frame.said != Said::Nothing);
-        let falls = frames.windows(2).all(|pair| match (pair[0].said, pair[1].said) {
-            (Said::Run(before), Said::Run(after)) => {
+        let mut frames = c.transmitted(i, silent + 1400 * MILLIS, back);
+        frames.retain(|frame| frame.command != WireCommand::Nothing);
+        let falls = frames.windows(2).all(|pair| match (pair[0].command, pair[1].command) {
+            (WireCommand::Run(before), WireCommand::Run(after)) => {
                 let most = (pair[1].from - pair[0].from) * 500 / SECOND + u64::from(GRAIN) + 20;
                 after <= before && u64::from(before - after) <= most
             }
             _ => false,
         });
         c.must(falls, format!("{name}: then it falls at 50 % a second, and never rises"));
-        let idle = frames.iter().find(|frame| frame.said == Said::Run(0)).map(|frame| frame.from - silent);
+        let idle =
+            frames.iter().find(|frame| frame.command == WireCommand::Run(0)).map(|frame| frame.from - silent);
         let in_time = idle.is_some_and(|after| (2500 * MILLIS..=2700 * MILLIS + ON_WIRE).contains(&after));
         c.must(
             in_time,
             format!("{name}: idle is on the wire 2.7 s after the silence began ({:.2} s)", c.or_never(idle)),
         );
         c.must(
-            all(&c.spoken(i, silent + 2700 * MILLIS + ON_WIRE, back), Said::Run(0)),
+            all(&c.transmitted(i, silent + 2700 * MILLIS + ON_WIRE, back), WireCommand::Run(0)),
             format!("{name}: idle stays, and never standby or stop"),
         );
-        let again = c.spoken(i, back, end);
-        let again = again.iter().find(|frame| frame.said == Said::Run(600)).map(|frame| frame.from - back);
+        let again = c.transmitted(i, back, end);
+        let again =
+            again.iter().find(|frame| frame.command == WireCommand::Run(600)).map(|frame| frame.from - back);
         // Its first word comes up to 0.1 s late, and so does the one that ends the second without a gap.
         c.must(
             again.is_some_and(|after| {
@@ -72,7 +74,7 @@ pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
             ),
         );
         c.must(
-            rises_slowly(&c.spoken(i, silent, end)),
+            rises_slowly(&c.transmitted(i, silent, end)),
             format!("{name}: and rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, silent), format!("{name}: the engine runs all the time"));
@@ -81,13 +83,16 @@ pub async fn source_loss(c: &Cockpit<'_>) -> Result<(), String> {
             (LossStage::FailSafe, "fail-safe"),
             (LossStage::None, "the source is back"),
         ] {
-            c.must(c.told(i, |event| event == Event::SourceLoss(stage)), format!("{name}: reported, {what}"));
+            c.must(
+                c.reported(i, |event| event == Event::SourceLoss(stage)),
+                format!("{name}: reported, {what}"),
+            );
         }
     }
     c.shut_down().await
 }
 
-pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(true));
     c.ready(0).await?;
     c.sleep(1.0).await;
@@ -98,7 +103,8 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.event();
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
-    let told = c.told(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::HotStart));
+    let told =
+        c.reported(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::HotStart));
     c.must(told, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
@@ -132,15 +138,19 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
         refused.get(1..) == Some(&[Some(Err(Rejected::StandbyFirst))]),
         "left: the refusal has used the permission up: from then on run is refused until standby was commanded",
     );
-    let first = c.spoken(0, asked, tripped);
+    let first = c.transmitted(0, asked, tripped);
     c.must(
-        first.iter().any(|frame| frame.said == Said::Run(0))
-            && first.iter().all(|frame| matches!(frame.said, Said::Run(0) | Said::Standby | Said::Nothing)),
+        first.iter().any(|frame| frame.command == WireCommand::Run(0))
+            && first.iter().all(|frame| {
+                matches!(frame.command, WireCommand::Run(0) | WireCommand::Standby | WireCommand::Nothing)
+            }),
         "left: no throttle above the minimum was on the wire during the start",
     );
-    let withdrawn = c.spoken(0, tripped, allowed);
-    let withdrawn =
-        withdrawn.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - tripped);
+    let withdrawn = c.transmitted(0, tripped, allowed);
+    let withdrawn = withdrawn
+        .iter()
+        .find(|frame| frame.command == WireCommand::Standby)
+        .map(|frame| frame.from - tripped);
     c.must(
         withdrawn.is_some_and(|after| after <= SEES_STOP),
         format!(
@@ -149,7 +159,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
         ),
     );
     c.must(
-        all(&c.spoken(0, tripped + SEES_STOP, allowed), Said::Standby),
+        all(&c.transmitted(0, tripped + SEES_STOP, allowed), WireCommand::Standby),
         "left: nothing but standby is on the wire until standby and run are commanded to the cool engine",
     );
     c.must(
@@ -161,7 +171,7 @@ pub async fn hot_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("flame-out of left; run is still commanded");
@@ -172,14 +182,16 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(12.0).await;
     let end = c.now();
     c.look();
-    let told =
-        c.when_told(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut));
+    let told = c.when_reported(
+        0,
+        |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
+    );
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("left: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
     );
-    let frames = c.spoken(0, out, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    let frames = c.transmitted(0, out, end);
+    let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     c.must(
         standby.is_some_and(|at| at >= stopped.saturating_sub(ON_WIRE) && at <= stopped + SEES_STOP),
         format!(
@@ -188,7 +200,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         ),
     );
     c.must(
-        standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
+        standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
         "left: and stays, although run goes on being commanded",
     );
     c.must(c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()), "left: no relight and no restart");
@@ -196,10 +208,10 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("left: the source gets the reason ({})", c.answer_text(0)),
     );
-    c.must(all(&c.spoken(1, out, end), Said::Run(600)), "right: 60 % stays on the wire");
+    c.must(all(&c.transmitted(1, out, end), WireCommand::Run(600)), "right: 60 % stays on the wire");
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
     c.must(
-        c.told(1, |event| event == Event::OtherFailed(1)),
+        c.reported(1, |event| event == Event::OtherFailed(1)),
         "right: reported that the other engine has failed",
     );
 
@@ -212,13 +224,15 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(8.0).await;
     let end = c.now();
     c.look();
-    let told =
-        c.when_told(1, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut));
+    let told = c.when_reported(
+        1,
+        |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
+    );
     c.must(
         told.is_some_and(|at| at - out <= 3 * SECOND),
         format!("right: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
     );
-    let fault = c.when_told(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
+    let fault = c.when_reported(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
     c.must(
         fault.is_some_and(|at| at <= stopped + SECOND),
         format!(
@@ -226,8 +240,8 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
             c.or_never(fault.map(|at| at.saturating_sub(stopped)))
         ),
     );
-    let frames = c.spoken(1, out, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    let frames = c.transmitted(1, out, end);
+    let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     c.must(
         standby.is_some_and(|at| at >= out && at <= out + SEES_COLD),
         format!(
@@ -236,11 +250,11 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         ),
     );
     c.must(
-        standby.is_some_and(|at| all(&c.spoken(1, at, end), Said::Standby)),
+        standby.is_some_and(|at| all(&c.transmitted(1, at, end), WireCommand::Standby)),
         "right: and stays, although run goes on being commanded",
     );
     c.must(
-        c.told(1, |event| matches!(event, Event::RunCancelled(End::NotBurning | End::AtRest))),
+        c.reported(1, |event| matches!(event, Event::RunCancelled(End::NotBurning | End::AtRest))),
         "right: the reason is reported",
     );
     c.must(
@@ -251,7 +265,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
         c.phases(1, stopped, end).iter().all(|phase| !phase.is_live()),
         "right: no relight and no restart",
     );
-    let other = c.when_told(0, |event| event == Event::OtherFailed(1));
+    let other = c.when_reported(0, |event| event == Event::OtherFailed(1));
     c.must(
         other.zip(standby).is_some_and(|(at, standby)| at <= standby + SECOND),
         format!(
@@ -262,7 +276,7 @@ pub async fn flame_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn reset_in_flight(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.seat(1).throttle(75);
     c.sleep(6.0).await;
@@ -293,9 +307,10 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
         c.look();
         for (i, throttle) in throttles.into_iter().enumerate() {
             let name = c.name(i);
-            let last = c.spoken(i, 0, at).last().map_or(0, |frame| frame.to);
-            let after = c.spoken(i, at + 1, end);
-            let first = after.iter().find(|frame| frame.said != Said::Nothing).map_or(0, |frame| frame.to);
+            let last = c.transmitted(i, 0, at).last().map_or(0, |frame| frame.to);
+            let after = c.transmitted(i, at + 1, end);
+            let first =
+                after.iter().find(|frame| frame.command != WireCommand::Nothing).map_or(0, |frame| frame.to);
             let gap = first.saturating_sub(last);
             // The simulated AMT ECU waits 2 s; a ZK ECU from version 5 for ever (ZK-10).
             c.must(
@@ -309,11 +324,11 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
             let near = |tenths: u16| {
                 tenths.abs_diff(throttle) <= if reset.cause == Cause::PowerLost { GRAIN } else { 0 }
             };
-            let same = after.iter().all(|frame| match frame.said {
-                Said::Run(tenths) => {
+            let same = after.iter().all(|frame| match frame.command {
+                WireCommand::Run(tenths) => {
                     near(tenths) || frame.from < back + 300 * MILLIS && tenths.abs_diff(throttle) <= GRAIN
                 }
-                said => said == Said::Nothing,
+                wire => wire == WireCommand::Nothing,
             });
             c.must(
                 same,
@@ -334,7 +349,7 @@ pub async fn reset_in_flight(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn engine_lost(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("the line to left is cut");
@@ -349,7 +364,7 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(8.0).await;
     let end = c.now();
     c.look();
-    let lost = c.when_told(0, |event| event == Event::LinkLost).map(|at| at.saturating_sub(cut));
+    let lost = c.when_reported(0, |event| event == Event::LinkLost).map(|at| at.saturating_sub(cut));
     c.must(
         lost.is_some_and(|after| after <= 1300 * MILLIS),
         format!("left: the loss is reported within 1 s of the last frame ({:.2} s)", c.or_never(lost)),
@@ -361,7 +376,8 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
             seconds(stopped - cut)
         ),
     );
-    let given_up = c.when_told(0, |event| event == Event::RunCancelled(End::Unconfirmed)).map(|at| at - cut);
+    let given_up =
+        c.when_reported(0, |event| event == Event::RunCancelled(End::Unconfirmed)).map(|at| at - cut);
     c.must(
         given_up.is_some_and(|after| (3800 * MILLIS..=4100 * MILLIS).contains(&after)),
         format!(
@@ -369,7 +385,7 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
             c.or_never(given_up)
         ),
     );
-    let other = c.when_told(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
+    let other = c.when_reported(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
     c.must(
         other.is_some_and(|after| after <= 1400 * MILLIS),
         format!("right: reported that the other engine has failed ({:.2} s)", c.or_never(other)),
@@ -379,16 +395,16 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
         "right: reported once, and not that all is well when the line is joined",
     );
     c.must(
-        all(&c.spoken(1, cut, end), Said::Run(600)),
+        all(&c.transmitted(1, cut, end), WireCommand::Run(600)),
         "right: 60 % stays on the wire (default: the other engines are left alone)",
     );
     c.must(c.ran_from(1, cut) && c.speed_stayed(1, cut, 0.02), "right: the engine runs on");
-    let frames = c.spoken(0, joined, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    let frames = c.transmitted(0, joined, end);
+    let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     c.must(
         standby.is_some_and(|at| at - joined <= 500 * MILLIS)
-            && all(&frames, Said::Standby)
-            && standby.is_some_and(|at| all(&c.spoken(0, at, end), Said::Standby)),
+            && all(&frames, WireCommand::Standby)
+            && standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
         format!(
             "left: the first word is standby, once two sets say that the engine is at rest ({:.2} s), and it stays",
             c.or_never(standby.map(|at| at - joined))
@@ -401,7 +417,7 @@ pub async fn engine_lost(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn emergency_stop(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.start(1).await?;
     c.seat(1).throttle(60);
     c.stage(1, Stage::Steps);
@@ -431,15 +447,17 @@ pub async fn emergency_stop(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        let frames = c.spoken(i, stop, release);
-        let first = frames.iter().position(|frame| frame.said == Said::Stop);
+        let frames = c.transmitted(i, stop, release);
+        let first = frames.iter().position(|frame| frame.command == WireCommand::Stop);
         let after = first.and_then(|first| frames.get(first)).map(|frame| frame.to - stop);
         c.must(
             after.is_some_and(|after| after <= ON_WIRE),
             format!("{name}: on the wire in {:.0} ms, its last bit", c.or_never(after) * 1e3),
         );
         c.must(
-            first.is_some_and(|first| frames.iter().skip(first).all(|frame| frame.said == Said::Stop)),
+            first.is_some_and(|first| {
+                frames.iter().skip(first).all(|frame| frame.command == WireCommand::Stop)
+            }),
             format!("{name}: nothing but emergency stop is on the wire until it is released"),
         );
         let phases = c.phases(i, stop + ON_WIRE, end);
@@ -464,7 +482,7 @@ pub async fn emergency_stop(c: &Cockpit<'_>) -> Result<(), String> {
             format!("{name}: who stopped releases it"),
         );
         c.must(
-            all(&c.spoken(i, release + ON_WIRE, end), Said::Standby),
+            all(&c.transmitted(i, release + ON_WIRE, end), WireCommand::Standby),
             format!("{name}: then standby, although run goes on being commanded"),
         );
         c.must(

@@ -1,9 +1,9 @@
 //! Power and resets: of the node, and of an ECU.
 
-use super::super::audit::Said;
+use super::super::audit::WireCommand;
 use super::super::node::{Cause, Reset};
 use super::check::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
-use super::cockpit::{Cockpit, Seat};
+use super::context::{CommandSource, ScenarioContext};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
@@ -17,7 +17,7 @@ const GAP: Nanos = 250 * MILLIS;
 /// every 0.45 s.
 const IDENTIFIED: Nanos = 2500 * MILLIS;
 
-pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
     for i in 0..c.count() {
         // They light at once, however hot: the worst of all readings.
         c.ecu(i, |ecu| ecu.turbine_mut().set_starts_hot(true));
@@ -38,20 +38,21 @@ pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
             let name = c.name(i);
             let amt = c.name(i) == "amt";
             let doubts = if amt { ON_WIRE } else { GAP };
-            let meanwhile = c.spoken(i, off + doubts, on);
+            let meanwhile = c.transmitted(i, off + doubts, on);
             c.must(
                 if amt { meanwhile.is_empty() } else { only(&meanwhile, 0, is_standby) },
                 format!("{name}, {what}: nothing that could start an engine is on the wire in the dip"),
             );
-            let after = c.spoken(i, on, end);
+            let after = c.transmitted(i, on, end);
             c.must(
-                !after.iter().any(|frame| is_run(frame.said)),
+                !after.iter().any(|frame| is_run(frame.command)),
                 format!("{name}, {what}: no run is on the wire when the ECU is back"),
             );
-            let standby = after.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - on);
+            let standby =
+                after.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from - on);
             c.must(
                 standby.is_some_and(|after| after <= IDENTIFIED)
-                    && all(&c.spoken(i, on + IDENTIFIED, end), Said::Standby),
+                    && all(&c.transmitted(i, on + IDENTIFIED, end), WireCommand::Standby),
                 format!(
                     "{name}, {what}: standby is on the wire once its ECU is received ({:.2} s), and stays",
                     c.or_never(standby)
@@ -77,7 +78,7 @@ pub async fn ecu_power_dip(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn watchdog_loop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("the watchdog resets the node, then five more times, 1.05 s apart");
@@ -92,12 +93,12 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        let near = |said| match said {
-            Said::Run(tenths) => tenths.abs_diff(600) <= GRAIN,
-            said => said == Said::Nothing,
+        let near = |wire| match wire {
+            WireCommand::Run(tenths) => tenths.abs_diff(600) <= GRAIN,
+            wire => wire == WireCommand::Nothing,
         };
         c.must(
-            only(&c.spoken(i, first + 1, end), 40, near),
+            only(&c.transmitted(i, first + 1, end), 40, near),
             format!("{name}: every command is run at 60 %, no dip, no standby"),
         );
         c.must(
@@ -105,7 +106,7 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
             format!("{name}: the engine runs on through six resets, its speed within 2 %"),
         );
         c.must(
-            all(&c.spoken(i, last + 2 * SECOND, end), Said::Run(600)),
+            all(&c.transmitted(i, last + 2 * SECOND, end), WireCommand::Run(600)),
             format!("{name}: 60 % is on the wire 2 s after the last reset"),
         );
         c.must(
@@ -115,7 +116,7 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
     }
 
     c.mark("the source falls silent, and the resets go on");
-    c.each(Seat::silence);
+    c.each(CommandSource::silence);
     let silent = c.now();
     for _ in 0..20 {
         reset(c, 0.05).await;
@@ -125,15 +126,16 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
     for i in 0..c.count() {
         let name = c.name(i);
         // Its age limit, hold, 1.2 s from 60 % to idle; twice that for what the resets take.
-        let late = c.spoken(i, silent + 6 * SECOND, end);
-        let above = late.iter().find(|frame| matches!(frame.said, Said::Run(1..) | Said::RunRpm(_)));
+        let late = c.transmitted(i, silent + 6 * SECOND, end);
+        let above =
+            late.iter().find(|frame| matches!(frame.command, WireCommand::Run(1..) | WireCommand::RunRpm(_)));
         c.must(
             !late.is_empty() && above.is_none(),
             format!("{name}: no demand above idle is on the wire 6 s after the source's last word"),
         );
-        let frames = c.spoken(i, silent, end);
-        let rises = frames.windows(2).any(|pair| match (pair[0].said, pair[1].said) {
-            (Said::Run(before), Said::Run(after)) => after > before + GRAIN,
+        let frames = c.transmitted(i, silent, end);
+        let rises = frames.windows(2).any(|pair| match (pair[0].command, pair[1].command) {
+            (WireCommand::Run(before), WireCommand::Run(after)) => after > before + GRAIN,
             _ => false,
         });
         c.must(!rises, format!("{name}: no reset brings the demand back"));
@@ -142,14 +144,14 @@ pub async fn watchdog_loop(c: &Cockpit<'_>) -> Result<(), String> {
 }
 
 /// The watchdog resets the node, which is away for so long; then 1 s passes.
-async fn reset(c: &Cockpit<'_>, away: f64) {
+async fn reset(c: &ScenarioContext<'_>, away: f64) {
     let away = Duration::from_micros((away * 1e6) as u64);
     c.node().reset(Reset { away, cause: Cause::Watchdog });
     c.sleep(away.as_micros() as f64 / 1e6 + 1.0).await;
     c.arm();
 }
 
-pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.ecu(1, |ecu| {
         if let AnyEcu::Amt(ecu) = ecu {
@@ -173,18 +175,18 @@ pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        let frames = c.spoken(i, at + 1, end);
+        let frames = c.transmitted(i, at + 1, end);
         c.must(
-            only(&frames, 20, |said| is_run(said) || said == Said::Nothing),
+            only(&frames, 20, |wire| is_run(wire) || wire == WireCommand::Nothing),
             format!("{name}: no standby, and no stop"),
         );
-        let first = frames.iter().find(|frame| is_run(frame.said)).map(|frame| frame.from - back);
+        let first = frames.iter().find(|frame| is_run(frame.command)).map(|frame| frame.from - back);
         c.must(
             first.is_some_and(|after| after <= SECOND),
             format!("{name}: run is on the wire {:.2} s after the node was back", c.or_never(first)),
         );
         c.must(
-            all(&c.spoken(i, back + 5 * SECOND, end), Said::Run(600)),
+            all(&c.transmitted(i, back + 5 * SECOND, end), WireCommand::Run(600)),
             format!("{name}: 60 % is on the wire 5 s after it was back"),
         );
         c.must(rises_slowly(&frames), format!("{name}: the demand rises by 50 % a second at most"));
@@ -207,12 +209,13 @@ pub async fn brown_out(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.seat(1).rpm(120_000);
     c.sleep(6.0).await;
     c.look();
-    let by_rpm = c.spoken(1, 0, c.now()).iter().any(|frame| matches!(frame.said, Said::RunRpm(_)));
+    let by_rpm =
+        c.transmitted(1, 0, c.now()).iter().any(|frame| matches!(frame.command, WireCommand::RunRpm(_)));
     c.must(by_rpm && c.runs(1), "right: runs by rpm");
     c.event();
     c.mark("both lines are cut, and other ECUs are plugged in: version 3, cold, and hungry for a start");
@@ -241,16 +244,22 @@ pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
             format!("{name}: once its version is known, every frame is one that the new ECU knows"),
         );
         c.must(
-            !c.spoken(i, cut + GAP, end).iter().any(|frame| matches!(frame.said, Said::Run(_) | Said::Stop)),
+            !c.transmitted(i, cut + GAP, end)
+                .iter()
+                .any(|frame| matches!(frame.command, WireCommand::Run(_) | WireCommand::Stop)),
             format!("{name}: no run is on the wire from the cut on"),
         );
         c.must(
-            !c.spoken(i, joined + IDENTIFIED, end).iter().any(|frame| matches!(frame.said, Said::RunRpm(_))),
+            !c.transmitted(i, joined + IDENTIFIED, end)
+                .iter()
+                .any(|frame| matches!(frame.command, WireCommand::RunRpm(_))),
             format!("{name}: and no speed for an ECU that has none to take"),
         );
-        let frames = c.spoken(i, joined, end);
-        let standby =
-            frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from - joined);
+        let frames = c.transmitted(i, joined, end);
+        let standby = frames
+            .iter()
+            .find(|frame| frame.command == WireCommand::Standby)
+            .map(|frame| frame.from - joined);
         c.must(
             standby.is_some_and(|after| after <= IDENTIFIED),
             format!(
@@ -259,7 +268,7 @@ pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
             ),
         );
         c.must(
-            all(&c.spoken(i, joined + IDENTIFIED, end), Said::Standby),
+            all(&c.transmitted(i, joined + IDENTIFIED, end), WireCommand::Standby),
             format!("{name}: and stays, although run goes on being commanded"),
         );
         c.must(
@@ -280,7 +289,7 @@ pub async fn ecu_swapped(c: &Cockpit<'_>) -> Result<(), String> {
 }
 
 /// Frames that a ZK ECU has heard and does not know in its version.
-fn unknown_to(c: &Cockpit<'_>, engine: usize) -> u64 {
+fn unknown_to(c: &ScenarioContext<'_>, engine: usize) -> u64 {
     c.ecu(engine, |ecu| match ecu {
         AnyEcu::Zk(ecu) => ecu.stats.ignored.version,
         AnyEcu::Amt(_) => 0,

@@ -1,14 +1,14 @@
 //! Sources: whose word counts, and what a start takes.
 
-use super::super::audit::Said;
-use super::super::desk::{Lever, Stage};
+use super::super::audit::WireCommand;
+use super::super::context::{PilotInput, Stage};
 use super::check::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
-use super::cockpit::{Cockpit, Seat, percent};
+use super::context::{CommandSource, ScenarioContext, percent};
 use jetlink::command::{Accepted, Command, Interlock, Origin, Rejected};
 use jetlink::event::Event;
 use sim::ecu::{MILLIS, SECOND};
 
-pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn waiting_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ready(0).await?;
     c.ready(1).await?;
     c.stage(0, Stage::Start);
@@ -31,7 +31,7 @@ pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.stage(0, Stage::Idle);
     c.sleep(12.0).await;
     c.must(c.node().telemetry(1).start_waits_until.is_none(), "right: the wait has ended");
-    let ended = c.when_told(1, |event| {
+    let ended = c.when_reported(1, |event| {
         event == Event::CommandRejected(Rejected::Start(Interlock::OtherStarting), Origin::Bench)
     });
     c.must(
@@ -50,7 +50,10 @@ pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
         format!("right: the wait has used the permission up ({})", c.answer_text(1)),
     );
     c.look();
-    c.must(all(&c.spoken(1, asked, again), Said::Standby), "right: nothing but standby is on the wire");
+    c.must(
+        all(&c.transmitted(1, asked, again), WireCommand::Standby),
+        "right: nothing but standby is on the wire",
+    );
     c.must(c.starts(1, 0, again) == 0, "right: the engine is not lit");
     c.mark("standby, and run once more");
     c.start(1).await?;
@@ -59,16 +62,16 @@ pub async fn waiting_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn rc_over_mavlink(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.each(|seat| seat.speaks_as(Origin::Rc));
     c.fly(60).await?;
     c.event();
     c.mark("MAVLink streams standby below RC");
-    c.each(|seat| seat.beside(Some((Origin::Mavlink, Lever::Standby))));
+    c.each(|seat| seat.beside(Some((Origin::Mavlink, PilotInput::Standby))));
     c.sleep(3.0).await;
     c.mark("RC is lost for 2 s");
     let lost = c.now();
-    c.each(Seat::silence);
+    c.each(CommandSource::silence);
     c.sleep(2.0).await;
     c.each(|seat| seat.throttle(60));
     let back = c.now();
@@ -77,31 +80,31 @@ pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        let frames = c.spoken(i, lost - 3 * SECOND, end);
+        let frames = c.transmitted(i, lost - 3 * SECOND, end);
         c.must(
-            only(&frames, 40, |said| is_run(said) || said == Said::Nothing),
+            only(&frames, 40, |wire| is_run(wire) || wire == WireCommand::Nothing),
             format!("{name}, above standby: no standby is on the wire"),
         );
         c.must(
-            all(&c.spoken(i, lost, lost + 1400 * MILLIS), Said::Run(600)),
+            all(&c.transmitted(i, lost, lost + 1400 * MILLIS), WireCommand::Run(600)),
             format!("{name}, above standby: 60 % stays for 0.5 s (age limit) and 1 s (hold)"),
         );
         c.must(
-            rises_slowly(&c.spoken(i, lost, end)),
+            rises_slowly(&c.transmitted(i, lost, end)),
             format!("{name}, above standby: the demand rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, lost), format!("{name}, above standby: the engine runs all the time"));
         c.must(
-            all(&c.spoken(i, back + 4500 * MILLIS, end), Said::Run(600)),
+            all(&c.transmitted(i, back + 4500 * MILLIS, end), WireCommand::Run(600)),
             format!("{name}, above standby: 60 % is on the wire again 4.5 s after RC was back"),
         );
     }
     c.mark("MAVLink streams run at 40 % below RC");
-    c.each(|seat| seat.beside(Some((Origin::Mavlink, Lever::Run(percent(40))))));
+    c.each(|seat| seat.beside(Some((Origin::Mavlink, PilotInput::Run(percent(40))))));
     c.sleep(3.0).await;
     c.mark("RC is lost for 2 s");
     let lost = c.now();
-    c.each(Seat::silence);
+    c.each(CommandSource::silence);
     c.sleep(2.0).await;
     c.each(|seat| seat.throttle(60));
     let back = c.now();
@@ -110,25 +113,25 @@ pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        let between = |said| match said {
-            Said::Run(tenths) => (400..=600).contains(&tenths),
-            said => said == Said::Nothing,
+        let between = |wire| match wire {
+            WireCommand::Run(tenths) => (400..=600).contains(&tenths),
+            wire => wire == WireCommand::Nothing,
         };
         c.must(
-            only(&c.spoken(i, lost - 2 * SECOND, end), 40, between),
+            only(&c.transmitted(i, lost - 2 * SECOND, end), 40, between),
             format!("{name}, above run at 40 %: every command is run between 40 % and 60 %"),
         );
         c.must(
-            all(&c.spoken(i, lost - 2 * SECOND, lost + 400 * MILLIS), Said::Run(600)),
+            all(&c.transmitted(i, lost - 2 * SECOND, lost + 400 * MILLIS), WireCommand::Run(600)),
             format!("{name}, above run at 40 %: while RC is fresh, its 60 % is on the wire"),
         );
         c.must(
-            rises_slowly(&c.spoken(i, lost, end)),
+            rises_slowly(&c.transmitted(i, lost, end)),
             format!("{name}, above run at 40 %: the demand rises by 50 % a second at most"),
         );
         c.must(c.ran_from(i, lost), format!("{name}, above run at 40 %: the engine runs all the time"));
         c.must(
-            all(&c.spoken(i, back + 4500 * MILLIS, end), Said::Run(600)),
+            all(&c.transmitted(i, back + 4500 * MILLIS, end), WireCommand::Run(600)),
             format!("{name}, above run at 40 %: 60 % is on the wire again 4.5 s after RC was back"),
         );
     }
@@ -136,7 +139,7 @@ pub async fn rc_over_mavlink(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     c.mark("emergency stop; the bench goes on with run, and with arm");
@@ -176,7 +179,7 @@ pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
     for i in 0..c.count() {
         let name = c.name(i);
         c.must(
-            all(&c.spoken(i, stop + ON_WIRE, release), Said::Stop),
+            all(&c.transmitted(i, stop + ON_WIRE, release), WireCommand::Stop),
             format!("{name}: emergency stop is on the wire until it is released"),
         );
         c.must(
@@ -198,7 +201,7 @@ pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
             format!("{name}: armed after disarm and arm"),
         );
         c.must(
-            all(&c.spoken(i, release + ON_WIRE, before), Said::Standby)
+            all(&c.transmitted(i, release + ON_WIRE, before), WireCommand::Standby)
                 && c.phases(i, stop + ON_WIRE, before).iter().all(|phase| !phase.is_live()),
             format!("{name}: standby is on the wire from the release on, and the engine is not lit"),
         );
@@ -214,10 +217,10 @@ pub async fn stop_release_arm_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ready(1).await?;
     c.ready(0).await?;
-    c.each(Seat::silence);
+    c.each(CommandSource::silence);
     c.sleep(2.0).await;
     c.event();
     c.mark("right: a ground station says standby, and run, one word each, and is lost");
@@ -225,8 +228,8 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.sleep(30.0).await;
     let end = c.now();
     c.look();
-    let frames = c.spoken(1, lonely, end);
-    let standby = frames.iter().find(|frame| frame.said == Said::Standby).map(|frame| frame.from);
+    let frames = c.transmitted(1, lonely, end);
+    let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     // Age limit 1 s, hold 1 s, and 10 s without an engine that runs.
     c.must(
         standby.is_some_and(|at| (11 * SECOND..=12 * SECOND + ON_WIRE).contains(&(at - lonely))),
@@ -236,8 +239,8 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
         ),
     );
     c.must(
-        only(&frames, 100, |said| matches!(said, Said::Run(0)) || is_standby(said))
-            && standby.is_some_and(|at| all(&c.spoken(1, at, end), Said::Standby)),
+        only(&frames, 100, |wire| matches!(wire, WireCommand::Run(0)) || is_standby(wire))
+            && standby.is_some_and(|at| all(&c.transmitted(1, at, end), WireCommand::Standby)),
         "right: run at idle until then, and standby from then on",
     );
     c.must(
@@ -247,7 +250,7 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
     );
 
     c.mark("left: the same, beside a source that streams a throttle of 30 %");
-    c.seat(0).beside(Some((Origin::Bench, Lever::Run(percent(30)))));
+    c.seat(0).beside(Some((Origin::Bench, PilotInput::Run(percent(30)))));
     let streamed = c.now();
     c.sleep(3.0).await;
     let word = one_word(c, 0).await;
@@ -259,16 +262,16 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
     c.must(c.starts(0, streamed, word) == 0, "left: a streamed throttle starts nothing");
     c.must(c.starts(0, word, end) == 1, "left: the ground station's standby and run light it once");
     c.must(
-        only(&c.spoken(0, word + ON_WIRE, runs - SECOND), 40, |said| said == Said::Run(0)),
+        only(&c.transmitted(0, word + ON_WIRE, runs - SECOND), 40, |wire| wire == WireCommand::Run(0)),
         "left: idle is on the wire until the engine runs",
     );
-    let frames = c.spoken(0, runs - SECOND, end);
+    let frames = c.transmitted(0, runs - SECOND, end);
     c.must(
-        rises_slowly(&frames) && only(&frames, 40, |said| matches!(said, Said::Run(0..=300))),
+        rises_slowly(&frames) && only(&frames, 40, |wire| matches!(wire, WireCommand::Run(0..=300))),
         "left: then the demand rises by 50 % a second at most, and not above 30 %",
     );
     c.must(
-        all(&c.spoken(0, runs + 3 * SECOND, end), Said::Run(300)) && c.runs(0),
+        all(&c.transmitted(0, runs + 3 * SECOND, end), WireCommand::Run(300)) && c.runs(0),
         "left: the source beside it is in control then: 30 %",
     );
     c.each(|seat| seat.beside(None));
@@ -276,7 +279,7 @@ pub async fn one_word_start(c: &Cockpit<'_>) -> Result<(), String> {
 }
 
 /// A ground station says standby, and 0.9 s later run at idle; when that was.
-async fn one_word(c: &Cockpit<'_>, engine: usize) -> u64 {
+async fn one_word(c: &ScenarioContext<'_>, engine: usize) -> u64 {
     c.command(engine, Command::Standby, Origin::Mavlink);
     c.sleep(0.9).await;
     let word = c.now();

@@ -1,14 +1,14 @@
 //! Lines: one of the two wires cut, and noise.
 
-use super::super::audit::Said;
-use super::super::desk::Stage;
+use super::super::audit::WireCommand;
+use super::super::context::Stage;
 use super::check::{ON_WIRE, all, is_run, is_standby, only, rises_slowly};
-use super::cockpit::{Cockpit, Seat};
+use super::context::{CommandSource, ScenarioContext};
 use jetlink::event::Event;
 use sim::ecu::{MILLIS, SECOND};
 use sim::wire::{Direction, Faults, FramingAs};
 
-pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
     for (direction, what) in [(Direction::ToNode, "wire from the ECU"), (Direction::ToEcu, "wire to the ECU")]
     {
         c.fly(60).await?;
@@ -22,7 +22,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
         let moved = c.now();
         c.sleep(10.0).await;
         c.mark("standby");
-        c.each(Seat::standby);
+        c.each(CommandSource::standby);
         (0..c.count()).for_each(|i| c.stage(i, Stage::Cooling));
         let standby = c.now();
         c.sleep(10.0).await;
@@ -34,17 +34,17 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
         c.look();
         for i in 0..c.count() {
             let name = c.name(i);
-            let in_cut = c.spoken(i, cut + 300 * MILLIS, standby);
+            let in_cut = c.transmitted(i, cut + 300 * MILLIS, standby);
             match (name, direction) {
                 ("amt", Direction::ToNode) => {
                     c.must(
-                        c.spoken(i, cut + ON_WIRE, mended).is_empty(),
+                        c.transmitted(i, cut + ON_WIRE, mended).is_empty(),
                         format!("{name}, {what}: what is not received is not answered"),
                     );
                 }
                 (_, Direction::ToNode) => {
                     c.must(
-                        only(&in_cut, 300, |said| said == Said::Nothing),
+                        only(&in_cut, 300, |wire| wire == WireCommand::Nothing),
                         format!("{name}, {what}: in doubt nothing that could start an engine is on the wire"),
                     );
                     c.must(
@@ -53,9 +53,10 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                     );
                 }
                 ("zk5", Direction::ToEcu) => {
-                    let moved_in_time = c.spoken(i, moved + 300 * MILLIS, standby);
+                    let moved_in_time = c.transmitted(i, moved + 300 * MILLIS, standby);
                     c.must(
-                        all(&c.spoken(i, cut, moved), Said::Run(600)) && all(&moved_in_time, Said::Run(300)),
+                        all(&c.transmitted(i, cut, moved), WireCommand::Run(600))
+                            && all(&moved_in_time, WireCommand::Run(300)),
                         format!("{name}, {what}: its ECU is received, so the demand goes out, 60 % and 30 %"),
                     );
                     c.must(
@@ -74,20 +75,20 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
                         format!("{name}, {what}: its ECU stops the engine uncommanded"),
                     );
                     c.must(
-                        !c.spoken(i, cut + 4 * SECOND, end).iter().any(|frame| is_run(frame.said)),
+                        !c.transmitted(i, cut + 4 * SECOND, end).iter().any(|frame| is_run(frame.command)),
                         format!("{name}, {what}: no run is on the wire for an engine that has stopped"),
                     );
                 }
             }
             let heard = name != "amt" || direction == Direction::ToEcu;
-            let out = c.spoken(i, standby + 300 * MILLIS, mended);
+            let out = c.transmitted(i, standby + 300 * MILLIS, mended);
             c.must(
-                !heard || all(&out, Said::Standby),
+                !heard || all(&out, WireCommand::Standby),
                 format!("{name}, {what}: the pilot's standby is on the wire within 0.3 s, and stays"),
             );
-            let after = c.spoken(i, mended, end);
+            let after = c.transmitted(i, mended, end);
             c.must(
-                only(&after, 20, is_standby) && all(&after, Said::Standby),
+                only(&after, 20, is_standby) && all(&after, WireCommand::Standby),
                 format!("{name}, {what}: nothing but standby is on the wire when the wire is mended"),
             );
             c.must(
@@ -103,7 +104,7 @@ pub async fn one_wire_cut(c: &Cockpit<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-pub async fn framing_noise(c: &Cockpit<'_>) -> Result<(), String> {
+pub async fn framing_noise(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
     // What the UART's driver makes of it: embassy's buffered one, and the one with a ring in DMA.
@@ -124,8 +125,9 @@ pub async fn framing_noise(c: &Cockpit<'_>) -> Result<(), String> {
             if name == "amt" {
                 // Six bytes make a set: with broken ones as data nearly all have their length, with errors one in three.
                 let least = if framing == FramingAs::Data { 12 } else { 4 };
-                let during = c.spoken(i, begin, over).iter().filter(|frame| is_run(frame.said)).count();
-                let replies = c.spoken(i, begin - SECOND, over + SECOND);
+                let during =
+                    c.transmitted(i, begin, over).iter().filter(|frame| is_run(frame.command)).count();
+                let replies = c.transmitted(i, begin - SECOND, over + SECOND);
                 let pause = replies.windows(2).map(|pair| pair[1].from - pair[0].from).max();
                 c.must(
                     during >= least && pause.is_some_and(|pause| pause <= SECOND),
@@ -136,15 +138,15 @@ pub async fn framing_noise(c: &Cockpit<'_>) -> Result<(), String> {
                 );
             }
             c.must(
-                only(&c.spoken(i, begin, end), 20, |said| is_run(said) || said == Said::Nothing),
+                only(&c.transmitted(i, begin, end), 20, |wire| is_run(wire) || wire == WireCommand::Nothing),
                 format!("{name}, {what}: no standby, and no stop"),
             );
             c.must(
-                all(&c.spoken(i, over + 2 * SECOND, end), Said::Run(600)),
+                all(&c.transmitted(i, over + 2 * SECOND, end), WireCommand::Run(600)),
                 format!("{name}, {what}: 60 % is on the wire 2 s after the noise"),
             );
             c.must(
-                rises_slowly(&c.spoken(i, begin, end)),
+                rises_slowly(&c.transmitted(i, begin, end)),
                 format!("{name}, {what}: the demand rises by 50 % a second at most"),
             );
             c.must(c.ran_from(i, begin), format!("{name}, {what}: the engine runs all the time"));

@@ -1,6 +1,6 @@
 //! What the screen shows: gathered from the run's messages, changed by keys. It draws nothing and reads no terminal.
 
-use super::super::desk::Note;
+use super::super::context::Note;
 use super::super::engines::Engine;
 use super::super::frames::Frames;
 use super::super::message::Message;

@@ -78,7 +78,7 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample) -> Line<'sta
 
 /// What the source commands.
 pub fn commanded(sample: &Sample) -> String {
-    if sample.silent { "silent".to_owned() } else { sample.lever.to_string() }
+    if sample.silent { "silent".to_owned() } else { sample.input.to_string() }
 }
 
 /// The tone of what an engine does.

@@ -5,12 +5,11 @@ use super::super::control::Request;
 use super::super::ending::{EndRequest, EndedBy};
 use super::super::message::Message;
 use super::draw::draw;
+use super::keyboard::Keyboard;
 use super::keys::Does;
 use super::model::{Asked, Model};
 use super::theme::Theme;
-use crossterm::event::{
-    DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind, poll, read,
-};
+use crossterm::event::{DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind};
 use crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
     LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
@@ -93,6 +92,9 @@ pub struct Screen {
     model: Model,
     theme: Theme,
     terminal: Terminal<CrosstermBackend<Stdout>>,
+    keyboard: Keyboard,
+    /// The terminal is gone, and so is whoever watched.
+    gone: bool,
     requests: Sender<Request>,
     end: EndRequest,
     drawn: Option<Instant>,
@@ -113,7 +115,20 @@ impl Screen {
             signal_hook::flag::register(signal_hook::consts::SIGTSTP, Arc::clone(&stop))?;
             signal_hook::flag::register(signal_hook::consts::SIGCONT, Arc::clone(&goes_on))?;
         }
-        Ok(Self { model, theme, terminal, requests, end, drawn: None, screen, stop, goes_on })
+        let keyboard = Keyboard::listen();
+        Ok(Self {
+            model,
+            theme,
+            terminal,
+            keyboard,
+            gone: false,
+            requests,
+            end,
+            drawn: None,
+            screen,
+            stop,
+            goes_on,
+        })
     }
 
     /// Shows what comes until nothing more can come. `keep` sees each message first.
@@ -136,7 +151,14 @@ impl Screen {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(())),
             }
-            if let Err(error) = self.tick() {
+            if self.gone {
+                continue; // what comes until the run has ended goes into the files
+            }
+            let ticked = self.tick();
+            if self.keyboard.is_gone() {
+                self.gone = true;
+                self.end.request(EndedBy::HangUp);
+            } else if let Err(error) = ticked {
                 return Ok(Err(error));
             }
         }
@@ -178,10 +200,9 @@ impl Screen {
         execute!(io::stdout(), EndSynchronizedUpdate)
     }
 
-    /// Looks at the keys that were pressed. Where none can be read, nobody presses one.
+    /// Looks at the keys that were pressed.
     fn keys(&mut self) -> io::Result<()> {
-        while poll(Duration::ZERO).unwrap_or(false) {
-            let Ok(event) = read() else { continue };
+        for event in self.keyboard.events() {
             match event {
                 Event::Key(key) => {
                     if let Some(asked) = self.model.key(&key) {

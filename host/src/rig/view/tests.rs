@@ -1,10 +1,12 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
+use super::super::context::Stage;
 use super::super::control::{Control, Scripted, Situation, Turn};
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
 use super::super::play::script;
 use super::super::session;
+use super::super::tour::Tour;
 use super::draw::draw;
 use super::model::{Asked, Model, Page, Popup};
 use super::picture;
@@ -151,6 +153,31 @@ fn the_tour_says_what_happens_and_why() {
     );
 }
 
+/// In seconds of whoever looks on, by the speeds that the tour chooses.
+#[test]
+fn the_tour_is_worth_watching() {
+    let played = play("watching", HEAD, &[], 230.0);
+    let record = &played.model.record;
+    let (mut tour, mut watched) = (Tour::default(), 0.0);
+    let (mut moves, mut all_run) = (None, None);
+    for i in 0..record.points(0).len() {
+        let points: Vec<_> = (0..4).map(|engine| record.points(engine)[i]).collect();
+        let stages: Vec<Stage> = points.iter().map(|point| point.stage).collect();
+        watched += 0.1 / f64::from(tour.speed(&stages));
+        if points.iter().any(|point| point.rpm.is_some_and(|rpm| rpm.most > 1000.0)) {
+            moves.get_or_insert(watched);
+        }
+        if !stages.iter().any(|stage| matches!(stage, Stage::Standby | Stage::Start)) {
+            all_run.get_or_insert(watched);
+        }
+        if stages.iter().all(|stage| *stage == Stage::Done) {
+            break;
+        }
+    }
+    let (moves, all_run) = (moves.expect("a gauge moves"), all_run.expect("all run"));
+    assert!(moves <= 5.0 && all_run <= 30.0 && watched <= 90.0, "{moves} s, {all_run} s, {watched} s");
+}
+
 #[test]
 fn at_80_by_24_there_is_a_row_for_each_of_eight_engines() {
     let engines: String =
@@ -254,7 +281,7 @@ fn a_command_takes_the_engine_and_b_gives_it_back() {
     assert!(flying.script.contains("40.0 left throttle "), "{}", flying.script);
     let back = pair(62.0, &keys, "back");
     assert_eq!(back.model.samples[0].wire_text(), "standby");
-    assert_ne!(back.model.samples[0].stage, super::super::desk::Stage::Played);
+    assert_ne!(back.model.samples[0].stage, super::super::context::Stage::Played);
     assert_eq!(back.outcomes.engines[0].played.map(|verdict| verdict.missed), Some(0));
 }
 
@@ -300,7 +327,7 @@ fn a_fault_shows_what_the_node_does_about_it() {
     let played = pair(52.0, &cut, "cut");
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("left: nothing is received from its ECU"), "{screen}");
-    assert!(screen.contains("LINK LOST") && screen.contains("set by you: cut"), "{screen}");
+    assert!(screen.contains("ECU link lost") && screen.contains("set by you: cut"), "{screen}");
     // No window missed is held against it, and the other engine is left alone.
     assert_eq!(super::super::summary::problems(&played.outcomes), Vec::<String>::new());
     assert!(played.outcomes.engines[1].played.is_none());

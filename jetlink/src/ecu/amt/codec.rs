@@ -31,7 +31,7 @@ const TEXT: usize = 5;
 
 closed_enum! {
     /// An AMT engine. It gives telemetry its scale.
-    pub enum Engine {
+    pub enum EngineModel {
         /// Mercury.
         Mercury => "mercury",
         /// Pegasus.
@@ -55,7 +55,7 @@ closed_enum! {
 pub struct VoltageScale {
     /// Added to every value, in mV.
     pub offset_mv: u16,
-    /// What a raw 255 would add, in mV.
+    /// Added by a raw 255, in mV.
     pub full_scale_mv: u16,
 }
 
@@ -71,7 +71,7 @@ impl VoltageScale {
     }
 }
 
-impl Engine {
+impl EngineModel {
     /// From the engine ID of an alternate set, old and new numbers (AMT-4).
     pub const fn from_id(id: u8) -> Option<Self> {
         match id {
@@ -99,8 +99,8 @@ impl Engine {
         }
     }
 
-    /// Revolutions a minute for one step of the rpm byte. `None` where the document gives none: the
-    /// value then stays raw (AMT-5).
+    /// Revolutions per minute for one step of the rpm byte. `None` if the document gives none: the value
+    /// then stays raw (AMT-5).
     pub const fn rpm_step(self) -> Option<u32> {
         match self {
             Self::Pegasus | Self::Olympus | Self::Titan => Some(500),
@@ -118,7 +118,7 @@ impl Engine {
         }
     }
 
-    /// Scale of the battery voltage; the document leaves Nike out (AMT-6).
+    /// Scale of the battery voltage; the document omits Nike (AMT-6).
     pub const fn battery_scale(self) -> Option<VoltageScale> {
         match self {
             Self::Mercury | Self::Pegasus | Self::Olympus | Self::Titan => Some(VoltageScale::new(0, 10_000)),
@@ -147,7 +147,7 @@ closed_enum! {
         EmergencyStop = 0x11,
         /// 0x12: auto stop, the normal way to shut down.
         AutoStop = 0x12,
-        /// 0x14: run; from auto stop it asks for a start (AMT-14).
+        /// 0x14: run; from auto stop it commands a start (AMT-14).
         Run = 0x14,
         /// 0x91: CTF, a special function: while running it stops the engine after the ECU's serial delay
         /// time (AMT-13).
@@ -155,7 +155,7 @@ closed_enum! {
     }
 }
 
-/// A control message. Its switch and throttle go out twice; an ECU ignores copies that differ (AMT-10).
+/// A control message. Its switch and throttle are sent twice; an ECU ignores copies that differ (AMT-10).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Control {
@@ -165,7 +165,7 @@ pub struct Control {
     pub throttle: Throttle,
 }
 
-/// Why five bytes are no control message.
+/// Reason why five bytes are not a control message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlError {
@@ -201,10 +201,10 @@ impl Control {
         [LEADER, ops, thr, ops, thr]
     }
 
-    /// From the bytes of the wire: for whoever reads what a host sent.
+    /// From the bytes on the wire, for programs that read a host's commands.
     ///
     /// # Errors
-    /// [`ControlError`], with what is wrong.
+    /// [`ControlError`] with the reason.
     pub fn decode(bytes: [u8; CONTROL_LEN]) -> Result<Self, ControlError> {
         let [leader, ops, thr, ops_copy, thr_copy] = bytes;
         if leader != LEADER {
@@ -266,7 +266,7 @@ closed_enum! {
 pub struct ErrorBits(pub u8);
 
 impl ErrorBits {
-    /// Names in bit order; bit 7 has no meaning printed and no other name.
+    /// Names in bit order; the document prints no meaning for bit 7.
     pub const NAMES: [&'static str; 8] = [
         "rpm-low",
         "switch-channel-missing",
@@ -278,12 +278,12 @@ impl ErrorBits {
         "bit7",
     ];
 
-    /// The ECU calls its exhaust temperature faulty.
+    /// The ECU reports its exhaust temperature as faulty.
     pub const fn egt(self) -> bool {
         self.0 & 1 << 3 != 0
     }
 
-    /// Names of the bits that are on, in bit order.
+    /// Names of the bits that are set, in bit order.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         (0..).zip(Self::NAMES).filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)
     }
@@ -340,7 +340,7 @@ impl EgtByte {
 pub struct ThrottleByte(pub u8);
 
 impl ThrottleByte {
-    /// Tenths of a percent, exact; 0..=1275, because the document does not bound it.
+    /// Tenths of a percent, exact; 0..=1275, because the document sets no limit.
     pub const fn tenths(self) -> u16 {
         self.0 as u16 * 5
     }
@@ -354,7 +354,7 @@ impl ThrottleByte {
     }
 }
 
-/// What a frame says.
+/// Content of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
@@ -364,37 +364,37 @@ pub enum Message {
         switch: SwitchPosition,
         /// Engine state.
         state: State,
-        /// Raw rpm; its scale is [`Engine::rpm_step`].
+        /// Raw rpm; its scale is [`EngineModel::rpm_step`].
         rpm: u8,
         /// Exhaust gas temperature.
         egt: EgtByte,
         /// Throttle.
         throttle: ThrottleByte,
-        /// Raw Vout; its scale is [`Engine::vout_scale`].
+        /// Raw Vout; its scale is [`EngineModel::vout_scale`].
         vout: u8,
     },
     /// Error information (AMT-8).
     Error {
-        /// What is wrong.
+        /// Errors.
         errors: ErrorBits,
         /// Exhaust gas temperature.
         egt: EgtByte,
         /// Throttle.
         throttle: ThrottleByte,
-        /// Raw Vout; its scale is [`Engine::vout_scale`].
+        /// Raw Vout; its scale is [`EngineModel::vout_scale`].
         vout: u8,
     },
     /// Alternate information: one after ten normal sets.
     Alternate {
-        /// Engine ID as it came; [`Engine::from_id`] names it.
+        /// Engine ID as received; [`EngineModel::from_id`] identifies it.
         engine_id: u8,
-        /// Raw idle voltage; its scale is [`Engine::vout_scale`].
+        /// Raw idle voltage; its scale is [`EngineModel::vout_scale`].
         idle: u8,
-        /// Raw maximum rpm voltage; its scale is [`Engine::vout_scale`].
+        /// Raw maximum rpm voltage; its scale is [`EngineModel::vout_scale`].
         max: u8,
-        /// Raw battery voltage; its scale is [`Engine::battery_scale`].
+        /// Raw battery voltage; its scale is [`EngineModel::battery_scale`].
         battery: u8,
-        /// Raw external battery voltage; its scale is [`Engine::external_scale`].
+        /// Raw external battery voltage; its scale is [`EngineModel::external_scale`].
         external: u8,
     },
     /// ECU set-up, once after power-up (AMT-9).
@@ -434,12 +434,12 @@ impl Setup {
         self.ascii(start, start + 6)
     }
 
-    /// The engine, named by the version's first number.
-    pub fn engine(&self) -> Option<Engine> {
+    /// The engine, identified by the version's first number.
+    pub fn engine(&self) -> Option<EngineModel> {
         let (major, _) = self.version().split_once('.')?;
-        // `parse` alone would take "+9" and "09", which no ECU sends.
+        // `parse` alone would accept "+9" and "09", which no ECU sends.
         let digits = major.bytes().all(|byte| byte.is_ascii_digit()) && !major.starts_with('0');
-        Engine::from_version(major.parse().ok().filter(|_| digits)?)
+        EngineModel::from_version(major.parse().ok().filter(|_| digits)?)
     }
 
     const fn version_len(&self) -> usize {
@@ -475,7 +475,7 @@ impl Kind {
     }
 }
 
-/// A frame from the ECU, whole.
+/// A complete frame from the ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Frame {
@@ -484,7 +484,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The bytes as they came.
+    /// The bytes as received.
     pub fn raw(&self) -> &[u8] {
         self.bytes.get(..self.len.into()).unwrap_or_default()
     }
@@ -493,7 +493,7 @@ impl Frame {
         Kind::of(self.bytes[1])
     }
 
-    /// What it says.
+    /// Its content.
     pub fn message(&self) -> Message {
         let [_, data1, data2, data3, data4, data5, ..] = self.bytes;
         match self.kind() {
@@ -533,7 +533,7 @@ impl Frame {
 // Decoder
 // ---------------------------------------------------------------------------------------------
 
-/// What a decoder has seen. All counts wrap.
+/// Counters of a decoder. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DecoderCounters {
@@ -541,15 +541,15 @@ pub struct DecoderCounters {
     pub frames: u32,
     /// Frames of a kind the document does not name (AMT-2).
     pub unknown_frames: u32,
-    /// Frames begun and not finished, because a 0xFF came inside (AMT-1).
+    /// Unfinished frames, because a 0xFF was received inside (AMT-1).
     pub truncated: u32,
-    /// Set-up sets whose text has its full stop at neither place, so that their end is not known (AMT-9).
+    /// Set-up sets whose text has its full stop at neither place, so that their end is unknown (AMT-9).
     pub malformed: u32,
-    /// Bytes that belonged to no frame, those of truncated and malformed frames included.
+    /// Bytes that belonged to no frame, including those of truncated and malformed frames.
     pub bytes_skipped: u32,
 }
 
-/// Finds frames in a stream of bytes, in chunks of any size: 0xFF starts one, wherever it comes (AMT-1).
+/// Finds frames in a stream of bytes, in chunks of any size: 0xFF always starts one (AMT-1).
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder {
     frame: Frame,
@@ -577,23 +577,23 @@ impl Decoder {
         }
     }
 
-    /// Takes bytes up to the end of the first frame. Gives how many it took, and the frame.
-    /// Call again with the rest while any is left.
+    /// Takes bytes up to the end of the first frame. Returns how many it took, and the frame.
+    /// Call it again while bytes are left.
     pub fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Frame>) {
         feed(bytes, |byte| self.push(byte))
     }
 
-    /// What it has seen.
+    /// Its counters.
     pub const fn counters(&self) -> DecoderCounters {
         self.counters
     }
 
-    /// Bytes held of a frame begun.
+    /// Number of bytes of an unfinished frame.
     pub const fn pending(&self) -> usize {
         self.frame.len as usize
     }
 
-    /// A byte was lost: a frame that was begun is never whole.
+    /// A byte was lost: the unfinished frame is discarded.
     pub fn byte_lost(&mut self) {
         if self.frame.len > 0 {
             self.counters.truncated = self.counters.truncated.wrapping_add(1);
@@ -639,7 +639,7 @@ impl Decoder {
     }
 }
 
-/// How long the frame that begins so will be, as far as it is known yet. `None`: it can have no end,
+/// Length of the frame that begins with these bytes, as far as it is known. `None`: it has no end,
 /// because the full stop of a set-up text is at neither place (AMT-9).
 fn frame_len(bytes: &[u8]) -> Option<usize> {
     if bytes.get(1) != Some(&SETUP) {

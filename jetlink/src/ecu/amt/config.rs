@@ -1,6 +1,6 @@
 //! Settings and service commands of an AMT ECU.
 
-use super::codec::{CONTROL_LEN, Engine};
+use super::codec::{CONTROL_LEN, EngineModel};
 use crate::ecu::vendor::VendorService;
 use crate::line::{Line, StopBits, Timing};
 use crate::sentence::sentences;
@@ -20,7 +20,7 @@ settings! {
     }
     groups {
         /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
-        engine: Option<Engine> = None;
+        engine: Option<EngineModel> = None;
     }
 }
 

@@ -1,19 +1,20 @@
-//! The conversation with an AMT ECU: one reply to every frame, inside its window, and none otherwise.
+//! The conversation with an AMT ECU: one reply to every frame, within its window, and nothing else.
 //!
-//! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So there is no keep-alive
-//! of our own, and a reply always carries what is ordered when it is handed out. Where nothing may be sent that could
-//! start an engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld: no answer starts nothing.
+//! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So jetlink sends no keep-alive,
+//! and a reply always carries the order in force when it is handed out. Where nothing may be sent that could start an
+//! engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld.
 //!
 //! ```text
 //!          ECU frame                       ECU frame
 //! ────┤FF d1 d2 d3 d4 d5├──────────────────┤FF …        ECU to host
 //!                       │
 //!                       ├FF o t o t┤                    host to ECU
-//!                       │◄── 30 ms ──►│                 the last stop bit is out before this (AMT-11)
+//!                       │◄── 30 ms ──►│                 the last stop bit is sent before this (AMT-11)
 //! ```
 
 use super::codec::{
-    Control, Decoder, Engine, ErrorBits, FRAME_LEN, Frame, Message, Ops, State, SwitchPosition, VoltageScale,
+    Control, Decoder, EngineModel, ErrorBits, FRAME_LEN, Frame, Message, Ops, State, SwitchPosition,
+    VoltageScale,
 };
 use super::config::{Config, REPLY_WINDOW, Service};
 use crate::command::{Demand, Order, Rejected};
@@ -26,14 +27,14 @@ use crate::report::{EcuState, NotSent, Phase, RawFrame, Reading, ReportedSwitch,
 use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// Between two sets of an ECU at 2400 baud (AMT-12: about eight a second). No document gives another for other rates.
+/// Interval between two sets of an ECU at 2400 baud (AMT-12: about eight per second). No document gives one for other rates.
 const SET_INTERVAL: Duration = Duration::from_millis(125);
 
 /// The conversation with one AMT ECU.
 #[derive(Clone, Debug)]
 pub struct AmtLink {
     config: Config,
-    /// `None` where no reply fits the window: the line is then listened to, and every reply counts as missed.
+    /// `None` if no reply fits the window: the link then only listens, and every reply counts as missed.
     slack: Option<Duration>,
     monitor: LinkMonitor,
     decoder: Decoder,
@@ -42,27 +43,27 @@ pub struct AmtLink {
     order: Order,
     beat: Beat,
     sign: Option<Sign>,
-    /// That CTF went out was reported.
+    /// The transmission of CTF was reported.
     ctf_ordered: bool,
-    /// The UART saw a fault in the frame that is coming in: its values will not be used.
+    /// The UART reported a line error in the frame being received: its values will be discarded.
     damaged: bool,
-    /// It saw one since the last bytes came.
+    /// It reported one since the last bytes.
     fault: bool,
-    /// End of the window of the reply that is going out.
+    /// End of the window of the reply that is being sent.
     sending: Option<Instant>,
-    /// When the last set that was replied to was complete.
+    /// Time at which the last answered set was complete.
     replied: Option<Instant>,
     /// End of the window of a frame that has no reply yet.
     due: Option<Instant>,
     state: DebouncedState,
-    /// The engine runs, so the demand goes out; until then the start throttle does (AMT-14).
+    /// The engine runs, so the demand is sent; until then the start throttle is (AMT-14).
     released: bool,
-    /// `Some(None)`: the ECU named an engine that no table has.
-    engine: Debounced<Option<Engine>>,
+    /// `Some(None)`: the ECU reported an engine that is in no table.
+    engine: Debounced<Option<EngineModel>>,
 }
 
 impl AmtLink {
-    /// A link on a line of this setting.
+    /// A link on a line with these settings.
     pub fn new(config: Config, line: Line, timing: Timing) -> Self {
         Self {
             config,
@@ -87,8 +88,8 @@ impl AmtLink {
     }
 
     fn frame(&mut self, now: Instant, frame: &Frame) {
-        // There is no checksum, so a line error is all that distinguishes a damaged frame from a good one. It
-        // costs the frame's values, never the reply. A line that damages every frame is as good as lost.
+        // There is no checksum, so only a line error distinguishes a damaged frame from a good one. The frame's
+        // values are discarded, but it is still answered. A line that damages every frame counts as lost.
         if core::mem::take(&mut self.damaged) {
             bump(&mut self.status.counters.damaged_frames);
             self.sign = Some(Sign::Damaged);
@@ -101,7 +102,7 @@ impl AmtLink {
 
     fn hear(&mut self, now: Instant) {
         self.beat.frame(now);
-        // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
+        // A silence that has lasted long enough was a loss, even if this frame is handled before the timer.
         if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
         }
@@ -133,25 +134,25 @@ impl AmtLink {
             }
             Message::Alternate { engine_id, idle, max, battery, external } => {
                 self.sign = Some(Sign::Stateless);
-                // An ID that no table has is another engine all the same: its scale is then not known (AMT-4).
+                // An ID that is in no table is also another engine: its scale is then unknown (AMT-4).
                 let certain = self.engine.get().is_none();
-                self.identify(now, Engine::from_id(engine_id), certain);
+                self.identify(now, EngineModel::from_id(engine_id), certain);
                 let engine = self.engine();
-                let vout = engine.and_then(Engine::vout_scale);
+                let vout = engine.and_then(EngineModel::vout_scale);
                 self.status.report.pump_idle = Some(Timed::new(reading(idle, vout), now));
                 self.status.report.pump_max = Some(Timed::new(reading(max, vout), now));
-                let battery = reading(battery, engine.and_then(Engine::battery_scale));
+                let battery = reading(battery, engine.and_then(EngineModel::battery_scale));
                 self.status.report.supply = Some(Timed::new(battery, now));
-                let external = reading(external, engine.and_then(Engine::external_scale));
+                let external = reading(external, engine.and_then(EngineModel::external_scale));
                 self.status.report.external_battery = Some(Timed::new(external, now));
             }
             Message::Setup(setup) => {
-                // AMT-9: its text is long enough to believe it at once.
+                // AMT-9: its text is long enough to be accepted at once.
                 if let Some(engine) = setup.engine() {
                     self.identify(now, Some(engine), true);
                 }
                 self.status.report.amt_setup = Some(Timed::new(setup, now));
-                // It comes after a power-up only, so its engine is at rest.
+                // It is only sent after a power-up, so its engine is at rest.
                 self.status.report.powered_up = Some(now);
                 self.sign = Some(Sign::PowerUp);
                 self.outbox.event(Event::EcuStarted);
@@ -176,10 +177,10 @@ impl AmtLink {
 
     fn rpm(&mut self, now: Instant, raw: u8) {
         self.status.report.rpm_raw = Some(Timed::new(raw, now));
-        // AMT-5: without a scale there is no rpm, and an old one would be a lie.
+        // AMT-5: without a scale there is no rpm, and an old one would be wrong.
         self.status.report.rpm = self
             .engine()
-            .and_then(Engine::rpm_step)
+            .and_then(EngineModel::rpm_step)
             .map(|step| Timed::new(Rpm::new(u32::from(raw) * step), now));
     }
 
@@ -194,7 +195,7 @@ impl AmtLink {
         if let Some(throttle) = throttle.throttle() {
             self.status.report.throttle = Some(Timed::new(throttle, now));
         }
-        let scale = self.engine().and_then(Engine::vout_scale);
+        let scale = self.engine().and_then(EngineModel::vout_scale);
         self.status.report.pump = Some(Timed::new(reading(vout, scale), now));
     }
 
@@ -202,7 +203,7 @@ impl AmtLink {
         self.state.faults(now, Faults::Amt(bits), &mut self.status.report, &mut self.outbox);
     }
 
-    fn identify(&mut self, now: Instant, engine: Option<Engine>, certain: bool) {
+    fn identify(&mut self, now: Instant, engine: Option<EngineModel>, certain: bool) {
         let before = self.engine.get();
         if certain {
             self.engine.set(engine);
@@ -212,7 +213,7 @@ impl AmtLink {
         let changed = self.engine.get() != before;
         let reported = self.status.report.amt_engine.map(|engine| engine.value);
         if self.engine() != engine {
-            // One frame against what was known: debounced.
+            // A single frame that contradicts the known state is debounced.
             return;
         }
         self.status.report.amt_engine = engine.map(|engine| Timed::new(engine, now));
@@ -224,7 +225,7 @@ impl AmtLink {
         }
     }
 
-    fn engine(&self) -> Option<Engine> {
+    fn engine(&self) -> Option<EngineModel> {
         self.engine.get().flatten()
     }
 
@@ -237,8 +238,8 @@ impl AmtLink {
         counters.bytes_skipped = decoder.bytes_skipped;
     }
 
-    /// AMT-11: one reply to this frame, right now or not at all. What it says is decided when it is handed out, so that
-    /// what this very frame says about the engine is in it.
+    /// AMT-11: one reply to this frame, right now or not at all. Its content is decided when it is handed out, so that it
+    /// takes into account what this frame reports about the engine.
     fn answer(&mut self, now: Instant) {
         let in_time = self.slack.is_some();
         if self.due.take().is_some() || !in_time {
@@ -261,7 +262,7 @@ impl AmtLink {
         self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
     }
 
-    /// By when the first start bit of a reply has to be out.
+    /// Latest time for the first start bit of a reply.
     fn start_by(&self, window_end: Instant) -> Option<Instant> {
         self.slack.map(|slack| window_end - REPLY_WINDOW + slack)
     }
@@ -271,7 +272,7 @@ impl AmtLink {
         self.outbox.event(Event::NotSent(NotSent::TooLate));
     }
 
-    /// What the reply says; `None` where it is withheld.
+    /// Content of the reply; `None` if it is withheld.
     fn control(&self) -> Option<Control> {
         let (ops, throttle) = match self.order {
             Order::Listen | Order::Doubt(_) => return None,
@@ -280,10 +281,10 @@ impl AmtLink {
                 // AMT-14: until full operation, the start throttle.
                 (Ops::Run, if self.released { throttle } else { self.config.start_throttle })
             }
-            // An rpm is refused by `order`, a hand-over too.
+            // `order` refuses an rpm and a hand-over.
             Order::Standby | Order::Pwm | Order::Run(Demand::Rpm(_)) => (Ops::AutoStop, Throttle::IDLE),
         };
-        // AMT-13: only as a command of its own, and never instead of an emergency stop.
+        // AMT-13: only as a separate command, and never instead of an emergency stop.
         let ops = if self.status.shutting_down && ops != Ops::EmergencyStop { Ops::Ctf } else { ops };
         Some(Control { ops, throttle })
     }
@@ -316,7 +317,7 @@ impl Link for AmtLink {
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let cut_off = self.decoder.counters().truncated;
         let (taken, frame) = self.decoder.feed(bytes);
-        // A fault from before these bytes was in the frame that they cut off.
+        // A line error before these bytes was in the frame that they cut off.
         self.damaged &= self.decoder.counters().truncated == cut_off;
         self.damaged |= core::mem::take(&mut self.fault);
         self.beat.bytes(now, taken);
@@ -324,7 +325,7 @@ impl Link for AmtLink {
         if let Some(frame) = frame {
             self.frame(now, &frame);
         } else if self.decoder.pending() == 0 {
-            // The fault was in a byte between frames, as every power-up of an ECU makes them.
+            // The line error was in a byte between frames, as at every power-up of an ECU.
             self.damaged = false;
         }
         taken
@@ -336,7 +337,7 @@ impl Link for AmtLink {
     }
 
     fn byte_lost(&mut self, error: LineError) {
-        // The frame that it was in is never whole. Between two frames it was in neither, and damages none.
+        // The frame that it was in is never complete. Between two frames, it damages neither.
         self.decoder.byte_lost();
         self.count();
         self.status.counters.line_error(error);
@@ -353,7 +354,7 @@ impl Link for AmtLink {
             | Order::Run(Demand::Throttle(_)) => {}
         }
         self.order = order;
-        // AMT-13: new demands do not call CTF off, so that a source that streams them cannot.
+        // AMT-13: new demands do not cancel CTF, so that a source that streams them cannot.
         if !matches!(order, Order::Run(_) | Order::Doubt(_)) {
             self.status.shutting_down = false;
         }
@@ -372,18 +373,18 @@ impl Link for AmtLink {
                 Ok(())
             }
             AnyService::Amt(Service::Ctf) => Err(Rejected::NotOrderedToRun),
-            AnyService::Zk(_) => Err(Rejected::NotSupported),
+            _ => Err(Rejected::NotSupported),
         }
     }
 
     fn pressure(&mut self, _now: Instant, _pressure: Hectopascals) {
-        // An AMT ECU never asks for it.
+        // An AMT ECU never requests it.
     }
 
     fn sent(&mut self, now: Instant) {
         bump(&mut self.status.counters.sent);
         if let Some(window_end) = self.sending {
-            // A reply that did not go out keeps no engine running.
+            // A reply that was not sent does not keep an engine running.
             self.replied = Some(window_end - REPLY_WINDOW);
             match window_end.checked_duration_since(now) {
                 Some(margin) => {
@@ -444,7 +445,7 @@ impl Link for AmtLink {
     }
 }
 
-/// How far the engine is (AMT-3).
+/// Stage of the engine (AMT-3).
 const fn stage_of(state: State) -> Stage {
     match state {
         State::NoStartClearance => Stage::Rest,
@@ -457,11 +458,11 @@ const fn stage_of(state: State) -> Stage {
     }
 }
 
-/// The ECU's state in plain words (AMT-3).
+/// Phase for the ECU's state (AMT-3).
 fn phase_of(state: State, switch: SwitchPosition, rpm: u8) -> Phase {
     match state {
         State::NoStartClearance | State::StartClearance if rpm > 0 && switch != SwitchPosition::Run => {
-            // The document names no state for it: shut down, and the shaft still turns.
+            // The document names no state for this: shut down, and the shaft still turns.
             Phase::Cooling
         }
         State::NoStartClearance if switch == SwitchPosition::EmergencyStop => Phase::Stopped,

@@ -1,7 +1,7 @@
 //! AMT serial control, version 20140617 (hardware V2.13, software Vx.35A and higher).
 //!
-//! The ECU talks on its own, about 8 frames a second at 2400 baud. The host answers each frame within
-//! 30 ms, and never speaks otherwise. When answers stop the ECU stops the turbine.
+//! The ECU sends unprompted, about 8 frames per second at 2400 baud. The host answers each frame within
+//! 30 ms and sends nothing else. When the answers stop, the ECU stops the turbine.
 
 pub mod codec;
 pub mod config;

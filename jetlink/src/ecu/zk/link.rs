@@ -1,13 +1,13 @@
 //! The conversation with a ZK ECU: a command in every send slot, ID 0 when nothing is commanded (ZK-10).
 //!
-//! Up to version 4 the ECU sends only when something is sent to it. From version 5 it sends by itself and keeps its last
-//! running state when commands stop, so nothing here relies on it to fail safe.
+//! Up to version 4 the ECU only answers commands. From version 5 it sends unprompted and keeps its last running state when
+//! commands stop, so nothing here relies on the ECU to fail safe.
 //!
-//! What goes out in a slot, first match first:
+//! Frame sent in a slot, in order of precedence:
 //!
-//! 1. an emergency stop, also out of slot, and again in every slot; in between, in every second slot at most, the end of
-//!    a service that opened the pump;
-//! 2. what an unlock was sent for, right behind it (ZK-13);
+//! 1. an emergency stop, at once between slots, and again in every slot; in between, in every second slot at most, the end
+//!    of a service that opened the pump;
+//! 2. the command that an unlock was sent for, right after it (ZK-13);
 //! 3. in every second slot at most: status rate, service command, atmospheric pressure (`service.rs`);
 //! 4. the switch and the demand, in one of three modes (ZK-9, `mode.rs`), or ID 0.
 
@@ -38,9 +38,9 @@ pub struct ZkLink {
     beat: Beat,
     sign: Option<Sign>,
     next_slot: Option<Instant>,
-    /// Something must go out before the next slot: as soon as the UART is free.
+    /// A frame has to be sent before the next slot, as soon as the UART is free.
     out_of_slot: bool,
-    /// The last slot was used for something else than switch and demand.
+    /// The last slot was not used for switch and demand.
     extra_last: bool,
     modes: Modes,
     wanted_rate: Rate,
@@ -51,7 +51,7 @@ pub struct ZkLink {
 }
 
 impl ZkLink {
-    /// A link on a line of this setting.
+    /// A link on a line with these settings.
     pub fn new(config: Config, line: Line, timing: Timing) -> Self {
         Self {
             line,
@@ -75,7 +75,7 @@ impl ZkLink {
     }
 
     fn frame(&mut self, now: Instant, frame: &StatusFrame) {
-        // Silence that has lasted long enough was a loss, also if this frame comes before the timer.
+        // A silence that has lasted long enough was a loss, even if this frame is handled before the timer.
         self.check_link(now);
         self.beat.frame(now);
         if self.monitor.frame(now, &mut self.status) {
@@ -98,25 +98,25 @@ impl ZkLink {
     fn check_link(&mut self, now: Instant) {
         if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
-            // Nothing that decides what the ECU is sent outlives the link; it may have another rate, too.
+            // State that decides which frames the ECU is sent ends with the link; the rate may differ too.
             self.rate = RateSetting::NotKnown;
             self.debounced.forget(&mut self.status.report);
         }
     }
 
-    /// From one frame to the next: the slower one of the debounced rate and the requested one, because an ECU may answer
-    /// at either (ZK-10, ZK-11).
+    /// Interval between frames: that of the slower of the debounced and the requested rate, because an ECU may answer at
+    /// either (ZK-10, ZK-11).
     fn expect_frames(&mut self) {
         let reported = self.debounced.rate().unwrap_or(Rate::Hz20);
         self.beat.expect(reported.interval().max(self.wanted_rate.interval()));
     }
 
-    /// The version that two reports agree on: what decides which commands the ECU gets.
+    /// The version that two reports agree on, which decides which commands the ECU is sent.
     fn version(&self) -> Option<Version> {
         self.status.report.version.map(|version| version.value)
     }
 
-    /// ZK-7: refuses what the ECU does not know, and all but version 1 while its version is not known.
+    /// ZK-7: refuses commands that the ECU does not support; only those of version 1 are allowed while its version is unknown.
     fn require(&self, needed: Version) -> Result<(), Rejected> {
         let known = self.version();
         if needed <= Version::FIRST || Version::knows(known, needed) == Some(true) {
@@ -143,7 +143,7 @@ impl ZkLink {
         if self.modes.stops() {
             return self.switch_and_demand();
         }
-        // The demand never waits for two slots.
+        // The demand never waits for more than one slot.
         if !self.extra_last
             && !self.modes.take_partner_due()
             && let Some(control) = self.extra(now)
@@ -164,7 +164,7 @@ impl ZkLink {
         self.modes.frame(&known)
     }
 
-    /// What may take the place of the demand for one slot, if anything is due.
+    /// The frame that replaces the demand in one slot, if one is due.
     fn extra(&mut self, now: Instant) -> Option<Control> {
         self.rate
             .frame(now, self.wanted_rate, &mut self.outbox)
@@ -223,7 +223,7 @@ impl Link for ZkLink {
     fn order(&mut self, now: Instant, order: Order) -> Result<(), Rejected> {
         if let Order::Run(Demand::Rpm(rpm)) = order {
             self.speed_control()?;
-            // Status ID 6 carries the version and the maximum, so it is known here.
+            // Status ID 6 carries the version and the maximum, so the maximum is known here.
             if let Some(max) = self.status.report.max_rpm
                 && rpm > max.value
             {
@@ -234,13 +234,13 @@ impl Link for ZkLink {
         if !self.modes.order(now, order, alive) {
             return Ok(());
         }
-        // It needed a stopped engine, and is not to come out later.
+        // It needed a stopped engine, and must not be sent later.
         if !self.modes.stands_by() {
             self.service.cancel(&mut self.outbox);
         }
         self.pump.let_order_pass();
         if self.modes.stops() {
-            // ZK knows no window: a stop goes out at once.
+            // ZK has no reply window: a stop is sent at once.
             if self.outbox.busy() {
                 self.out_of_slot = true;
             } else {
@@ -307,7 +307,7 @@ impl Link for ZkLink {
         let delay = now - due;
         let worst = self.status.counters.worst_slot_delay.get_or_insert(delay);
         *worst = delay.max(*worst);
-        // Slots keep their beat; those that are over are skipped, never made up for in a burst.
+        // Slots keep their schedule; missed ones are skipped, never made up for in a burst.
         let interval = self.wanted_rate.interval();
         let skipped = delay.as_ticks() / interval.as_ticks();
         self.next_slot = Some(due + Duration::from_ticks(interval.as_ticks() * (skipped + 1)));
@@ -336,7 +336,7 @@ impl Link for ZkLink {
 
     fn gap(&mut self) {
         self.beat.gap();
-        // It was meant for the ECU that was heard before.
+        // It was meant for the ECU that was received before.
         self.service.cancel(&mut self.outbox);
     }
 
@@ -345,7 +345,7 @@ impl Link for ZkLink {
     }
 
     fn doubt_ends(&self, _since: Instant) -> Option<Instant> {
-        // ID 0 commands nothing, and an rpm goes to an engine that is in mode 3 already: both go on.
+        // ID 0 commands nothing, and an rpm is sent to an engine that is already in mode 3: both continue.
         None
     }
 
@@ -358,7 +358,7 @@ impl Link for ZkLink {
     }
 
     fn close_pump(&mut self) {
-        // What opened it must not follow.
+        // The command that opens it must not follow.
         self.service.cancel(&mut self.outbox);
         self.pump = PumpClosing::begin();
     }

@@ -1,9 +1,9 @@
 //! Which frames carry the switch and the demand to a ZK ECU: its three modes of control (ZK-9).
 //!
 //! Mode 1 carries both in ID 1. Mode 2 carries the switch in ID 6 and the throttle in ID 1. Mode 3 carries the switch and
-//! RPM_X in ID 6 and the rpm in ID 7. An ECU that was given a switch by ID 6 ignores the one of ID 1. So what goes out
-//! depends on three things: the order ([`Mode`]), what the ECU was given by ID 6 ([`Id6`]), and whether it may have been
-//! given that before this conversation ([`Inherited`]).
+//! RPM_X in ID 6 and the rpm in ID 7. An ECU that was given a switch by ID 6 ignores the one in ID 1. So the frames depend
+//! on three things: the order ([`Mode`]), what the ECU was sent in ID 6 ([`Id6`]), and whether it may have received an ID 6
+//! before this conversation ([`Inherited`]).
 
 use super::codec::{Control, RpmCode, RpmFactor, Switch, Version};
 use crate::command::{Demand, Order};
@@ -11,15 +11,15 @@ use crate::report::ReportedSwitch;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// For the ECU to show the switch that was ordered: status ID 1 comes round within 0.5 s.
+/// Time for the ECU to report the ordered switch: status ID 1 repeats within 0.5 s.
 const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
-/// Consecutive reports of another switch that say that the ECU does not follow. One alone can be a damaged frame's.
+/// Consecutive reports of another switch after which the ECU counts as not following. A single one may be a damaged frame.
 const NOT_FOLLOWED: u8 = 2;
 
-/// What is known of the ECU when a frame is composed.
+/// Knowledge about the ECU when a frame is composed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Known {
-    /// The version that two reports agree on: what decides which commands the ECU gets.
+    /// The version that two reports agree on, which decides which commands the ECU is sent.
     pub version: Option<Version>,
     pub max_rpm: Option<Rpm>,
     /// It reports an engine at rest.
@@ -27,13 +27,13 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// ID 6 and ID 7 (ZK-7).
+    /// Whether it supports ID 6 and ID 7 (ZK-7).
     fn knows_modes(&self) -> bool {
         Version::knows(self.version, Control::MODES_SINCE) == Some(true)
     }
 }
 
-/// The order in force, with what belongs to it and ends with it.
+/// The order in force, with the state that ends with it.
 #[derive(Clone, Copy, Debug)]
 enum Mode {
     /// Nothing is commanded: ID 0.
@@ -46,13 +46,13 @@ enum Mode {
     },
     /// Standby. From `follows_from` on the ECU has to report it.
     Standby { follows_from: Instant, next: Half },
-    /// A throttle, in mode 1 or 2; nothing goes out while the life of the engine is doubted.
+    /// A throttle, in mode 1 or 2; not sent while the life of the engine is in doubt.
     Throttle { throttle: Throttle, doubted: bool, follows_from: Instant, next: Half },
     /// An rpm, in mode 3.
     Rpm {
         rpm: Rpm,
         doubted: bool,
-        /// RPM_X, from the first frame on. A code for one factor must not come under another.
+        /// RPM_X, from the first frame on. A code for one factor must not be sent under another.
         factor: Option<RpmFactor>,
         follows_from: Instant,
         next: Half,
@@ -61,7 +61,7 @@ enum Mode {
     Pwm { next: Half },
 }
 
-/// Which of the two frames that make up a command is next.
+/// The next of the two frames that make up a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Half {
     First,
@@ -69,7 +69,7 @@ enum Half {
 }
 
 impl Half {
-    /// The one that is next. They take turns.
+    /// The next frame. They alternate.
     const fn flip(&mut self) -> Self {
         let next = *self;
         *self = match next {
@@ -87,12 +87,12 @@ impl Half {
     }
 }
 
-/// What this conversation gave the ECU by ID 6.
+/// Switch and RPM_X sent to the ECU in ID 6 during this conversation.
 #[derive(Clone, Copy, Debug)]
 enum Id6 {
     /// No switch, or SW 0 after one: the switch of ID 1 counts.
     Released,
-    /// A switch, in a frame that is going out. It may get there even if the UART says otherwise.
+    /// A switch, in a frame that is being sent. It may arrive even if the UART reports an error.
     Sending {
         /// RPM_X until then.
         before: RpmFactor,
@@ -102,13 +102,13 @@ enum Id6 {
     /// A switch, with this RPM_X.
     Given {
         factor: RpmFactor,
-        /// RPM_X is new: the frame that it gives a meaning to comes next, before anything else.
+        /// RPM_X is new: the frame that depends on it comes next, before any other.
         partner_due: bool,
     },
 }
 
 impl Id6 {
-    /// RPM_X as it last went out whole.
+    /// RPM_X as last sent completely.
     const fn factor(self) -> RpmFactor {
         match self {
             Self::Released => RpmFactor::OFF,
@@ -121,16 +121,16 @@ impl Id6 {
 /// Whether the ECU may have been given its switch by ID 6 before this conversation.
 #[derive(Clone, Copy, Debug)]
 enum Inherited {
-    /// Nothing says so, but for consecutive reports that it obeys another switch than the one ordered.
+    /// No evidence, unless consecutive reports show that it obeys a different switch than ordered.
     No { not_followed: u8 },
-    /// Perhaps: it ran when the first order was given, or it does not follow ID 1.
+    /// Possibly: it ran when the first order was given, or it does not follow ID 1.
     Perhaps,
 }
 
 /// The frames of the order in force.
 #[derive(Clone, Debug)]
 pub(super) struct Modes {
-    /// Mode 2 in place of mode 1 on ECUs that know it.
+    /// Mode 2 instead of mode 1 on ECUs that support it.
     split_switch: bool,
     mode: Mode,
     id6: Id6,
@@ -138,7 +138,7 @@ pub(super) struct Modes {
 }
 
 impl Modes {
-    /// Nothing is commanded, and the ECU was given nothing.
+    /// Nothing is commanded, and the ECU was sent nothing.
     pub const fn new(split_switch: bool) -> Self {
         Self {
             split_switch,
@@ -148,8 +148,8 @@ impl Modes {
         }
     }
 
-    /// An order. `alive`: the ECU reports an engine that starts or runs. True if the order is of another kind than the one
-    /// before: its numbers make none.
+    /// Takes an order. `alive`: the ECU reports an engine that starts or runs. True if the order is of a different kind than
+    /// the previous one; a new number alone is not.
     pub fn order(&mut self, now: Instant, order: Order, alive: bool) -> bool {
         let demanded = match order {
             Order::Run(demand) => Some((demand, false)),
@@ -181,7 +181,7 @@ impl Modes {
             (_, Order::Pwm, _) => Mode::Pwm { next },
             (_, Order::Listen | Order::Run(_) | Order::Doubt(_), _) => Mode::Listen,
         };
-        // An ECU that runs already may have been given its switch by ID 6 before.
+        // An ECU whose engine already runs may have been given its switch by ID 6 before.
         if alive && matches!(self.mode, Mode::Listen) {
             self.inherited = Inherited::Perhaps;
         }
@@ -192,17 +192,17 @@ impl Modes {
         true
     }
 
-    /// An emergency stop is ordered.
+    /// Whether an emergency stop is ordered.
     pub const fn stops(&self) -> bool {
         matches!(self.mode, Mode::Stop { .. })
     }
 
-    /// Standby is ordered.
+    /// Whether standby is ordered.
     pub const fn stands_by(&self) -> bool {
         matches!(self.mode, Mode::Standby { .. })
     }
 
-    /// The ECU was given its switch by ID 6, so it ignores the one of ID 1.
+    /// Whether the ECU was given its switch by ID 6, so that it ignores the one in ID 1.
     pub const fn switch_by_id6(&self) -> bool {
         !matches!(self.id6, Id6::Released)
     }
@@ -214,7 +214,7 @@ impl Modes {
         }
     }
 
-    /// The switch that the ECU reports. One that does not follow the switch of ID 1 was given another by ID 6 before.
+    /// Takes the reported switch. An ECU that does not follow the switch in ID 1 was given another by ID 6 before.
     pub fn reported(&mut self, now: Instant, reported: ReportedSwitch) {
         let (expected, follows_from) = match self.mode {
             Mode::Standby { follows_from, .. } => (ReportedSwitch::Standby, follows_from),
@@ -233,7 +233,7 @@ impl Modes {
         }
     }
 
-    /// The frame that a new RPM_X gives a meaning to comes next. Asked once for each slot.
+    /// Whether the frame that depends on a new RPM_X comes next. Call it once for each slot.
     pub const fn take_partner_due(&mut self) -> bool {
         match &mut self.id6 {
             Id6::Given { partner_due, .. } => core::mem::replace(partner_due, false),
@@ -253,8 +253,8 @@ impl Modes {
         control
     }
 
-    /// The last frame is out. True if its RPM_X is new: what it gives a meaning to follows at once, because ECUs may ignore
-    /// ID 7 before it, or ID 1.
+    /// The last frame has been sent. True if its RPM_X is new: the frame that depends on it follows at once, because ECUs may
+    /// ignore ID 7, or ID 1, until then.
     pub fn sent(&mut self) -> bool {
         let Id6::Sending { before, factor, switch } = self.id6 else { return false };
         let partner_due = switch != Switch::Pwm && before != factor;
@@ -265,7 +265,7 @@ impl Modes {
         partner_due
     }
 
-    /// The last frame is not out, or not whole.
+    /// The last frame was not sent, or not completely.
     pub const fn not_sent(&mut self) {
         if let Id6::Sending { before, .. } = self.id6 {
             self.id6 = Id6::Given { factor: before, partner_due: false };
@@ -275,8 +275,8 @@ impl Modes {
     fn compose(&mut self, known: &Known) -> Control {
         let by_id6 = self.by_id6(known);
         let (id6_given, factor_given) = (self.switch_by_id6(), self.id6.factor());
-        // The ECU ignores the switch of ID 1 in modes 2 and 3. It is sent all the same, and never as SW 0,
-        // because an ECU that restarted has forgotten ID 6 and would take SW 0 for a hand-over to PWM (ZK-8).
+        // The ECU ignores the switch in ID 1 in modes 2 and 3. It is sent anyway, and never as SW 0, because an ECU
+        // that restarted has lost ID 6 and would read SW 0 as a hand-over to PWM (ZK-8).
         let id1 = |switch, throttle| Control::Throttle { switch, throttle };
         let id6 = |switch, factor| Control::Mode { factor, switch };
         match &mut self.mode {
@@ -286,9 +286,9 @@ impl Modes {
                 let (id1, id6) = (id1(Switch::Stop, Throttle::IDLE), id6(Switch::Stop, RpmFactor::OFF));
                 match (by_id6, *before) {
                     (false, _) => id1,
-                    // An ECU that was given a switch by ID 6 has to be given the next one there, too.
+                    // An ECU that was given a switch by ID 6 also has to be given the next one there.
                     (true, true) => next.take(id6, id1),
-                    // A stop by ID 1 alone is for ECUs that never got an ID 6.
+                    // A stop by ID 1 alone is for ECUs that were never sent an ID 6.
                     (true, false) => next.take(id1, id6),
                 }
             }
@@ -296,19 +296,19 @@ impl Modes {
                 let id1 = id1(Switch::Standby, Throttle::IDLE);
                 if by_id6 { next.take(id6(Switch::Standby, RpmFactor::OFF), id1) } else { id1 }
             }
-            // A hand-over goes out in ID 1 before ID 6 lets go, or the switch that ID 1 had last would be in control for a slot.
+            // A hand-over is sent in ID 1 before ID 6 releases the switch, or the last switch in ID 1 would apply for a slot.
             Mode::Pwm { next } => {
                 let id1 = id1(Switch::Pwm, Throttle::IDLE);
                 if by_id6 { next.take(id1, id6(Switch::Pwm, RpmFactor::OFF)) } else { id1 }
             }
-            // Leaving mode 3, the throttle goes first: ID 6 must not bring an old one into force.
+            // When leaving mode 3, the throttle is sent first: ID 6 must not put an old one into force.
             Mode::Throttle { throttle, next, .. } => {
                 let id1 = id1(Switch::Run, *throttle);
                 if by_id6 { next.take(id1, id6(Switch::Run, RpmFactor::OFF)) } else { id1 }
             }
-            // ID 0, and in mode 3 the rpm in turn with it. An ECU that restarted has forgotten ID 6 and ignores ID 7.
+            // ID 0, and in mode 3 alternating with the rpm. An ECU that restarted has lost ID 6 and ignores ID 7.
             Mode::Rpm { rpm, doubted: true, factor, next, .. } => {
-                // Also when its version has been forgotten with the link: the engine is in mode 3 with this factor.
+                // Even if its version was discarded with the link: the engine is in mode 3 with this factor.
                 let in_mode_3 =
                     factor.is_some_and(|factor| factor == factor_given && factor != RpmFactor::OFF);
                 let takes_rpm = id6_given && known.knows_modes() && known.max_rpm.is_some();
@@ -320,9 +320,9 @@ impl Modes {
                     _ => Control::KeepAlive,
                 }
             }
-            // An ECU of a version without speed control took the place of the one that got the demand.
+            // The ECU that was sent the demand was replaced by one of a version without speed control.
             Mode::Rpm { .. } if !known.knows_modes() => id1(Switch::Run, Throttle::IDLE),
-            // Mode 3. The rpm goes first: the mode must not come into force with an old one.
+            // Mode 3. The rpm is sent first: the mode must not take effect with an old one.
             Mode::Rpm { rpm, factor, next, .. } => {
                 let factor = *factor.get_or_insert_with(|| covering(known));
                 next.take(Control::Rpm(RpmCode::for_target(*rpm, factor)), id6(Switch::Run, factor))
@@ -330,16 +330,16 @@ impl Modes {
         }
     }
 
-    /// Whether the switch goes by ID 6. Run needs a version that two reports agree on and that knows it (ZK-7). Standby
-    /// goes by ID 6 as well wherever ID 6 was used, and a stop also where the version is not known: a version below 4
-    /// ignores it.
+    /// Whether the switch is sent in ID 6. Run needs a version that two reports agree on and that supports it (ZK-7). Standby
+    /// is also sent in ID 6 wherever ID 6 was used, and a stop also while the version is unknown: a version below 4 ignores
+    /// it.
     fn by_id6(&self, known: &Known) -> bool {
         let given = self.switch_by_id6();
         let perhaps = matches!(self.inherited, Inherited::Perhaps);
         let knows_it = known.knows_modes();
         match self.mode {
             Mode::Stop { .. } => given || knows_it || known.version.is_none(),
-            // An ECU at rest that two reports say is older has never got an ID 6: another one was plugged in.
+            // An ECU at rest with an older version in two reports was never sent an ID 6: another one was plugged in.
             Mode::Standby { .. } if known.version.is_some() && !knows_it && known.at_rest => false,
             Mode::Standby { .. } => given || ((self.split_switch || perhaps) && knows_it),
             Mode::Pwm { .. } => (given || perhaps) && knows_it,

@@ -1,5 +1,5 @@
-//! What takes the place of the demand in a send slot of a ZK ECU: the status rate, a service command, the atmospheric
-//! pressure, and the end of a service that opened the pump. Each is a state that carries what ends it.
+//! Frames that replace the demand in a send slot of a ZK ECU: the status rate, a service command, the atmospheric pressure,
+//! and the end of a service that opened the pump. Each is a state that contains its own end.
 
 use super::codec::{Action, Control, Rate};
 use super::config::Service;
@@ -10,43 +10,43 @@ use crate::report::{Reading, Report, Timed};
 use crate::units::Hectopascals;
 use embassy_time::{Duration, Instant};
 
-/// Between two attempts to set the status rate.
+/// Interval between attempts to set the status rate.
 const RATE_RETRY: Duration = Duration::from_secs(1);
-/// Attempts to set the status rate until it is given up.
+/// Largest number of attempts to set the status rate.
 const RATE_ATTEMPTS: u8 = 5;
-/// For the ECU to show what a service command set: every status ID comes round well within this.
+/// Time for the ECU to report the value that a service command set: every status ID repeats well within this.
 const CONFIRM_WITHIN: Duration = Duration::from_secs(2);
 /// Attempts of a service command that the ECU confirms.
 const SERVICE_ATTEMPTS: u8 = 3;
-/// Frames of a close command for the pump; it ends sooner where the ECU reports a pump without voltage.
+/// Number of frames to close the pump; fewer if the ECU reports a pump without voltage.
 const CLOSE_PUMP_FRAMES: u8 = 10;
-/// From the frame that closes the pump to a voltage that shows it.
+/// Time from the frame that closes the pump to a voltage that confirms it.
 const PUMP_CLOSES_WITHIN: Duration = Duration::from_millis(100);
-/// Between two pressures (ZK-14).
+/// Interval between pressures (ZK-14).
 const PRESSURE_EVERY: Duration = Duration::from_secs(1);
-/// An older pressure is not sent: none is better than a stale one (ZK-14).
+/// Largest age of a pressure to be sent: none is better than an old one (ZK-14).
 const PRESSURE_MAX_AGE: Duration = Duration::from_secs(5);
 
 /// Progress of a service command.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ServiceCommand {
     None,
-    /// Goes out in the next slot that is free for it.
+    /// To be sent in the next free slot.
     Waiting {
         service: Service,
         attempts_left: u8,
     },
-    /// The unlock is going out; the command follows at once.
+    /// The unlock is being sent; the command follows at once.
     Unlocking {
         service: Service,
         attempts_left: u8,
     },
-    /// The command is going out.
+    /// The command is being sent.
     Sending {
         service: Service,
         attempts_left: u8,
     },
-    /// Until status ID 5 shows it.
+    /// Waiting for confirmation by status ID 5.
     Confirming {
         service: Service,
         attempts_left: u8,
@@ -63,7 +63,7 @@ impl ServiceCommand {
         !matches!(self, Self::None)
     }
 
-    /// An unlock is going out, or was sent: the command follows at once.
+    /// Whether an unlock is being sent or was sent: the command follows at once.
     pub const fn unlocks(&self) -> bool {
         matches!(self, Self::Unlocking { .. })
     }
@@ -80,7 +80,7 @@ impl ServiceCommand {
         outbox.event(Event::ServiceFailed(AnyService::Zk(service)));
     }
 
-    /// What an unlock was sent for, right behind it (ZK-13).
+    /// The command that an unlock was sent for, right after it (ZK-13).
     pub const fn unlocked(&mut self) -> Option<Control> {
         let Self::Unlocking { service, attempts_left } = *self else { return None };
         *self = Self::Sending { service, attempts_left };
@@ -110,7 +110,7 @@ impl ServiceCommand {
     pub fn sent(&mut self, now: Instant, outbox: &mut Outbox) {
         let Self::Sending { service, attempts_left } = *self else { return };
         outbox.event(Event::ServiceSent(AnyService::Zk(service)));
-        // Nothing in the status confirms an action.
+        // No status confirms an action.
         *self = if service.needs_unlock() {
             Self::Confirming { service, attempts_left, until: now + CONFIRM_WITHIN }
         } else {
@@ -118,14 +118,14 @@ impl ServiceCommand {
         };
     }
 
-    /// What did not go out is tried again, from the unlock on.
+    /// A frame that was not sent is tried again, starting with the unlock.
     pub const fn not_sent(&mut self) {
         if let Self::Unlocking { service, attempts_left } | Self::Sending { service, attempts_left } = *self {
             *self = Self::Waiting { service, attempts_left };
         }
     }
 
-    /// ZK-13: what an unlocked command set is confirmed by status ID 5.
+    /// ZK-13: status ID 5 confirms the value that an unlocked command set.
     pub fn confirm(&mut self, report: &Report, outbox: &mut Outbox) {
         let Self::Confirming { service, .. } = *self else { return };
         let shown = match service {
@@ -145,7 +145,7 @@ impl ServiceCommand {
 /// Progress of setting the status rate (ZK-11).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum RateSetting {
-    /// Status ID 6 has not shown it yet.
+    /// Status ID 6 has not confirmed it yet.
     NotKnown,
     Confirmed,
     Asking {
@@ -156,12 +156,12 @@ pub(super) enum RateSetting {
 }
 
 impl RateSetting {
-    /// It is set from now on.
+    /// Begins to set it.
     pub const fn asking(now: Instant) -> Self {
         Self::Asking { attempts_left: RATE_ATTEMPTS, next_at: now }
     }
 
-    /// Status ID 6 shows a rate.
+    /// Status ID 6 reports a rate.
     pub fn compare(&mut self, now: Instant, wanted: Rate, reported: Option<Rate>, outbox: &mut Outbox) {
         if reported == Some(wanted) {
             if !matches!(self, Self::Confirmed) {
@@ -193,19 +193,19 @@ impl RateSetting {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PumpClosing {
     None,
-    /// The next slot but this one is for the command: never before the first frame of a stop.
+    /// The command is sent in the slot after this one, never before the first frame of a stop.
     Waiting(FramesLeft),
-    /// This slot is.
+    /// The command is sent in this slot.
     Due(FramesLeft),
-    /// The command is going out.
+    /// The command is being sent.
     Sending(FramesLeft),
 }
 
-/// Commands that still have to go out to close the pump.
+/// Commands that still have to be sent to close the pump.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FramesLeft {
     count: u8,
-    /// Since the first one was out.
+    /// Time at which the first one was sent.
     since: Option<Instant>,
 }
 
@@ -218,18 +218,18 @@ impl PumpClosing {
         !matches!(self, Self::None)
     }
 
-    /// Another order is in force: its first frame goes out before the next command.
+    /// Another order is in force: its first frame is sent before the next command.
     pub const fn let_order_pass(&mut self) {
         if let Self::Due(left) = *self {
             *self = Self::Waiting(left);
         }
     }
 
-    /// The command, in every second slot at most. Whatever the version: a pump that runs outweighs a command that is not
-    /// known.
+    /// The command, in every second slot at most. Sent to every version: a running pump is worse than an unsupported
+    /// command.
     pub fn frame(&mut self, pump: Option<Timed<Reading>>) -> Option<Control> {
         let (Self::Waiting(left) | Self::Due(left) | Self::Sending(left)) = *self else { return None };
-        // A voltage that was measured before it could have been closed says nothing.
+        // A voltage measured before the pump could have closed confirms nothing.
         let closed = left.since.is_some_and(|since| {
             pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= since + PUMP_CLOSES_WITHIN)
         });
@@ -245,7 +245,7 @@ impl PumpClosing {
         None
     }
 
-    /// The last frame is out. Only a command that was sent counts: a transmitter that fails must not leave a pump open.
+    /// The last frame was sent. Only a sent command counts: a failing transmitter must not leave a pump open.
     pub fn sent(&mut self, now: Instant) {
         let Self::Sending(FramesLeft { count, since }) = *self else { return };
         *self = match count.saturating_sub(1) {
@@ -254,7 +254,7 @@ impl PumpClosing {
         };
     }
 
-    /// The last frame is not out, or not whole.
+    /// The last frame was not sent, or not completely.
     pub const fn not_sent(&mut self) {
         if let Self::Sending(left) = *self {
             *self = Self::Waiting(left);
@@ -262,13 +262,13 @@ impl PumpClosing {
     }
 }
 
-/// The atmospheric pressure, for an ECU that asks for it (ZK-14).
+/// The atmospheric pressure, for an ECU that requests it (ZK-14).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Pressure {
     NotKnown,
     Known {
         pressure: Timed<Hectopascals>,
-        /// When the next may go out.
+        /// Earliest time of the next one.
         next_at: Instant,
     },
 }
@@ -282,7 +282,7 @@ impl Pressure {
         *self = Self::Known { pressure: Timed::new(pressure, now), next_at };
     }
 
-    /// The command, if it is due: once a second while the ECU asks and a fresh pressure is known.
+    /// The command, if it is due: once per second while the ECU requests it and a fresh pressure is known.
     pub fn frame(&self, now: Instant, report: &Report) -> Option<Control> {
         let Self::Known { pressure, next_at } = *self else { return None };
         let requested = report.pressure_requested.is_some_and(|requested| requested.value);
@@ -290,7 +290,7 @@ impl Pressure {
             .then_some(Control::Pressure(pressure.value))
     }
 
-    /// It goes out.
+    /// The command is handed out.
     pub fn taken(&mut self, now: Instant) {
         if let Self::Known { next_at, .. } = self {
             *next_at = now + PRESSURE_EVERY;

@@ -1,4 +1,4 @@
-//! What a ZK ECU reports: its status frames into the report, debounced where something depends on them.
+//! Turns the status frames of a ZK ECU into its report, with the values that decisions depend on debounced.
 
 use super::codec::{Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
 use crate::debounce::{Debounced, DebouncedState};
@@ -9,17 +9,17 @@ use crate::report::{EcuState, Phase, RawFrame, Reading, Report, ReportedSwitch, 
 use crate::units::{Rpm, Throttle};
 use embassy_time::Instant;
 
-/// A shaft that turns slower than this share of the maximum is not running, where no idle speed is known.
+/// Share of the maximum below which a shaft does not count as running, if no idle speed is known.
 const HALF_IDLE_SHARE: u32 = 10;
-/// The same where no maximum is known either. Below 4000 rpm the reading of a shaft at rest is noise (field note).
+/// The same if no maximum is known either. Below 4000 rpm, the reading of a shaft at rest is noise (field note).
 const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 
-/// The status of an ECU, debounced: two reports have to agree before anything changes; all but the rate is forgotten with the link.
+/// The debounced status of an ECU: two reports have to agree before a value changes. All but the rate is discarded with the link.
 #[derive(Clone, Debug)]
 pub(super) struct DebouncedStatus {
     identity: Debounced<(Version, Rpm)>,
     idle: Debounced<Rpm>,
-    /// Only says when a frame is due: also when nothing but damaged ones comes, and the link counts as lost.
+    /// Only used for when a frame is due, even while only damaged ones are received and the link counts as lost.
     rate: Debounced<Option<Rate>>,
     state: DebouncedState,
 }
@@ -35,7 +35,7 @@ impl DebouncedStatus {
         }
     }
 
-    /// The link is lost. Whoever comes back may have restarted, or be another ECU.
+    /// The link is lost. The ECU that returns may have restarted, or be another one.
     pub fn forget(&mut self, report: &mut Report) {
         *self = Self { rate: self.rate, ..Self::new() };
         (report.phase, report.version, report.max_rpm, report.idle_rpm, report.rate) =
@@ -47,12 +47,12 @@ impl DebouncedStatus {
         self.rate.get().flatten()
     }
 
-    /// It reports an engine at rest.
+    /// Whether it reports an engine at rest.
     pub fn at_rest(&self) -> bool {
         self.state.phase().is_some_and(Phase::is_stopped)
     }
 
-    /// One frame.
+    /// Takes one frame.
     pub fn see(
         &mut self,
         now: Instant,
@@ -148,7 +148,7 @@ impl DebouncedStatus {
     }
 }
 
-/// What one frame says about the life of the engine.
+/// Information in one frame about the life of the engine.
 pub(super) fn sign_of(frame: &StatusFrame, status: &Status, report: &Report) -> Sign {
     let turning = frame.rpm() >= half_idle(report);
     match status {
@@ -159,7 +159,7 @@ pub(super) fn sign_of(frame: &StatusFrame, status: &Status, report: &Report) -> 
     }
 }
 
-/// Half of the engine's idle speed, as far as it is known.
+/// Half of the engine's idle speed, or an estimate while it is unknown.
 fn half_idle(report: &Report) -> Rpm {
     let idle = report.idle_rpm.map(|idle| idle.value.get()).filter(|idle| *idle > 0);
     let max = report.max_rpm.map(|max| max.value.get()).filter(|max| *max > 0);
@@ -179,7 +179,7 @@ pub(super) fn reported(switch: SwitchStatus) -> ReportedSwitch {
     }
 }
 
-/// How far the engine is.
+/// Stage of the engine.
 const fn stage_of(state: State) -> Stage {
     match state {
         State::Stop
@@ -191,7 +191,7 @@ const fn stage_of(state: State) -> Stage {
         | State::TestPump
         | State::TestStarter
         | State::FuelExhaustAir => Stage::Rest,
-        // The numbers give no order: an ECU may preheat before it ignites.
+        // The numbers are not in order: an ECU may preheat before it ignites.
         State::IgnitionMinThrottle | State::Ignition | State::Preheat => Stage::Ignition,
         State::FuelRamp => Stage::FuelRamp,
         State::LearningMax
@@ -205,7 +205,7 @@ const fn stage_of(state: State) -> Stage {
     }
 }
 
-/// The ECU's state in plain words.
+/// Phase for the ECU's state.
 const fn phase_of(state: State) -> Phase {
     match state {
         State::Stop => Phase::Stopped,

@@ -4,7 +4,7 @@ use super::*;
 
 /// Up after two frames, lost by the timer at exactly `lost_after` behind the last one, up again after two.
 #[test]
-fn link_up_after_two_frames_and_lost_to_the_tick() {
+fn link_is_up_after_two_frames_and_lost_exactly_to_the_tick() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
     assert_eq!((bench.machine.status().state, bench.deadline_us()), (LinkState::Silent, Some(1_000_000)));
@@ -34,7 +34,7 @@ fn link_up_after_two_frames_and_lost_to_the_tick() {
 
 /// Two frames that are more than `lost_after` apart do not bring the link up.
 #[test]
-fn two_frames_far_apart_are_not_two_in_a_row() {
+fn two_frames_far_apart_are_not_consecutive() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
     for t in [900_000, 2_900_000, 4_900_000, 6_900_000] {
@@ -48,7 +48,7 @@ fn two_frames_far_apart_are_not_two_in_a_row() {
 /// AMT-1: a frame with a line error is answered, but is no sign of an ECU: it neither brings the link up nor keeps
 /// it up.
 #[test]
-fn amt_1_damaged_frames_are_no_sign_of_life() {
+fn amt_1_damaged_frames_do_not_keep_the_link_up() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     let mut bench = default();
     for _ in 0..6 {
@@ -84,7 +84,7 @@ fn amt_1_damaged_frames_are_no_sign_of_life() {
     assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
-/// An ECU that is never heard is lost once, too.
+/// An ECU that was never received is also lost once.
 #[test]
 fn an_ecu_that_was_never_received_is_lost_once() {
     let mut bench = default();
@@ -99,7 +99,7 @@ fn amt_9_a_restart_of_the_ecu_is_reported() {
     let mut bench = running();
     reply_to(&mut bench, &setup("9.35 140617 "));
     let events = bench.event_kinds();
-    assert_eq!(events, [Event::EngineIdentified(Engine::Olympus), Event::EcuStarted]);
+    assert_eq!(events, [Event::EngineIdentified(EngineModel::Olympus), Event::EcuStarted]);
     let report = &bench.machine.status().report;
     assert_eq!(report.amt_setup.unwrap().value.version(), "9.35");
     assert_eq!(report.amt_setup.unwrap().at, at_us(bench.now_us()));

@@ -9,7 +9,7 @@ mod reports;
 
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::amt::codec::{Engine, ErrorBits};
+use jetlink::ecu::amt::codec::{EngineModel, ErrorBits};
 use jetlink::ecu::amt::config::{Config, REPLY_WINDOW, Service as AmtService};
 use jetlink::ecu::amt::link::AmtLink;
 use jetlink::ecu::zk::config::Service as ZkService;
@@ -111,7 +111,7 @@ fn hot<const N: usize>(mut frame: [u8; N]) -> [u8; N] {
 
 /// The supervision on top of the link, after a reset with what was retained.
 fn engine_after(config: Config, record: Option<RetainedState>) -> Bench<jetlink::engine::Engine> {
-    let mut engine = EngineConfig::amt("a", 0, SLOW, Some(Engine::Olympus));
+    let mut engine = EngineConfig::amt("a", 0, SLOW, Some(EngineModel::Olympus));
     engine.ecu = EcuConfig::Amt(config);
     let mut bench = Bench::new(jetlink::engine::Engine::new(&engine), SLOW);
     if record.is_some() {

@@ -228,7 +228,7 @@ fn amt_14_the_demand_waits_for_its_release() {
 
 /// AMT-14: "run" with the start throttle until two sets of full operation, then the demand, at its rate.
 #[test]
-fn amt_14_the_start_throttle_goes_out_until_full_operation() {
+fn amt_14_the_start_throttle_is_sent_until_full_operation() {
     for start_percent in [0, 100] {
         let start_throttle = Throttle::from_percent(start_percent).unwrap();
         let mut bench = started(Config { start_throttle, ..Config::DEFAULT }, 250);
@@ -306,7 +306,7 @@ fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
     }
 }
 
-/// AMT-3: a state without a name is kept, and does not drop the throttle of a running engine.
+/// AMT-3: an unnamed state is stored, and does not drop the throttle of a running engine.
 #[test]
 fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
     let unknown = hot(normal(0b10101, RUN, 100));
@@ -359,7 +359,7 @@ fn amt_2_other_sets_do_not_drop_the_throttle() {
 /// AMT-12: an engine whose ECU falls silent for three sets is in doubt. One that is heard again, running, is answered at
 /// once, with the throttle where it was; after more than its serial delay time it needs two sets.
 #[test]
-fn amt_12_a_gap_is_doubt() {
+fn amt_12_a_gap_puts_the_life_in_doubt() {
     let good = hot(normal(FULL_OPERATION, RUN, 100));
     let starting = hot(normal(STARTING, RUN, 10));
     let silence = |bench: &mut Bench<jetlink::engine::Engine>, micros: u64| {
@@ -400,7 +400,7 @@ fn amt_12_a_gap_is_doubt() {
 
 /// AMT-3: what each kind of set says about the life of the engine.
 #[test]
-fn each_set_is_a_sign_of_the_life_that_its_state_means() {
+fn each_set_gives_the_sign_of_its_state() {
     let state = |stage, rpm: u8| Sign::State {
         stage,
         turning: Some(rpm >= 20),
@@ -451,7 +451,7 @@ fn each_set_is_a_sign_of_the_life_that_its_state_means() {
 /// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets keep the beat, for 10 s; single bytes and a
 /// steady babble do not.
 #[test]
-fn three_sets_that_fail_are_a_gap() {
+fn three_missing_sets_are_a_gap() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let gap = |bench: &Bench<AmtLink>| bench.machine.gap_at().map(|at| at.as_micros());
     let mut bench = default();

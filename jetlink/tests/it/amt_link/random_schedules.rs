@@ -66,7 +66,7 @@ proptest! {
 
     /// Any timing of a link: up after exactly so many frames, lost to the tick.
     #[test]
-    fn any_link_timing_is_kept_to_the_tick(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
+    fn any_link_timing_is_exact_to_the_tick(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
         let timing = Timing { up_after, lost_after: micros(lost_after) };
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, Line::new(115_200), timing), Line::new(115_200));
         for i in 1..=u64::from(up_after) {

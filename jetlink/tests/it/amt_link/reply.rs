@@ -82,7 +82,7 @@ fn amt_11_the_first_start_bit_leaves_time_for_the_last_stop_bit() {
 
 /// AMT-11: a frame that comes while a reply is still going out is answered behind it, if that is in time.
 #[test]
-fn amt_11_a_frame_during_a_transmission_is_answered_behind_it() {
+fn amt_11_a_frame_during_a_transmission_is_answered_after_it() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
     // baud, second frame, its reply or None if missed, and the reply's `start_by`
     for (baud, second, reply) in [
@@ -130,7 +130,7 @@ fn amt_11_of_several_frames_during_a_transmission_the_last_is_answered() {
 
 /// AMT-11: what the UART did not send is counted, told, and the next frame is answered.
 #[test]
-fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
+fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_repeated() {
     for (why, write_timeouts, write_errors) in
         [(NotSent::TooLate, 0, 0), (NotSent::TimedOut, 1, 0), (NotSent::Failed, 0, 1)]
     {
@@ -150,7 +150,7 @@ fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_made_up_for() {
     }
 }
 
-/// AMT-11: the smallest time left in the window is kept; a reply that ended late is counted.
+/// AMT-11: the smallest margin in the window is recorded; a reply that ended late is counted.
 #[test]
 fn amt_11_the_smallest_margin_of_the_window_is_counted() {
     let mut bench = default().by_hand();

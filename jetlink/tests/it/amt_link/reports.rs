@@ -7,13 +7,13 @@ use super::*;
 fn amt_5_amt_6_the_engine_sets_the_scales_of_rpm_and_voltages() {
     // engine, rpm of 100, mV of 51 idle, 102 maximum, 204 battery, 153 external, 255-step Vout of 51
     for (engine, rpm, idle, max, battery, external) in [
-        (Engine::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
-        (Engine::Pegasus, Some(50_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
-        (Engine::Olympus, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
-        (Engine::Titan, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
-        (Engine::Nike, None, Some(1660), Some(3320), None, Some(12_580)),
-        (Engine::Lynx, None, None, None, None, None),
-        (Engine::Orion, None, None, None, None, None),
+        (EngineModel::Mercury, Some(70_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (EngineModel::Pegasus, Some(50_000), Some(1250), Some(2500), Some(8000), Some(10_750)),
+        (EngineModel::Olympus, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (EngineModel::Titan, Some(50_000), Some(1660), Some(3320), Some(8000), Some(12_580)),
+        (EngineModel::Nike, None, Some(1660), Some(3320), None, Some(12_580)),
+        (EngineModel::Lynx, None, None, None, None, None),
+        (EngineModel::Orion, None, None, None, None, None),
     ] {
         let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
         bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID says nothing
@@ -55,7 +55,7 @@ fn amt_5_no_rpm_without_a_scale() {
 
 /// AMT-4, AMT-9: who names the engine. An ID without a checksum changes a known engine only when it comes twice.
 #[test]
-fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
+fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     let named = |bench: &mut Bench<AmtLink>, frame: &[u8]| {
         reply_to(bench, frame);
         let told: Vec<_> = bench
@@ -68,7 +68,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
             .collect();
         (told, bench.machine.status().report.amt_engine.map(|engine| engine.value))
     };
-    use Engine::{Mercury, Olympus, Pegasus, Titan};
+    use EngineModel::{Mercury, Olympus, Pegasus, Titan};
     let configured = || {
         let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
         bench.order(0, Order::Standby).unwrap();
@@ -103,7 +103,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
     assert!(bench.event_kinds().contains(&Event::EngineUnknown));
     assert_eq!((bench.machine.status().report.rpm, bench.machine.status().report.amt_engine), (None, None));
 
-    // What was configured is told when the ECU says so itself; what the ECU says wins.
+    // The configured engine is reported when the ECU confirms it; the ECU's own report takes precedence.
     let mut bench = configured();
     assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not said it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
@@ -112,7 +112,7 @@ fn amt_4_an_engine_id_changes_a_known_engine_only_when_it_comes_twice() {
     assert_eq!(named(&mut bench, &alternate(0x10)), (vec![Pegasus], Some(Pegasus)));
 }
 
-/// AMT-3: the ECU's state in plain words.
+/// AMT-3: the phase for the ECU's state.
 #[test]
 fn amt_3_each_state_has_its_phase() {
     for (state, switch, rpm, phase) in [
@@ -218,7 +218,7 @@ fn amt_8_faults_are_reported_when_they_change() {
 /// AMT-8: Data2 of an error set is no rpm.
 #[test]
 fn amt_8_an_error_set_gives_no_rpm() {
-    let mut bench = amt(Config { engine: Some(Engine::Titan), ..Config::DEFAULT }, SLOW);
+    let mut bench = amt(Config { engine: Some(EngineModel::Titan), ..Config::DEFAULT }, SLOW);
     bench.order(0, Order::Standby).unwrap();
     reply_to(&mut bench, &error(0x20));
     let report = &bench.machine.status().report;
@@ -226,7 +226,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
     assert_eq!(report.egt.unwrap().value.tenths(), 420); // Data3..5 as in the normal set: 20 × 4.6 − 50
 }
 
-/// AMT-2: a frame of an unknown kind is counted, and its bytes are kept.
+/// AMT-2: a frame of an unknown kind is counted, and its bytes are stored.
 #[test]
 fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
     let mut bench = default();
@@ -239,7 +239,7 @@ fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
 
 /// AMT-7: a throttle byte above 200 is no throttle.
 #[test]
-fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
+fn amt_7_a_throttle_above_100_percent_is_ignored() {
     let mut bench = default();
     reply_to(&mut bench, &[0xFF, FULL_OPERATION << 3 | RUN, 1, 1, 201, 1]);
     assert_eq!(bench.machine.status().report.throttle, None);
@@ -249,14 +249,14 @@ fn amt_7_a_throttle_above_100_percent_is_not_taken_over() {
 
 /// AMT-1: there is no checksum, so a fault that the UART saw costs a frame its values, and never its reply.
 #[test]
-fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
+fn amt_1_a_line_error_discards_the_values_but_not_the_reply() {
     let mut bench = running();
     let report = bench.machine.status().report;
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(STARTING, AUTO_STOP, 1)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report, report);
     assert_eq!(bench.machine.status().counters.damaged_frames, 1);
-    // The next is believed again.
+    // The next one is used again.
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }
@@ -264,7 +264,7 @@ fn amt_1_a_line_error_costs_the_values_and_not_the_reply() {
 /// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
 /// the first frame behind it.
 #[test]
-fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
+fn amt_9_a_line_error_before_the_setup_set_does_not_lose_it() {
     let mut bench = default();
     bench.machine.line_error(LineError::Framing);
     bench.receive(&[0x00]); // what the floating line left
@@ -274,7 +274,7 @@ fn amt_9_a_line_error_before_the_setup_set_does_not_cost_it() {
 
 /// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is believed.
 #[test]
-fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
+fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
     let mut bench = running();
     for begun in [&[][..], &[0xFF, 0x21, 1]] {
         bench.receive(begun);
@@ -290,7 +290,7 @@ fn amt_1_a_lost_byte_does_not_cost_the_next_set() {
 
 /// A fault in a set that is cut off damages that one, and not the next.
 #[test]
-fn amt_1_a_fault_in_a_set_that_is_cut_off_does_not_cost_the_next() {
+fn amt_1_a_line_error_in_a_truncated_set_does_not_lose_the_next() {
     let mut bench = running();
     bench.receive(&[0xFF, 0x21]);
     bench.machine.line_error(LineError::Framing);

@@ -42,7 +42,7 @@ fn standby_of_a_lower_source_waits_after_an_order_was_abandoned() {
 /// An engine that comes back after its order was given up goes on where the stages of loss are by then. With its source
 /// there it goes on at what the ECU reports.
 #[test]
-fn an_engine_that_comes_back_is_where_its_loss_would_have_taken_it() {
+fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     // RC is lost at 0.5 s, the hold ends at 1.5 s, and 80 % have fallen by 3.1 s.
     for (later, expected) in [(SECOND, 80), (2_500_000, 30), (4 * SECOND, 0)] {
         let (mut scenario, last) = given_up(Ecu::Amt, 5 * SECOND, None);

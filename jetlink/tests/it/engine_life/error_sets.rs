@@ -12,7 +12,7 @@ enum Run {
 }
 
 #[test]
-fn amt_8_an_exhaust_that_does_not_burn_ends_a_life() {
+fn amt_8_an_exhaust_without_combustion_ends_a_life() {
     use Run::{GoesOn, Over};
     let table: [(&str, u64, u8, Egt, Run); 12] = [
         ("burns", 30 * SECOND, 1, |_| 500, GoesOn),
@@ -61,7 +61,7 @@ fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
 /// Where the exhaust is not known the order goes on under the stages of loss, and ends in standby when they have run out, to
 /// the tick. Where it burns it goes on at the fail-safe throttle.
 #[test]
-fn amt_8_without_a_source_only_a_burning_engine_stays_in_run() {
+fn amt_8_without_a_source_only_a_burning_engine_is_kept_running() {
     // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
     let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
     for (fault, egt, burns) in table {
@@ -101,7 +101,7 @@ fn amt_8_one_odd_error_set_ends_no_life() {
 
 /// When the fault clears, the reply to the first normal sets is run only where they say running, with a shaft that turns.
 #[test]
-fn amt_8_after_a_fault_run_goes_to_a_running_engine_only() {
+fn amt_8_after_a_fault_run_is_sent_to_a_running_engine_only() {
     for (state, rpm, answered) in [
         (0b01100, TURNING, true),
         (0b00100, TURNING, false),
@@ -139,7 +139,7 @@ fn an_engine_in_doubt_blocks_no_other_start() {
 
 /// One odd report of a start moves it on no more than one odd report ends it: the reports at rest around it still fit.
 #[test]
-fn one_odd_report_of_starting_begins_nothing() {
+fn one_odd_report_of_starting_does_not_advance_a_start() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
@@ -194,7 +194,7 @@ fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
 /// when they have run out it is standby." A watchdog reset of the node does not change that; a gap in the ECU's beat does, because
 /// the ECU may have restarted.
 #[test]
-fn amt_8_after_a_reset_an_exhaust_that_cannot_be_read_costs_no_engine() {
+fn amt_8_after_a_reset_an_unreadable_exhaust_shuts_down_no_engine() {
     const EGT_FAULT: u8 = 1 << 3;
     let table: [(&str, u8, Egt, Option<u16>); 5] = [
         ("the ECU calls its sensor faulty", EGT_FAULT, |_| 500, Some(500)),

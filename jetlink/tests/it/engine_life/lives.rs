@@ -46,7 +46,7 @@ fn check(ecu: Ecu, scenario: &mut Scenario, frame: &[u8], means: Means, name: &s
 
 /// AMT-3: what each state means for an engine that has reached running, with a shaft that turns and one that does not.
 #[test]
-fn amt_3_each_state_means_what_the_table_says_for_a_running_engine() {
+fn amt_3_each_state_affects_a_running_engine_as_documented() {
     use End::{AtRest, StartsAgain};
     use Means::{Answered, Confirms, Doubt, Ends, GoesOn};
     // State, then without a gap (turning, slow), then after one (turning, slow).
@@ -68,7 +68,7 @@ fn amt_3_each_state_means_what_the_table_says_for_a_running_engine() {
 
 /// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither.
 #[test]
-fn zk_each_state_means_what_the_table_says_for_a_running_engine() {
+fn zk_each_state_affects_a_running_engine_as_documented() {
     use End::{AtRest, StartsAgain};
     use Means::{Confirms, Doubt, Ends, GoesOn};
     for state in 0..32 {
@@ -128,7 +128,7 @@ fn amt_sets_without_a_state_are_answered_as_the_set_before_them() {
 
 /// A gap of three expected frames is doubt, to the tick. What comes in time is none.
 #[test]
-fn three_missing_frames_are_doubt() {
+fn three_missing_frames_raise_doubt() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
         hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
@@ -340,7 +340,7 @@ fn a_demand_does_not_rise_in_doubt() {
 /// ZK-9: in mode 3 the demand goes on in doubt, as ID 7 in turn with ID 0: an ECU that restarted has forgotten ID 6 and
 /// ignores ID 7. ID 7 needs a version that is known (ZK-7): with the link that is lost. In mode 1 it is ID 0 alone.
 #[test]
-fn zk_9_in_doubt_a_speed_goes_out_in_turn_with_id_0() {
+fn zk_9_in_doubt_a_speed_alternates_with_id_0() {
     for (demand, by_rpm) in [(rpm(80_000), true), (percent(50), false)] {
         let mut scenario = Scenario::started(Ecu::Zk, demand);
         hear(&mut scenario, &report(Ecu::Zk, 1, 0));
@@ -550,7 +550,7 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
 
 /// Disarm ends a start that has not reached running, in doubt or not, and never an engine that has reached it.
 #[test]
-fn disarm_ends_a_start_and_no_engine() {
+fn disarm_ends_a_start_but_not_a_running_engine() {
     for ecu in BOTH {
         for (says, ends) in [(Says::Standby, true), (Says::Starting, true), (Says::Running, false)] {
             for in_doubt in [false, true] {

@@ -48,7 +48,7 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
 
 /// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
 #[test]
-fn two_reports_decide_where_nothing_is_in_force() {
+fn two_reports_decide_while_no_order_is_in_force() {
     let runs = Order::Run(percent(65));
     let table = [
         (Ecu::Amt, 0b01100, TURNING, runs),
@@ -121,7 +121,7 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
 
 /// That an engine ran is kept until standby, a stop or the end of its life.
 #[test]
-fn the_record_says_whether_the_engine_ran() {
+fn the_record_shows_whether_the_engine_ran() {
     let table: [(&str, Step, bool); 6] = [
         ("flying", |_| {}, true),
         (

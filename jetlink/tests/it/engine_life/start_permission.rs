@@ -58,7 +58,7 @@ fn a_refused_start_does_not_happen_later() {
 
 /// What uses a permission up, and what does not.
 #[test]
-fn a_permission_is_used_up_by_what_the_table_names() {
+fn a_permission_is_used_up_as_documented() {
     let table: [(&str, Step, bool); 10] = [
         ("nothing", |_| {}, false),
         (

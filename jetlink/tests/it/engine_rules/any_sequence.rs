@@ -4,7 +4,7 @@ use super::*;
 
 /// Every command at every stage in every mode of a random engine: nothing panics. Seeds are fixed.
 #[test]
-fn nothing_panics() {
+fn no_sequence_of_inputs_panics() {
     use jetlink::line::LineError;
     let mut state = 0x1234_5678_9ABC_DEF1_u64;
     let mut next = |n: u64| {

@@ -1,10 +1,10 @@
-//! In doubt a demand is kept, and no healthy engine is shut down.
+//! In doubt a demand is retained, and no healthy engine is shut down.
 
 use super::*;
 
 /// "in mode 3 the demand as ID 7 in turn with it ... While a source is fresh this goes on".
 #[test]
-fn in_doubt_an_rpm_demand_goes_out_for_as_long_as_its_source_is_fresh() {
+fn in_doubt_an_rpm_demand_is_sent_for_as_long_as_its_source_is_fresh() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     let fly = Command::Run(rpm(100_000));
     scenario.fly_us(fly, Origin::Rc, SECOND);
@@ -65,8 +65,8 @@ fn amt_a_running_engine_whose_throttle_dithers_is_not_shut_down() {
     );
 }
 
-/// "A healthy engine in flight is not shut down because jetlink is in doubt", "Doubt acts at once, the verdict needs agreement": all
-/// sources have been silent for a minute, the engine idles at the fail-safe throttle, where `standby_after` is never.
+/// "A healthy engine in flight is not shut down because jetlink is in doubt", "Doubt acts at once, the verdict needs agreement":
+/// all sources have been silent for a minute, the engine idles at the fail-safe throttle, where `standby_after` is never.
 fn idles_at_the_fail_safe(ecu: Ecu) -> Scenario {
     let mut scenario = flying(ecu, 60);
     scenario.says = Some(Says::Running);

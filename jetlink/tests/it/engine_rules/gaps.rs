@@ -16,7 +16,7 @@ fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
 /// "Damaged frames that keep the beat (bursts of a frame's length when due, no break) are no gap, for 10 s at most, on
 /// either protocol": at every rate that the line carries (ZK-11).
 #[test]
-fn zk_11_damaged_frames_that_keep_the_beat_are_no_gap_at_any_rate() {
+fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
     use jetlink::config::EngineConfig;
     use jetlink::ecu::zk::codec::Rate;
     use jetlink::line::Line;
@@ -69,7 +69,7 @@ fn frames_at_a_new_status_rate_are_no_gaps() {
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
     }
-    // At 100 Hz until it is told 20 Hz.
+    // At 100 Hz until 20 Hz is commanded.
     scenario.bench.frames();
     let mut doubt = 0;
     let mut slow = false;
@@ -102,7 +102,7 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
 /// "Damaged frames that keep the beat ... are no gap, for 10 s at most": in rpm mode, too, the demand goes out meanwhile, or
 /// telemetry says that it does not.
 #[test]
-fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
+fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
     scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
     scenario.silent();
@@ -126,9 +126,10 @@ fn an_rpm_demand_goes_out_through_2_s_of_damaged_frames() {
     );
 }
 
-/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby, too.
+/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby,
+/// too.
 #[test]
-fn amt_13_an_engine_that_ctf_was_stopping_does_not_run_on_after_a_long_gap() {
+fn amt_13_an_engine_that_ctf_was_stopping_does_not_resume_after_a_long_gap() {
     let ctf = Command::Service(Service::Amt(amt::config::Service::Ctf));
     for (service, left) in [(None, Order::Run(percent(50))), (Some(ctf), Order::Standby)] {
         let mut scenario = flying(Ecu::Amt, 50);

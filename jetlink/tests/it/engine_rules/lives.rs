@@ -27,7 +27,7 @@ fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
 
 /// "When the fault clears, the reply to the first normal sets is not run unless they say running."
 #[test]
-fn amt_when_a_fault_clears_run_waits_for_sets_that_say_running() {
+fn amt_when_a_fault_clears_run_waits_for_sets_that_report_running() {
     for state in [0b00001, 0b00010, 0b00100, 0b01000, 0b11111] {
         let mut scenario = flying(Ecu::Amt, 90);
         // The exhaust burns.
@@ -67,7 +67,7 @@ fn amt_a_life_in_doubt_ends_within_a_bound() {
     let end = scenario.now_us() + 600 * SECOND;
     while scenario.now_us() < end {
         let _ = scenario.command(run(90));
-        // Running, and the shaft stands.
+        // Running, with the shaft at rest.
         hear(&mut scenario, &amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 0));
     }
     assert!(
@@ -155,7 +155,7 @@ fn stopped_in_a_gap(gap: u64) {
 /// "When no set was answered for the ECU's serial delay time the order is given up": a reply that the transmitter did not send
 /// answers nothing.
 #[test]
-fn amt_replies_that_were_not_sent_keep_no_order() {
+fn amt_replies_that_were_not_sent_do_not_keep_an_order() {
     for (sends, given_up) in [(true, false), (false, true)] {
         let mut scenario = flying(Ecu::Amt, 50);
         scenario.silent().pass_us(600_000);

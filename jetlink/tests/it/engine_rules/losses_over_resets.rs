@@ -1,11 +1,11 @@
-//! Losses go on over resets.
+//! Losses continue across resets.
 
 use super::*;
 
 /// "Losses go on over resets. The record keeps how long the source has been silent": a lower source that speaks must not
 /// keep a dead one's demand up.
 #[test]
-fn in_a_reset_loop_a_lower_source_that_streams_standby_keeps_no_lost_demand_up() {
+fn in_a_reset_loop_a_lower_source_that_streams_standby_does_not_hold_a_lost_demand() {
     for ecu in BOTH {
         let config = ecu.config();
         let mut scenario = flying(ecu, 90);
@@ -51,7 +51,7 @@ fn from_the_third_reset_without_a_source_the_demand_is_at_the_fail_safe_throttle
 
 /// The same with a lower source that asks for 20 %.
 #[test]
-fn in_a_reset_loop_a_lower_source_that_runs_keeps_no_lost_demand_up() {
+fn in_a_reset_loop_a_lower_source_that_runs_does_not_hold_a_lost_demand() {
     for ecu in BOTH {
         let config = ecu.config();
         let mut scenario = flying(ecu, 90);
@@ -102,7 +102,7 @@ fn in_a_brown_out_loop_with_all_sources_silent_the_demand_falls_to_the_fail_safe
 
 /// The reset loops, each ECU alone.
 #[test]
-fn zk_in_a_reset_loop_a_lower_source_that_streams_standby_keeps_no_lost_demand_up() {
+fn zk_in_a_reset_loop_a_lower_source_that_streams_standby_does_not_hold_a_lost_demand() {
     let config = Ecu::Zk.config();
     let mut scenario = flying(Ecu::Zk, 90);
     both(&mut scenario, &[(run(90), Origin::Rc), (Command::Standby, Origin::Mavlink)], 2 * SECOND);

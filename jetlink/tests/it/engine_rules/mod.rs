@@ -1,4 +1,4 @@
-//! The rules of docs/failsafe.md, held against commands, reports, gaps and resets in unusual sequences. Each test quotes its rule.
+//! The rules of docs/failsafe.md, tested with unusual sequences of commands, reports, gaps and resets. Each test cites its rule.
 
 mod any_sequence;
 mod demands;
@@ -42,7 +42,7 @@ fn hear(scenario: &mut Scenario, frame: &[u8]) {
     scenario.bench.receive(frame);
 }
 
-/// Two sources say their words every 0.1 s.
+/// Two sources send their commands every 0.1 s.
 fn both(scenario: &mut Scenario, words: &[(Command, Origin)], micros: u64) {
     let end = scenario.now_us() + micros;
     while scenario.now_us() < end {

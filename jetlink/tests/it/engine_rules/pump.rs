@@ -33,7 +33,7 @@ fn a_start_closes_an_open_pump_before_the_engine_runs() {
 /// "ClosePump goes out ... until the pump voltage reads zero or ten were sent": a voltage from before the pump was opened
 /// reads nothing of it.
 #[test]
-fn a_pump_voltage_from_before_the_opening_confirms_no_closing() {
+fn a_pump_voltage_from_before_the_opening_does_not_confirm_the_closing() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     // ID 2: no pump voltage.
     scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 0]));
@@ -48,7 +48,7 @@ fn a_pump_voltage_from_before_the_opening_confirms_no_closing() {
 
 /// "A pump that was opened is closed at ... silence of its source"; "a source that wants nothing counts as silent".
 #[test]
-fn a_pump_is_closed_when_its_source_wants_nothing() {
+fn a_pump_is_closed_when_its_source_is_only_present() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
     scenario.pass_us(4 * FRAME_PERIOD_US);
@@ -99,7 +99,7 @@ fn close_pump_frames_that_were_not_sent_do_not_count() {
 
 /// "ClosePump goes out after the first stop frame", also where it was going out before the stop.
 #[test]
-fn a_stop_goes_before_a_closing_that_is_under_way() {
+fn a_stop_is_sent_before_the_next_close_pump_frame() {
     for wait in 0..40 {
         let mut scenario = pump_open();
         scenario.command(Command::Disarm).unwrap();

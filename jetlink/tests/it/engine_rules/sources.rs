@@ -42,7 +42,7 @@ fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
 #[test]
 fn two_stray_standbys_5_s_apart_shut_nothing_down() {
     let mut scenario = flying(Ecu::Zk, 60);
-    // The wire from the ECU is cut; the source goes on for 12 s.
+    // The wire from the ECU is cut; the source continues for 12 s.
     scenario.silent().fly_us(run(60), Origin::Rc, 12 * SECOND);
     scenario.pass_us(4 * SECOND);
     let _ = scenario.command(Command::Standby);

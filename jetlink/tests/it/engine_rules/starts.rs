@@ -24,7 +24,7 @@ fn disarm_ends_a_start_that_a_reset_has_cut_short() {
 
 /// "An order to run without a living engine ends: ... or the start's time": over resets, too.
 #[test]
-fn the_time_limit_of_a_start_goes_on_over_resets() {
+fn the_time_limit_of_a_start_continues_across_resets() {
     let config = Ecu::Amt.config();
     let mut scenario = Scenario::ready(Ecu::Amt, config);
     scenario.command(run(0)).unwrap();

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The highest source that is fresh rules; those below it are told who does, and change nothing.
+/// The highest fresh source is in control; the answer to lower ones names it, and they change nothing.
 #[test]
 fn the_highest_fresh_source_is_in_control() {
     for ecu in BOTH {
@@ -150,7 +150,7 @@ fn taking_over_is_bumpless() {
     assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
 }
 
-/// When the source that rules falls silent, the next one that speaks takes over in the same way: no stage of loss.
+/// When the source in control falls silent, the next one that commands takes over in the same way: no stage of loss.
 #[test]
 fn the_next_source_takes_over_from_one_that_is_lost() {
     for ecu in BOTH {
@@ -191,7 +191,7 @@ fn a_source_that_waits_while_another_is_lost_leaves_no_deadline_behind() {
     }
 }
 
-/// What the ruling source, or a higher one, is refused does not change the throttle, nor keep it fresh.
+/// A refused command of the source in control, or of a higher one, neither changes the throttle nor keeps it fresh.
 #[test]
 fn a_refused_demand_changes_nothing() {
     for ecu in BOTH {
@@ -242,7 +242,7 @@ fn standby_is_obeyed_at_the_second_command() {
                 assert_eq!((ordered.order, scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             }
         }
-        // Another word between the two takes the first back.
+        // Another command between the two cancels the first.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
             assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
@@ -253,7 +253,7 @@ fn standby_is_obeyed_at_the_second_command() {
     }
 }
 
-/// So is the standby of a source above the one that rules, whether it spoke before or not.
+/// So is the standby of a source above the one in control, whether it commanded before or not.
 #[test]
 fn two_standbys_of_a_higher_source_shut_down() {
     for ecu in BOTH {

@@ -14,7 +14,7 @@ fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
 
 /// Hold, a ramp to the fail-safe throttle, standby: each to the tick, and told in this order.
 #[test]
-fn each_stage_of_loss_begins_to_the_tick() {
+fn each_stage_of_loss_begins_exactly_to_the_tick() {
     for ecu in BOTH {
         // 50 % to 20 % at 60 % a second: 0.5 s.
         let config = ecu.with(|s| s.loss = loss(700_000, 20, 600, Some(900_000)));
@@ -93,7 +93,7 @@ fn the_fail_safe_throttle_never_raises() {
 
 /// A source that comes back has to speak for a second without a gap; then it takes over like any other.
 #[test]
-fn a_source_that_comes_back_is_in_control_after_a_second() {
+fn a_source_that_returns_is_in_control_after_1_s() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.pass_us(10 * SECOND);
@@ -219,7 +219,7 @@ fn each_engine_has_its_own_stages_of_loss() {
 
 /// The ECU lost and the source lost are two things, each handled for itself.
 #[test]
-fn a_lost_link_and_a_lost_source_are_handled_apart() {
+fn a_lost_link_and_a_lost_source_are_handled_separately() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.sent();
@@ -242,7 +242,7 @@ fn a_lost_link_and_a_lost_source_are_handled_apart() {
         let telemetry = scenario.telemetry();
         assert_eq!((telemetry.link, telemetry.loss), (LinkState::Up, LossStage::FailSafe));
 
-        // Both: the stages run all the same.
+        // Both: the stages run in the same way.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.silent().pass_us(3 * SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
@@ -265,7 +265,7 @@ fn there_is_no_loss_without_a_demand() {
     }
 }
 
-/// A demand is kept fresh by demands alone, not by whatever else the same source says.
+/// Only demands keep a demand fresh, not other commands of the same source.
 #[test]
 fn only_a_demand_keeps_a_demand_fresh() {
     for ecu in BOTH {

@@ -1,4 +1,4 @@
-//! Who rules, how another takes over, and what happens when nobody speaks. For both ECUs, to the tick.
+//! Arbitration, take-overs, and the stages of loss without a source. For both ECUs, exact to the tick.
 
 mod arbitration;
 mod loss;

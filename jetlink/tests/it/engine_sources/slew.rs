@@ -4,7 +4,7 @@ use super::*;
 
 /// Off by default; up and down each with its own rate, to the tick.
 #[test]
-fn slew_limits_hold_to_the_tick_and_are_off_by_default() {
+fn slew_limits_are_exact_to_the_tick_and_off_by_default() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(20));
         scenario.command(run(80)).unwrap();
@@ -165,7 +165,7 @@ fn a_limit_can_lower_the_throttle() {
 /// The reduction for an engine that failed is no slower than a fail-safe, whatever the slew, and does not wait for a
 /// take-over.
 #[test]
-fn a_reduction_does_not_wait() {
+fn a_reduction_does_not_wait_for_a_take_over() {
     for ecu in BOTH {
         for taking_over in [false, true] {
             let config = ecu.with(|s| {
@@ -224,9 +224,9 @@ fn the_active_source_is_reported_in_standby() {
     }
 }
 
-/// The end of a loss in standby shows until somebody commands.
+/// A loss that ends in standby is reported until a source commands.
 #[test]
-fn standby_by_loss_shows_until_somebody_commands() {
+fn standby_by_loss_is_reported_until_a_source_commands() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(1)));
         let mut scenario = Scenario::started_with(ecu, config, percent(50));

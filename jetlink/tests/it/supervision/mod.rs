@@ -19,8 +19,19 @@ use std::time::Instant;
 /// Virtual time of one world.
 const WORLD: Duration = Duration::from_secs(1200);
 
+/// From so many engine-seconds on, a campaign says how far it is.
+const LONG: u64 = 10 * 3600;
+
 fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
+}
+
+/// Says each tenth of a long campaign.
+fn progress(before: u64, now: u64, engine_seconds: u64) {
+    let tenth = |seconds: u64| seconds * 10 / engine_seconds;
+    if engine_seconds >= LONG && tenth(now) > tenth(before) {
+        eprintln!("{} of {} engine-hours", now / 3600, engine_seconds / 3600);
+    }
 }
 
 /// Plays worlds from this seed on until `engine_seconds` are over, on `threads` threads. Panics with the first failure,
@@ -38,7 +49,8 @@ fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
                     let world = std::panic::catch_unwind(|| world::run(seed, WORLD));
                     match world.unwrap_or_else(|_| Err(world::Failure { seed, text: "a panic".into() })) {
                         Ok((seconds, tally)) => {
-                            done.fetch_add(seconds, Ordering::Relaxed);
+                            let before = done.fetch_add(seconds, Ordering::Relaxed);
+                            progress(before, before + seconds, engine_seconds);
                             total.lock().unwrap().add(&tally);
                         }
                         Err(found) => {

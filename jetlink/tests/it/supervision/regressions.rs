@@ -15,7 +15,7 @@ use jetlink::units::{Celsius, Throttle};
 
 /// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
 #[test]
-fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
+fn alternating_sources_do_not_hold_a_lost_demand() {
     for ecu in BOTH {
         let mut scenario = Scenario::started_with(
             ecu,
@@ -32,10 +32,10 @@ fn sources_that_come_and_go_in_turn_do_not_hold_a_lost_demand_up() {
     }
 }
 
-/// A source that was lost and speaks again does not rule yet, so its new demand is not the one that is held when
-/// the ruling source falls silent.
+/// A source that was lost and commands again is not in control yet, so its new demand is not the one that is held when
+/// the source in control falls silent.
 #[test]
-fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
+fn a_demand_of_a_source_not_yet_in_control_is_not_held() {
     for ecu in BOTH {
         let mut scenario =
             Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
@@ -43,7 +43,7 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
         // RC is lost for longer than a gap that is none; the bench waits to take over.
         scenario.fly_us(run(10), Origin::Bench, 1_600_000);
         assert_eq!(scenario.tenths(), 300, "{ecu:?}");
-        // RC speaks again, with another demand, and both fall silent.
+        // RC commands again, with another demand, and both fall silent.
         assert_eq!(scenario.command_from(run(90), Origin::Rc), Ok(Accepted::Held));
         for _ in 0..30 {
             scenario.pass_us(COMMAND_PERIOD_US);
@@ -54,14 +54,14 @@ fn a_demand_of_a_source_that_is_not_there_yet_is_not_held() {
 
 /// A source that flaps may not start an engine against a steady one below it.
 #[test]
-fn a_source_that_is_not_there_yet_starts_nothing() {
+fn a_source_not_yet_in_control_starts_no_engine() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.fly_us(Command::Standby, Origin::Bench, 2 * SECOND);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::Held), "{ecu:?}");
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.order(), Order::Standby);
-        // Beside it: it has said standby for a second, and starts it.
+        // For comparison: it has commanded standby for a second, and starts the engine.
         scenario.says(Says::Standby);
         scenario.fly_us(Command::Standby, Origin::Rc, 1_200_000);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
@@ -94,7 +94,7 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 /// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
 /// that is kept is released by it.
 #[test]
-fn a_command_before_the_engine_begins_leaves_a_retained_stop() {
+fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
     let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
@@ -108,7 +108,7 @@ fn a_command_before_the_engine_begins_leaves_a_retained_stop() {
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
 }
 
-/// What is kept over a reset is what is on the wire, not a demand that a slew has not let through yet.
+/// A reset retains the demand on the wire, not one that a slew has not reached yet.
 #[test]
 fn the_retained_demand_is_no_higher_than_the_one_on_the_wire() {
     for ecu in BOTH {
@@ -138,7 +138,7 @@ fn a_start_that_a_reset_cut_short_does_not_resume() {
         assert_eq!(after.order(), Order::Listen, "{ecu:?}");
         after.fly_us(run(72), Origin::Rc, SECOND);
         assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
-        // Beside it: an engine that has reached running goes on.
+        // For comparison: an engine that has reached running resumes.
         scenario.values.rpm = None;
         scenario.says(Says::Running);
         let mut after = scenario.reset(ecu.config());
@@ -194,7 +194,7 @@ fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
             scenario.says(Says::Running);
             assert_eq!(scenario.order(), then, "{ecu:?}");
         }
-        // Beside it: with nothing said the retained one goes on.
+        // For comparison: without a command the retained demand resumes.
         let mut scenario = retained();
         scenario.says(Says::Running);
         assert_eq!(scenario.order(), Order::Run(percent(33)), "{ecu:?}");
@@ -216,5 +216,23 @@ fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
         scenario.values.egt_celsius = 26;
         scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}
+
+/// A start whose source died ends 10 s after the fail-safe stage, also when a gap raises doubt just before: there is no running
+/// engine that the doubt could be about.
+#[test]
+fn a_gap_does_not_prolong_a_start_whose_source_is_silent() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        let last = scenario.now_us();
+        scenario.says(Says::Starting);
+        // Timeout, hold and run-out: 0.5 s, 1 s and 10 s.
+        scenario.run_to_us(last + 11 * SECOND);
+        scenario.silent().run_to_us(last + 11_450_000);
+        assert_eq!(scenario.order(), Order::Doubt(percent(0)), "{ecu:?}");
+        scenario.run_to_us(last + 11_550_000);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
     }
 }

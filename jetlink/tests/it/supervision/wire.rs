@@ -1,4 +1,4 @@
-//! What the node put on the wire, in the words of the judge. What the bytes mean is up to the simulation's reader.
+//! The node's frames on the wire, in the judge's terms. The simulation's reader decodes the bytes.
 
 use sim::any::Protocol;
 pub use sim::control::Switch;

@@ -109,7 +109,7 @@ impl<M: Machine> Bench<M> {
         self.busy.is_some()
     }
 
-    /// What the last `Output::Wait` said.
+    /// Time of the last `Output::Wait`.
     pub fn deadline_us(&self) -> Option<u64> {
         self.deadline
     }
@@ -162,7 +162,7 @@ impl<M: Machine> Bench<M> {
         self.jump_to_us(t);
     }
 
-    /// Sets the time, with nobody looking at the deadlines meanwhile.
+    /// Sets the time without handling deadlines in between.
     pub fn jump_to_us(&mut self, t: u64) {
         assert!(t >= self.now, "time runs forward: {t} after {}", self.now);
         self.now = t;

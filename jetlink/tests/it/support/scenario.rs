@@ -19,7 +19,7 @@ use sim::any::Protocol;
 use sim::control::{self, Switch};
 use sim::zk::ZkCommand;
 
-/// What an ECU can say in plain words.
+/// Reports of an ECU.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Says {
     Stopped,
@@ -72,7 +72,7 @@ pub struct Values {
 impl Ecu {
     pub fn config(self) -> EngineConfig {
         match self {
-            Self::Amt => EngineConfig::amt("a", 0, Line::new(9600), Some(amt::codec::Engine::Olympus)),
+            Self::Amt => EngineConfig::amt("a", 0, Line::new(9600), Some(amt::codec::EngineModel::Olympus)),
             Self::Zk => EngineConfig::zk("z", 0, Line::new(9600), Rate::Hz20),
         }
     }
@@ -186,7 +186,7 @@ impl Scenario {
         self.values.rpm.unwrap_or(if turns { TURNING } else { 0 })
     }
 
-    /// The same engine after a reset, with what was kept; its ECU knows nothing of it.
+    /// The same engine after a reset, with its retained state; its ECU does not notice.
     pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<RetainedState>) -> Self {
         let mut scenario = Self::nothing_heard(ecu, config);
         let mut machine = Engine::new(&config);
@@ -198,7 +198,7 @@ impl Scenario {
         scenario
     }
 
-    /// The same node after a reset now, with what it kept; its ECU goes on.
+    /// The same node after a reset now, with its retained state; its ECU continues.
     pub fn reset(&self, config: EngineConfig) -> Self {
         let mut scenario = Self::after_reset(self.ecu, config, Some(self.bench.machine.record()));
         (scenario.says, scenario.values) = (self.says, self.values);
@@ -218,7 +218,7 @@ impl Scenario {
         self
     }
 
-    /// So many µs pass; the ECU speaks every 50 ms.
+    /// Advances by this number of µs; the ECU sends every 50 ms.
     pub fn pass_us(&mut self, micros: u64) -> &mut Self {
         let end = self.bench.now_us() + micros;
         self.run_to_us(end)
@@ -295,7 +295,7 @@ impl Scenario {
         scenario
     }
 
-    /// The two words of standby that shut down an engine that runs.
+    /// The two standby commands that shut down a running engine.
     pub fn shut_down(&mut self) -> Result<Accepted, Rejected> {
         self.shut_down_from(Origin::Rc)
     }

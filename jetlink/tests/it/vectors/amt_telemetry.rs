@@ -82,7 +82,7 @@ fn amt_3_each_state_has_its_number() {
 /// AMT-4: old and new engine numbers.
 #[test]
 fn amt_4_each_engine_has_its_id() {
-    use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
+    use amt::EngineModel::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     let printed = [
         (0x03, Pegasus),
         (0x06, Olympus),
@@ -97,14 +97,14 @@ fn amt_4_each_engine_has_its_id() {
     ];
     for id in 0..=255 {
         let expected = printed.iter().find(|(printed, _)| *printed == id).map(|(_, engine)| *engine);
-        assert_eq!(amt::Engine::from_id(id), expected, "{id:#04x}");
+        assert_eq!(amt::EngineModel::from_id(id), expected, "{id:#04x}");
     }
 }
 
 /// AMT-5: rpm in steps of 500 or 700, and no scale where the document has none.
 #[test]
 fn amt_5_each_engine_has_its_rpm_step() {
-    use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
+    use amt::EngineModel::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     for (engine, step) in [
         (Pegasus, Some(500)),
         (Olympus, Some(500)),
@@ -116,13 +116,13 @@ fn amt_5_each_engine_has_its_rpm_step() {
     ] {
         assert_eq!(engine.rpm_step(), step, "{engine:?}");
     }
-    assert_eq!(amt::Engine::ALL.len(), 7);
+    assert_eq!(amt::EngineModel::ALL.len(), 7);
 }
 
 /// AMT-6: the scales of the three kinds of voltage, for every engine.
 #[test]
 fn amt_6_each_engine_has_its_voltage_scale() {
-    use amt::Engine::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
+    use amt::EngineModel::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
     // mV that a raw 255 would add: Vout and idle and maximum, battery, external battery above 7 V
     for (engine, vout, battery, external) in [
         (Mercury, Some(6250), Some(10_000), Some(6250)),
@@ -208,7 +208,7 @@ fn amt_9_a_setup_set_ends_at_its_full_stop() {
     assert_eq!((setup.version(), setup.date()), ("9.35", "140617"));
     // 256 × 248 + 0 − 62464 = 1024; 1024 + 64 × 16 = 2048
     assert_eq!((setup.pw_min_us(), setup.pw_max_us()), (1024, 2048));
-    assert_eq!(setup.engine(), Some(amt::Engine::Olympus));
+    assert_eq!(setup.engine(), Some(amt::EngineModel::Olympus));
 
     let new = [
         0xFF, 0x05, 0xF7, 0xA1, 0x3F, b'1', b'0', b'.', b'3', b'5', b' ', b'2', b'0', b'0', b'1', b'3', b'1',
@@ -218,7 +218,7 @@ fn amt_9_a_setup_set_ends_at_its_full_stop() {
     assert_eq!((setup.version(), setup.date()), ("10.35", "200131"));
     // 256 × 247 + 161 − 62464 = 929; 929 + 63 × 16 = 1937
     assert_eq!((setup.pw_min_us(), setup.pw_max_us()), (929, 1937));
-    assert_eq!(setup.engine(), Some(amt::Engine::Titan));
+    assert_eq!(setup.engine(), Some(amt::EngineModel::Titan));
 
     // The extremes: 256 × 0 + 0 − 62464, and 256 × 254 + 254 − 62464 + 254 × 16.
     let least = amt_setup(&[&[0xFF, 0x05, 0, 0, 0][..], b"9.35 140617 "].concat());
@@ -230,7 +230,7 @@ fn amt_9_a_setup_set_ends_at_its_full_stop() {
 /// AMT-9: the version's first number names the engine.
 #[test]
 fn amt_9_version_names_the_engine() {
-    use amt::Engine::{Lynx, Mercury, Nike, Olympus, Pegasus, Titan};
+    use amt::EngineModel::{Lynx, Mercury, Nike, Olympus, Pegasus, Titan};
     for major in 0..=99u8 {
         let expected = match major {
             1 | 2 | 4 | 7 => Some(Pegasus),

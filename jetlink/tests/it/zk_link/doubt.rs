@@ -5,7 +5,7 @@ use super::*;
 /// In doubt nothing goes out that could start an engine: ID 0, and in mode 3 the rpm in turn with it, which an ECU that
 /// restarted ignores (ZK-9).
 #[test]
-fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
+fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     let doubt = |order: Order| {
         let Order::Run(demand) = order else { panic!("a run") };
         Order::Doubt(demand)
@@ -28,7 +28,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_go_out() {
             frames.rotate_left(1);
         }
         assert_eq!(frames, expected, "{order:?} of version {version}");
-        // When the link is lost the version is forgotten; the engine is in mode 3 all the same.
+        // When the link is lost the version is discarded; the engine is still in mode 3.
         bench.run_to_us(bench.now_us() + 600_000);
         bench.frames();
         let mut frames = turns(&mut bench, 4);
@@ -101,7 +101,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
 
 /// ZK-13: what closes the pump does not come between an unlock and its command.
 #[test]
-fn zk_13_closing_the_pump_does_not_part_an_unlock_from_its_command() {
+fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
     for turns_before in 0..4 {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
@@ -120,7 +120,7 @@ fn zk_13_closing_the_pump_does_not_part_an_unlock_from_its_command() {
 
 /// What each status says about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
 #[test]
-fn each_status_is_a_sign_of_the_life_that_its_state_means() {
+fn each_status_gives_the_sign_of_its_state() {
     // Idle speed in 1000 rpm, maximum, and half of idle or what stands for it.
     for (idle, max, half) in [
         (None, None, 10_000),
@@ -163,7 +163,7 @@ fn each_status_is_a_sign_of_the_life_that_its_state_means() {
 /// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it says and what it was asked for.
 /// Damaged frames keep the beat; half a frame does not.
 #[test]
-fn three_frames_that_fail_are_a_gap() {
+fn three_missing_frames_are_a_gap() {
     let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());
     for (asked, rate, three) in [
         (Rate::Hz20, 0, 150_000),

@@ -4,7 +4,7 @@ use super::*;
 
 /// ZK-8: an emergency stop goes out at once, out of turn, and again at every turn.
 #[test]
-fn zk_8_an_emergency_stop_goes_out_of_turn() {
+fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
     let mut bench = running(3);
     bench.order(60_000, throttle(900)).unwrap();
     bench.run_to_us(120_000);
@@ -131,7 +131,7 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
 /// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop go by ID 1 and ID 6 in turns, with
 /// nothing heard as well. A run waits for the version (ZK-7).
 #[test]
-fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
+fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
         let mut bench = link(Config::DEFAULT, LINE);
         bench.act(|link, _| link.resume_switch_by_id6());
@@ -159,7 +159,7 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_go_by_both() {
 /// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
 /// out of turn. ZK-8: a hand-over is said in ID 1 before ID 6 lets go.
 #[test]
-fn zk_9_the_frame_that_gives_a_meaning_goes_first() {
+fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
     let (run, demand) = (throttle(300), rpm(80_000));
     for (split_switch, before, after, first) in [
         (true, Order::Standby, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN)]),
@@ -379,7 +379,7 @@ fn zk_16_one_odd_frame_changes_no_identity() {
 
 /// The control: without the stop all of them go out.
 #[test]
-fn without_an_emergency_stop_everything_goes_out() {
+fn without_an_emergency_stop_all_frames_are_sent() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
     for _ in 0..2 {
         bench.receive(&zk::identity(160, 5, 0));

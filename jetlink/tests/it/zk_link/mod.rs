@@ -131,7 +131,7 @@ fn pressure(bench: &mut Bench<ZkLink>, hectopascals: u16) {
     bench.act(|link, now| link.pressure(now, Hectopascals::new(hectopascals).unwrap()));
 }
 
-/// The bytes that go out in the next turns, while the ECU is heard and reports nothing of its engine.
+/// The bytes sent in the next slots, while the ECU is received and reports nothing about its engine.
 fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
     bench.frames();
     while bench.waiting_frames() < count {
@@ -142,7 +142,7 @@ fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
     bytes
 }
 
-/// Time passes, and the ECU is heard: it reports its temperature.
+/// Time passes, and the ECU is received: it reports its temperature.
 fn heard_to(bench: &mut Bench<ZkLink>, t: u64) {
     while bench.now_us() < t {
         let next = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;

@@ -152,7 +152,7 @@ fn zk_8_only_its_own_command_hands_over_to_pwm() {
 }
 
 /// ZK-9: an ECU that another host, or this one before its reset, left in mode 2 or 3 ignores the switch of ID 1.
-/// A stop and a standby reach it all the same.
+/// A stop and a standby still reach it.
 #[test]
 fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
     for left_in in [(0, RUN), (4, RUN)] {
@@ -253,7 +253,7 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
 /// ZK-8, ZK-9: a hand-over from mode 3 leads from run to PWM, and not through the switch that ID 1 carried before
 /// the start.
 #[test]
-fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
+fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
     bench.order(bench.now_us(), Order::Standby).unwrap();
@@ -268,7 +268,7 @@ fn zk_8_a_hand_over_from_mode_3_stops_nothing_on_its_way() {
     assert_eq!(ecu.obeyed().0, PWM);
 }
 
-/// ZK-8: ID 6 lets go when it said so on the wire, and not before: a transmission that failed is made up for.
+/// ZK-8: ID 6 releases the switch only once the frame was sent: a failed transmission is repeated.
 #[test]
 fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
     let mut bench = running(4);

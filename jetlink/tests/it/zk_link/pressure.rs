@@ -4,7 +4,7 @@ use super::*;
 
 /// ZK-14: once a second, while the ECU asks and a fresh pressure is known; never one made up.
 #[test]
-fn zk_14_pressure_goes_out_once_a_second_when_requested_known_and_fresh() {
+fn zk_14_pressure_is_sent_once_a_second_when_requested_known_and_fresh() {
     let sent = |bench: &mut Bench<ZkLink>| -> Vec<(u64, Vec<u8>)> {
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 8).collect()
     };
@@ -40,7 +40,7 @@ fn zk_14_pressure_goes_out_once_a_second_when_requested_known_and_fresh() {
 
 /// ZK-14, ZK-7: an ECU below version 4 has no ESR and no ID 8, whatever its bits say.
 #[test]
-fn zk_14_no_pressure_goes_out_below_version_4() {
+fn zk_14_no_pressure_is_sent_below_version_4() {
     for (version, expected) in [(3, false), (4, true)] {
         let mut bench = ecu(version);
         pressure(&mut bench, 1013);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Up after one frame, because it has a CRC; lost by the timer to the tick, once; the turns go on (ZK-10).
+/// Up after one frame, because it has a CRC; lost by the timer, exact to the tick, once; the send slots continue (ZK-10).
 #[test]
 fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     let mut bench = link(Config::DEFAULT, LINE);
@@ -26,7 +26,7 @@ fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     assert_eq!(bench.event_kinds(), [Event::Phase(Phase::Standby)], "two agree");
 }
 
-/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are kept.
+/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are stored.
 #[test]
 fn zk_15_unknown_ids_are_frames() {
     for id in [0, 10, 11, 12, 13, 14] {
@@ -57,7 +57,7 @@ fn zk_15_unknown_numbers_are_kept() {
     assert_eq!((error.code(), error.name()), (29, "unknown"));
 }
 
-/// ZK-8, ZK-5: the state in plain words and the switch that the ECU says it obeys.
+/// ZK-8, ZK-5: the phase and the switch that the ECU reports.
 #[test]
 fn zk_8_each_state_has_its_phase_and_reported_switch() {
     for (states, phase) in [
@@ -139,7 +139,7 @@ fn zk_5_values_carry_their_time() {
 
 /// ZK-5: a throttle above 100 % has no meaning and is not taken over.
 #[test]
-fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
+fn zk_5_a_throttle_above_100_percent_is_ignored() {
     let mut bench = link(Config::DEFAULT, LINE);
     bench.receive(&zk::status(3, 0, [101, 0, 0]));
     assert_eq!(bench.machine.status().report.throttle, None);
@@ -149,7 +149,7 @@ fn zk_5_a_throttle_above_100_percent_is_not_taken_over() {
 
 /// Events when something changes, and only then.
 #[test]
-fn events_come_when_something_changes_and_only_then() {
+fn events_are_published_on_changes_only() {
     let mut bench = link(Config::DEFAULT, LINE);
     let version = Version::new(4).unwrap();
     for (frame, events) in [

@@ -5,7 +5,7 @@ use super::*;
 /// ZK-10: something is sent at every turn, ID 0 when nothing is ordered, also into silence. ZK-11: the turns keep
 /// the status rate to the tick.
 #[test]
-fn zk_10_zk_11_something_goes_out_in_every_send_slot() {
+fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
     for (rate, every) in [(Rate::Hz20, 50_000), (Rate::Hz50, 20_000), (Rate::Hz100, 10_000)] {
         let mut bench = link(Config { rate, ..Config::DEFAULT }, LINE);
         bench.run_to_us(10_000_000);
@@ -20,7 +20,7 @@ fn zk_10_zk_11_something_goes_out_in_every_send_slot() {
 
 /// ZK-10: a turn that comes late is not made up for, and the beat stays.
 #[test]
-fn zk_10_a_late_send_slot_makes_no_burst() {
+fn zk_10_a_late_send_slot_causes_no_burst() {
     // Woken so late; the next two turns are then due.
     for (late, next) in [(1, [100_000, 150_000]), (30_000, [100_000, 150_000]), (49_000, [100_000, 150_000])]
     {

@@ -4,7 +4,7 @@ use super::*;
 
 /// ZK-13: ID 3 immediately before ID 4 or 5, with nothing in between, and status ID 5 confirms.
 #[test]
-fn zk_13_an_unlock_goes_immediately_before_its_command() {
+fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
     for (command, frame, before, shown) in [
         (curve(40), zk::curve(40), zk::settings(7, 39), zk::settings(7, 40)),
         (ignition(2000), zk::ignition_pump(100), zk::settings(99, 39), zk::settings(100, 39)),
@@ -65,7 +65,7 @@ fn zk_13_a_command_fails_after_three_attempts() {
 
 /// ZK-13: an emergency stop between the unlock and its command goes first; the command does not follow a stop.
 #[test]
-fn zk_13_a_stop_between_unlock_and_command_goes_first() {
+fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     let mut bench = ecu(3);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
@@ -106,7 +106,7 @@ fn a_stop_ends_a_waiting_service_command() {
     }
 }
 
-/// An order other than standby ends a service command at every stage, and says so; standby ends none.
+/// An order other than standby ends a service command at every stage and reports it; standby ends none.
 #[test]
 fn an_order_ends_a_service_command_at_every_stage() {
     let orders = [throttle(0), rpm(50_000), Order::EmergencyStop, Order::Pwm];
@@ -193,7 +193,7 @@ fn zk_13_an_unlock_that_failed_is_sent_again() {
 
 /// A plain action goes out once, between two frames of the demand.
 #[test]
-fn an_action_goes_out_once() {
+fn an_action_is_sent_once() {
     for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.code())) {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
@@ -206,9 +206,9 @@ fn an_action_goes_out_once() {
     }
 }
 
-/// An action is told as sent when its last stop bit is out.
+/// An action is reported as sent when its last stop bit has been sent.
 #[test]
-fn an_action_is_reported_when_it_is_out() {
+fn an_action_is_reported_when_it_was_sent() {
     let mut bench = ecu(5);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Drain)).unwrap();
@@ -244,7 +244,7 @@ fn a_service_command_that_never_gets_through_has_failed() {
     }
 }
 
-/// An action that the UART did not send is sent again, and is told when it went out.
+/// An action that the UART did not send is sent again, and reported when it was sent.
 #[test]
 fn an_action_that_was_not_sent_is_sent_again() {
     let mut bench = ecu(5).by_hand();

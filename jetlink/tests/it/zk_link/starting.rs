@@ -70,7 +70,7 @@ fn the_demand_waits_for_a_running_engine() {
             assert_eq!(engine_turn(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
         }
     }
-    // Running with a shaft that stands releases nothing.
+    // Running with a shaft at rest releases nothing.
     let mut bench = started();
     for state in [3, 5, 11, 11, 11, 11] {
         assert_eq!(engine_turn(&mut bench, &zk::state(state)), zk::throttle(RUN, 0), "state {state}");
@@ -140,7 +140,7 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         bench.receive(&says(11, 0, 2));
         bench.receive(&says(11, 0, 2));
     }
-    // Faults that change in every frame are a fault all the same.
+    // Faults that change in every frame still count as a fault.
     bench.receive(&says(11, 12, 2));
     bench.receive(&says(11, 13, 2));
     assert_eq!(known(&bench), (Phase::Running, 13, ReportedSwitch::Run));

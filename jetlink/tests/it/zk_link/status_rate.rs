@@ -49,7 +49,7 @@ fn zk_11_rate_is_retried_and_given_up() {
     assert!(bench.bytes().contains(&zk::action(8).to_vec()));
 }
 
-/// ZK-11: an ECU that falls back to another rate while it is heard is set again.
+/// ZK-11: an ECU that falls back to another rate while it is received is set again.
 #[test]
 fn zk_11_an_ecu_that_falls_back_to_another_rate_is_set_again() {
     let mut bench = ecu(4);

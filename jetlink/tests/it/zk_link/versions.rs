@@ -5,7 +5,7 @@ use super::*;
 /// ZK-7: a command that the ECU's version does not know is refused with both versions; while no two reports agree on the
 /// version only version 1 commands are taken.
 #[test]
-fn zk_7_each_version_gets_its_commands_only() {
+fn zk_7_each_version_is_sent_only_its_commands() {
     let services = Action::ALL
         .into_iter()
         .map(|one| {
@@ -129,7 +129,7 @@ fn zk_6_voltages_wait_for_the_version() {
             let reading = reading.unwrap().value;
             assert_eq!((reading.raw, reading.voltage.map(Millivolts::get)), (raw, voltage), "{version:?}");
         }
-        // The maximum pump voltage stands in the same frame as the version.
+        // The maximum pump voltage is in the same frame as the version.
         let max = report.pump_max.map(|max| max.value.voltage.unwrap().get());
         assert_eq!(max, version.map(|version| if version <= 3 { 10_000 } else { 20_000 }));
     }

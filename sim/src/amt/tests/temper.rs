@@ -3,7 +3,7 @@
 use super::*;
 
 fn config(temper: AmtTemper) -> AmtConfig {
-    AmtConfig { temper, ..AmtConfig::new(Engine::Olympus) }
+    AmtConfig { temper, ..AmtConfig::new(EngineModel::Olympus) }
 }
 
 fn dip(bench: &mut Bench, ms: u64) {

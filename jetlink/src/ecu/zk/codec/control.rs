@@ -52,7 +52,7 @@ closed_enum! {
 }
 
 impl Action {
-    /// The lowest protocol version that knows it (ZK-7).
+    /// The lowest protocol version that supports it (ZK-7).
     pub const fn min_version(self) -> Version {
         match self {
             Self::ResetFuel | Self::ZeroThrust => Version::V2,
@@ -96,7 +96,7 @@ ranged!(
 );
 
 impl RpmFactor {
-    /// 0: the throttle of ID 1 rules.
+    /// 0: the throttle of ID 1 is in control.
     pub const OFF: Self = Self(0);
 
     /// The largest rpm that it reaches: 40 950 for 1 up to 245 700 for 6.
@@ -134,7 +134,7 @@ impl RpmCode {
         Self(if code > Self::MAX as u32 { Self::MAX } else { code as u16 })
     }
 
-    /// The target that it means with a factor.
+    /// The target for this code with a factor.
     pub const fn target(self, factor: RpmFactor) -> Rpm {
         Rpm::new(self.0 as u32 * 10 * factor.0 as u32)
     }
@@ -144,7 +144,7 @@ impl RpmCode {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Control {
-    /// ID 0: commands nothing, keeps the conversation going.
+    /// ID 0: commands nothing, keeps the connection alive.
     KeepAlive,
     /// ID 1: switch and throttle.
     Throttle {
@@ -174,7 +174,7 @@ pub enum Control {
     Pressure(Hectopascals),
 }
 
-/// Why four bytes are no control frame.
+/// Reason why four bytes are not a control frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlError {
@@ -182,9 +182,9 @@ pub enum ControlError {
     Head(u8),
     /// The CRC should have been `expected`.
     Crc {
-        /// What the bytes give.
+        /// Calculated CRC.
         expected: u8,
-        /// What came.
+        /// Received CRC.
         found: u8,
     },
     /// IDs 9 to 15 are not defined.
@@ -212,7 +212,7 @@ impl core::fmt::Display for ControlError {
 impl core::error::Error for ControlError {}
 
 impl Control {
-    /// The version that brought the modes 2 and 3: IDs 6 and 7 (ZK-7).
+    /// The version that introduced modes 2 and 3: IDs 6 and 7 (ZK-7).
     pub const MODES_SINCE: Version = Version::V4;
 
     /// The command ID, 0..=8.
@@ -230,7 +230,7 @@ impl Control {
         }
     }
 
-    /// The lowest protocol version that knows it (ZK-7).
+    /// The lowest protocol version that supports it (ZK-7).
     pub const fn min_version(self) -> Version {
         match self {
             Self::Action(action) => action.min_version(),
@@ -260,10 +260,10 @@ impl Control {
         [CONTROL_HEAD, byte1, byte2, crc8(&[byte1, byte2])]
     }
 
-    /// From the bytes of the wire: for whoever reads what a host sent.
+    /// From the bytes on the wire, for programs that read a host's commands.
     ///
     /// # Errors
-    /// [`ControlError`], with what is wrong.
+    /// [`ControlError`] with the reason.
     pub fn decode(bytes: [u8; CONTROL_LEN]) -> Result<Self, ControlError> {
         let [head, byte1, byte2, found] = bytes;
         if head != CONTROL_HEAD {

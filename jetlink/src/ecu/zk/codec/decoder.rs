@@ -8,11 +8,11 @@ use core::ops::RangeInclusive;
 /// The status IDs that the document names (ZK-15).
 const STATUS_IDS: RangeInclusive<u8> = 1..=9;
 
-/// What a decoder has seen. All counts wrap.
+/// Counters of a decoder. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DecoderCounters {
-    /// Frames, the unknown ones included.
+    /// Frames, including unknown ones.
     pub frames: u32,
     /// Frames with an ID the document does not name (ZK-15).
     pub unknown_frames: u32,
@@ -24,8 +24,8 @@ pub struct DecoderCounters {
 
 /// Finds status frames in a stream of bytes, in chunks of any size (ZK-16).
 ///
-/// A window of seven bytes slides over the stream. After a CRC failure the search goes on at the next
-/// byte of the same window, so a frame behind a false head is not lost.
+/// A window of seven bytes slides over the stream. After a CRC failure the search continues at the next
+/// byte of the same window, so a frame after a false head is not lost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Decoder {
     window: [u8; STATUS_LEN],
@@ -43,18 +43,18 @@ impl Decoder {
         }
     }
 
-    /// Takes bytes up to the end of the first frame. Gives how many it took, and the frame.
-    /// Call again with the rest while any is left.
+    /// Takes bytes up to the end of the first frame. Returns how many it took, and the frame.
+    /// Call it again while bytes are left.
     pub fn feed(&mut self, bytes: &[u8]) -> (usize, Option<StatusFrame>) {
         feed(bytes, |byte| self.push(byte))
     }
 
-    /// What it has seen.
+    /// Its counters.
     pub const fn counters(&self) -> DecoderCounters {
         self.counters
     }
 
-    /// Bytes held that may yet become a frame.
+    /// Number of bytes that may still become a frame.
     pub const fn pending(&self) -> usize {
         self.len
     }

@@ -1,4 +1,4 @@
-//! What makes bytes a ZK frame: length, head, and CRC (ZK-1, ZK-16).
+//! Properties of a ZK frame: length, head and CRC (ZK-1, ZK-16).
 
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 

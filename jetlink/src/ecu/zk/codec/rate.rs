@@ -1,4 +1,4 @@
-//! How often a ZK ECU speaks (ZK-11).
+//! Status rate of a ZK ECU (ZK-11).
 
 use super::control::Action;
 use super::frame::STATUS_LEN;
@@ -7,19 +7,19 @@ use crate::line::Line;
 use embassy_time::Duration;
 
 closed_enum! {
-    /// How often an ECU gives its status, by its code in status ID 6 (ZK-11); code 3 has no meaning printed.
+    /// Status rate of an ECU, by its code in status ID 6 (ZK-11); the document prints no meaning for code 3.
     pub enum Rate {
-        /// 20 frames a second; needs 2400 baud.
+        /// 20 frames per second; needs 2400 baud.
         Hz20 = 0,
-        /// 50 frames a second; needs 4800 baud.
+        /// 50 frames per second; needs 4800 baud.
         Hz50 = 1,
-        /// 100 frames a second; needs 9600 baud.
+        /// 100 frames per second; needs 9600 baud.
         Hz100 = 2,
     }
 }
 
 impl Rate {
-    /// Frames a second.
+    /// Frames per second.
     pub const fn hz(self) -> u32 {
         match self {
             Self::Hz20 => 20,

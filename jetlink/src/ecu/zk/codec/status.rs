@@ -133,7 +133,7 @@ impl VoltageByte {
     }
 }
 
-/// What a status frame says besides the rpm, which every one carries (ZK-5).
+/// Content of a status frame besides the rpm, which every one carries (ZK-5).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
@@ -159,7 +159,7 @@ pub enum Status {
     },
     /// ID 3.
     Throttle {
-        /// Throttle in whole percent, as sent; 101..=255 has no meaning printed.
+        /// Throttle in whole percent, as sent; the document prints no meaning for 101..=255.
         percent: u8,
         /// Pressure, in steps of 2 Pa.
         pressure: Pascals,
@@ -202,7 +202,7 @@ pub enum Status {
     Idle {
         /// The engine's idle rpm, in steps of 1000.
         idle_rpm: Rpm,
-        /// ESR: the ECU asks for atmospheric pressure. From version 4.
+        /// ESR: the ECU requests the atmospheric pressure. From version 4.
         pressure_requested: bool,
         /// SCL: rpm closed loop. From version 4.
         closed_loop: bool,
@@ -219,13 +219,13 @@ pub enum Status {
 }
 
 impl Status {
-    /// The version that brought the thrust of ID 4 (ZK-7).
+    /// The version that introduced the thrust in ID 4 (ZK-7).
     pub const THRUST_SINCE: Version = Version::V2;
-    /// The version that brought all of ID 8 but the idle rpm (ZK-7).
+    /// The version that introduced all of ID 8 but the idle rpm (ZK-7).
     pub const IDLE_REST_SINCE: Version = Version::V4;
 }
 
-/// A status frame whose CRC is right.
+/// A status frame with the right CRC.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct StatusFrame([u8; STATUS_LEN]);
@@ -238,7 +238,7 @@ impl StatusFrame {
         (is_status_head(bytes[0]) && crc8(body) == *crc).then_some(Self(bytes))
     }
 
-    /// The bytes as they came.
+    /// The bytes as received.
     pub const fn raw(&self) -> &[u8; STATUS_LEN] {
         &self.0
     }
@@ -304,6 +304,6 @@ impl StatusFrame {
 }
 
 const fn offset_50(value: u16) -> Celsius {
-    // At most eleven bits come in, so nothing overflows.
+    // The input has at most eleven bits, so nothing overflows.
     Celsius::from_tenths((value as i16 - 50) * 10)
 }

@@ -1,4 +1,4 @@
-//! Protocol versions of ZK ECUs, and what came with which (ZK-7).
+//! Protocol versions of ZK ECUs, and the functions that each introduced (ZK-7).
 
 use crate::units::ranged;
 
@@ -8,13 +8,13 @@ ranged!(
 );
 
 impl Version {
-    /// The lowest. What it knows every ECU knows, also one whose version is not known.
+    /// The lowest. Every ECU supports its commands, including one whose version is unknown.
     pub const FIRST: Self = Self(1);
-    /// It brought the fuel statistics and the thrust sensor (ZK-7).
+    /// It introduced the fuel statistics and the thrust sensor (ZK-7).
     pub const V2: Self = Self(2);
-    /// It brought the modes 2 and 3, steps of 0.2 V, and most of status ID 8 (ZK-6, ZK-7).
+    /// It introduced modes 2 and 3, steps of 0.2 V, and most of status ID 8 (ZK-6, ZK-7).
     pub const V4: Self = Self(4);
-    /// It brought the pump that is held open (ZK-7).
+    /// It introduced the pump that is held open (ZK-7).
     pub const V5: Self = Self(5);
 
     /// From the six bits on the wire; higher ones are cut off.
@@ -22,7 +22,7 @@ impl Version {
         Self(bits & 0x3F)
     }
 
-    /// Whether an ECU has what came with version `since`, by the version that is known of it; `None` where none is known.
+    /// Whether an ECU supports functions introduced by version `since`, given its known version; `None` if it is unknown.
     pub const fn knows(known: Option<Self>, since: Self) -> Option<bool> {
         match known {
             Some(version) => Some(version.0 >= since.0),

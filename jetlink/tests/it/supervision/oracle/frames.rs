@@ -264,7 +264,7 @@ impl Oracle {
             return Err("(1) it went on with an engine that does not run".into());
         }
         if self.kept.is_none() {
-            // It is nobody's: the stages of loss begin.
+            // It belongs to no source: the stages of loss begin.
             self.wanted_until = self.wanted_until.max(at);
         }
         self.attempts.clear();
@@ -393,7 +393,7 @@ impl Oracle {
             self.rising = Some((at, 0));
         }
         if core::mem::take(&mut self.rpm_last) {
-            // Of another kind: it goes on from the throttle that the ECU reports.
+            // Of another kind: it continues from the throttle that the ECU reports.
             self.rising = self.rising.map(|_| (at, self.obeyed.1.max(self.obeyed.2)));
         }
         let Some(risen) = self.risen(at) else { return Ok(()) };
@@ -481,13 +481,13 @@ impl Oracle {
         }
     }
 
-    /// The demand in force may be held: nobody is in control, or another source is about to take over.
+    /// The demand in force may be held: no source is in control, or another is about to take over.
     pub(super) fn held(&self, at: u64) -> bool {
         let sliding = self.config.supervision.slew.down.is_some();
         self.lost || self.waiting.is_some() || self.uncertain(at) || sliding || at < self.settled + TOL
     }
 
-    /// What has to be on the wire exactly, where nothing stands in the way.
+    /// The exact demand required on the wire, if nothing limits it.
     pub(super) fn exact(&self, at: u64) -> Option<Demand> {
         let (origin, source) = self.ruler(at)?;
         let Word::Run(demand) = source.word else { return None };
@@ -500,7 +500,7 @@ impl Oracle {
             && self.waiting.is_none()
             && at > self.settled + moving
             && at > source.changed + moving
-            // After a reset, too, a slew goes on from what was on the wire.
+            // Also after a reset, a slew continues from the demand on the wire.
             && at > self.booted + moving + UNCERTAIN
             && at > self.fault_at + BEHIND_FAULTY + moving
             && self.running_since.is_some_and(|since| at > since + moving.max(3 * SECOND))

@@ -130,17 +130,17 @@ impl Oracle {
         Ok(())
     }
 
-    /// A source speaks.
+    /// A source commands.
     pub(super) fn speak(&mut self, at: u64, origin: Origin, word: Word) {
         let age = self.age(origin);
         let return_within = self.config.supervision.return_within.as_micros();
         let before = self.sources[slot(origin)];
         let mut source = before.unwrap_or(Source::new(at, word));
         if let Some(before) = before {
-            // One that is present and wants nothing speaks without a gap.
+            // One that is present but commands nothing has no gap.
             let gap_from = if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
             if at >= gap_from {
-                // A steady stream with one short gap goes on.
+                // A steady stream with one short gap continues.
                 source.was_lost = !self.steady(&before) || at >= gap_from + return_within;
                 source.since = at;
             }
@@ -178,7 +178,7 @@ impl Oracle {
         let fresh = before.filter(|before| at < before.silent_from);
         let second = before.and_then(|before| before.standby_at);
         if answer == Ok(Accepted::RepeatStandby) {
-            // Two words within the age limit are an order.
+            // Two commands within the timeout are an order.
             if second.is_some_and(|second| at + TOL <= second + self.age(origin)) {
                 return Err(format!("(1) {origin:?} has said standby twice, and that is not enough"));
             }
@@ -274,7 +274,7 @@ impl Oracle {
         jetlink::units::Rpm::new(self.max_rpm)
     }
 
-    /// What stands against a start by this word, of this source.
+    /// Obstacles to a start by this command of this source.
     pub(super) fn against_start(&self, at: u64, origin: Origin, demand: Demand) -> Option<String> {
         let rules = self.config.supervision;
         let behind = if at < self.fault_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
@@ -461,7 +461,7 @@ impl Oracle {
         self.dark_at = None;
         self.uncertain_throttle = 0;
         self.uncertain_rpm = 0;
-        // When an engine was started is not kept.
+        // The time of a start is not retained.
         self.other_started = None;
         self.booted = at;
         self.wire_run = false;

@@ -16,7 +16,7 @@ const SECOND: u64 = 1_000_000;
 /// The node may be behind the ECU's truth by so much: a status that comes round every 0.45 s, two that agree, and
 /// the sampling of the truth.
 const BEHIND: u64 = 1_500_000;
-/// The same on a line that has lately been disturbed: a state up to 3 s old is believed.
+/// The same on a recently disturbed line: a state up to 3 s old is used.
 const BEHIND_FAULTY: u64 = 5_000_000;
 /// After a reset it is not certain for so long which sources count as lost: how long they were silent is retained in steps.
 const UNCERTAIN: u64 = 8_000_000;
@@ -45,9 +45,9 @@ struct Source {
     since: u64,
     was_lost: bool,
     changed: u64,
-    /// The word before that.
+    /// The previous command.
     before: Word,
-    /// When it last said standby, with no other word since.
+    /// Time of its last standby, with no other command since.
     standby_at: Option<u64>,
     /// Its own standby permits its own next run to start the engine, given then.
     permitted: Option<u64>,
@@ -69,7 +69,7 @@ impl Source {
     }
 }
 
-/// A word that asked for a start, and what stands against it.
+/// A command for a start, and the obstacles to it.
 #[derive(Clone, Debug)]
 struct Attempt {
     at: u64,
@@ -103,7 +103,7 @@ pub struct Truth {
 pub enum Kept {
     /// With the demand in force, whose it is, and whether that source was lost, if there is one.
     Whole(Option<(Origin, Demand, bool)>),
-    /// Whole, and the node's power was lost: what could start or raise an engine is not believed.
+    /// Intact, but the node's power was lost: state that could start or raise an engine is not used.
     PowerLost,
     Lost,
 }
@@ -130,7 +130,7 @@ pub enum Input {
     Heard,
     /// The node's transmitter hung until now: what lay in its ring comes out late.
     HungUntil(u64),
-    /// The ECU is heard again, after it was silent for so long that the link was lost.
+    /// The ECU is received again, after a silence in which the link was lost.
     LinkBack,
     /// Another engine of the group was started, as seen on its wire.
     OtherStarted,
@@ -179,7 +179,7 @@ pub struct Oracle {
 
     at: u64,
     wire_run: bool,
-    /// After a reset a run may go on.
+    /// After a reset a run may resume.
     may_go_on: bool,
     /// The engine may have reached running in this run.
     reached: bool,
@@ -234,7 +234,7 @@ pub struct Oracle {
     live_at: u64,
     live_since: Option<u64>,
     running_since: Option<u64>,
-    /// Since when it runs, is said to, and has no fault.
+    /// Time since which it has run, been reported as running, and had no fault.
     healthy_since: Option<u64>,
     odd_at: u64,
     fault_at: u64,
@@ -368,7 +368,7 @@ impl Oracle {
         at < self.booted + UNCERTAIN
     }
 
-    /// Time goes on: who is in control may change with nothing said.
+    /// Time passes: the source in control may change without a command.
     fn advance(&mut self, to: u64) {
         let within = self.config.supervision.takeover.within.as_micros();
         loop {
@@ -472,7 +472,7 @@ impl Oracle {
                     }
                 }
             }
-            // Nobody, or a lower one that says standby: the stages of loss go on.
+            // None, or a lower one that commands standby: the stages of loss continue.
             other => {
                 let certain = self.waiting.is_none() || !self.maybe_close;
                 if let Some((origin, _)) = other {

@@ -14,7 +14,7 @@ use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::ecu::{EcuConfig, amt::codec::Engine};
+use jetlink::ecu::{EcuConfig, amt::codec::EngineModel};
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::event::{Event, LossStage};

@@ -41,7 +41,7 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     let mut supervision = supervision(rng);
     supervision.start.gap = gap;
     let (mut config, version) = if rng.percent(55) {
-        let engine = rng.pick(&[None, Some(Engine::Olympus)]);
+        let engine = rng.pick(&[None, Some(EngineModel::Olympus)]);
         let line = Line::new(rng.pick(&[2400, 2400, 9600, 115_200]));
         (EngineConfig::amt("amt", port, line, engine), 0)
     } else {
@@ -56,7 +56,7 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     config.supervision = supervision;
     let line = sim_line(config.line);
     let ecu = match version {
-        0 => AnyConfig::amt(sim::amt::Engine::Olympus).with_log(8),
+        0 => AnyConfig::amt(sim::amt::EngineModel::Olympus).with_log(8),
         _ => AnyConfig::zk(version).with_log(16),
     }
     .on(line);

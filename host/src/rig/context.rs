@@ -54,16 +54,16 @@ impl Stage {
     }
 }
 
-/// What the pilot's lever says.
+/// What the pilot's input says.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Lever {
+pub enum PilotInput {
     /// Standby.
     Standby,
     /// Run.
     Run(Demand),
 }
 
-impl Lever {
+impl PilotInput {
     /// As a command to the node.
     pub const fn command(self) -> Command {
         match self {
@@ -97,7 +97,7 @@ impl Lever {
     }
 }
 
-impl core::fmt::Display for Lever {
+impl core::fmt::Display for PilotInput {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Standby => f.write_str("standby"),
@@ -158,7 +158,7 @@ impl Notes {
 
 /// What the tasks of one engine share.
 #[derive(Debug)]
-pub struct Desk<'a> {
+pub struct EngineContext<'a> {
     /// Its place in the list of engines.
     pub index: usize,
     /// The engine.
@@ -166,7 +166,7 @@ pub struct Desk<'a> {
     /// How far its pilot has come.
     pub stage: Cell<Stage>,
     /// What its pilot commands.
-    pub lever: Cell<Lever>,
+    pub input: Cell<PilotInput>,
     /// Its pilot says nothing.
     pub silent: Cell<bool>,
     /// It was taken from its script, and somebody else commands it.
@@ -190,14 +190,14 @@ pub struct Desk<'a> {
     notes: &'a Notes,
 }
 
-impl<'a> Desk<'a> {
+impl<'a> EngineContext<'a> {
     /// For one engine.
     pub fn new(index: usize, engine: &'a Engine, clean_from: Instant, notes: &'a Notes) -> Self {
         Self {
             index,
             engine,
             stage: Cell::new(Stage::Standby),
-            lever: Cell::new(Lever::Standby),
+            input: Cell::new(PilotInput::Standby),
             silent: Cell::new(false),
             played: Cell::new(false),
             clean_from,
@@ -252,8 +252,8 @@ impl<'a> Desk<'a> {
 
     /// The node says that this source's standby has taken effect: it has to have said it lately.
     pub fn standby_of(&self, at: Nanos, origin: Origin) {
-        let said = self.standbys.borrow().iter().any(|&(other, when)| other == origin && at <= when + SECOND);
-        if said {
+        let wire = self.standbys.borrow().iter().any(|&(other, when)| other == origin && at <= when + SECOND);
+        if wire {
             self.audit.borrow_mut().standby_took_effect(at);
         }
     }
@@ -281,7 +281,7 @@ impl<'a> Desk<'a> {
 }
 
 /// Holds what was on the lines against what was commanded.
-pub fn look(desks: &[Desk<'_>], plugs: &[Plug<AnyEcu>]) {
+pub fn look(desks: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>]) {
     for (desk, plug) in desks.iter().zip(plugs) {
         desk.take_log(plug);
         let mut audit = desk.audit.borrow_mut();

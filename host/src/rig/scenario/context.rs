@@ -1,8 +1,8 @@
 //! Where a scenario is played from: a seat for each engine that commands ten times a second, the faults, and what
 //! was seen, to judge by.
 
-use super::super::audit::Spoken;
-use super::super::desk::{Desk, Lever, Notes, Stage, look};
+use super::super::audit::TransmittedFrame;
+use super::super::context::{EngineContext, Notes, PilotInput, Stage, look};
 use super::super::node::Node;
 use super::super::outcome::Check;
 use super::super::simulated::line;
@@ -35,11 +35,11 @@ struct Moment {
 
 /// The source of commands of one engine.
 #[derive(Debug)]
-pub struct Seat<'a> {
-    desk: &'a Desk<'a>,
+pub struct CommandSource<'a> {
+    desk: &'a EngineContext<'a>,
     origin: Cell<Origin>,
     /// The other source beside it, and what it says, if anything.
-    beside: Cell<Option<(Origin, Lever)>>,
+    beside: Cell<Option<(Origin, PilotInput)>>,
     answer: Cell<Answer>,
     /// Each answer that differs from the one before.
     answers: RefCell<Vec<(Nanos, Answer)>>,
@@ -48,8 +48,8 @@ pub struct Seat<'a> {
 /// What the node said to a command; `None`: it was away.
 type Answer = Option<Result<Accepted, Rejected>>;
 
-impl<'a> Seat<'a> {
-    fn new(desk: &'a Desk<'a>) -> Self {
+impl<'a> CommandSource<'a> {
+    fn new(desk: &'a EngineContext<'a>) -> Self {
         Self {
             desk,
             origin: Cell::new(Origin::Bench),
@@ -62,13 +62,13 @@ impl<'a> Seat<'a> {
     /// Run at so many percent.
     pub fn throttle(&self, percents: u8) {
         self.desk.silent.set(false);
-        self.desk.lever.set(Lever::Run(percent(percents)));
+        self.desk.input.set(PilotInput::Run(percent(percents)));
     }
 
     /// Run at this speed.
     pub fn rpm(&self, rpm: u32) {
         self.desk.silent.set(false);
-        self.desk.lever.set(Lever::Run(Demand::Rpm(Rpm::new(rpm))));
+        self.desk.input.set(PilotInput::Run(Demand::Rpm(Rpm::new(rpm))));
     }
 
     /// From now on it speaks as this source.
@@ -77,14 +77,14 @@ impl<'a> Seat<'a> {
     }
 
     /// Another source says this beside it, from now on; `None`: nothing.
-    pub fn beside(&self, says: Option<(Origin, Lever)>) {
+    pub fn beside(&self, says: Option<(Origin, PilotInput)>) {
         self.beside.set(says);
     }
 
     /// Standby.
     pub fn standby(&self) {
         self.desk.silent.set(false);
-        self.desk.lever.set(Lever::Standby);
+        self.desk.input.set(PilotInput::Standby);
     }
 
     /// Says nothing any more.
@@ -112,12 +112,12 @@ impl<'a> Seat<'a> {
 
 /// All that a scenario needs.
 #[derive(Debug)]
-pub struct Cockpit<'a> {
+pub struct ScenarioContext<'a> {
     node: &'a Node<'a>,
-    desks: &'a [Desk<'a>],
+    desks: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
-    seats: Vec<Seat<'a>>,
+    sources: Vec<CommandSource<'a>>,
     checks: RefCell<Vec<Check>>,
     courses: Vec<RefCell<Vec<Moment>>>,
     events: RefCell<Vec<(Nanos, usize, Event)>>,
@@ -128,22 +128,22 @@ pub fn percent(percents: u8) -> Demand {
     Demand::Throttle(Throttle::from_percent(percents).unwrap_or(Throttle::IDLE))
 }
 
-impl<'a> Cockpit<'a> {
+impl<'a> ScenarioContext<'a> {
     /// For these engines.
     pub fn new(
         node: &'a Node<'a>,
-        desks: &'a [Desk<'a>],
+        desks: &'a [EngineContext<'a>],
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
-        let seats = desks.iter().map(Seat::new).collect();
+        let sources = desks.iter().map(CommandSource::new).collect();
         let courses = desks.iter().map(|_| RefCell::default()).collect();
         Self {
             node,
             desks,
             plugs,
             notes,
-            seats,
+            sources,
             checks: RefCell::default(),
             courses,
             events: RefCell::default(),
@@ -164,8 +164,8 @@ impl<'a> Cockpit<'a> {
 
     /// Commands this engine for ever, and writes down what the simulated one does.
     pub async fn sit(&self, engine: usize) {
-        let (Some(seat), Some(desk)) = (self.seats.get(engine), self.desks.get(engine)) else { return };
-        desk.audit.borrow_mut().spoken = Some(Vec::new());
+        let (Some(seat), Some(desk)) = (self.sources.get(engine), self.desks.get(engine)) else { return };
+        desk.audit.borrow_mut().transmitted = Some(Vec::new());
         let mut ticker = Ticker::every(LOOK);
         let mut next = Instant::MIN;
         self.arm();
@@ -176,17 +176,17 @@ impl<'a> Cockpit<'a> {
                 if desk.silent.get() {
                     desk.audit.borrow_mut().may_be_up_to(at, 0);
                 } else {
-                    let (lever, origin) = (desk.lever.get(), seat.origin.get());
-                    let answer = self.node.command(engine, lever.command(), origin);
+                    let (input, origin) = (desk.input.get(), seat.origin.get());
+                    let answer = self.node.command(engine, input.command(), origin);
                     if let Some(answer) = answer {
-                        desk.judge(at, lever.order(), origin, answer);
+                        desk.judge(at, input.order(), origin, answer);
                     }
                     seat.answered(at, answer);
                 }
-                if let Some((origin, lever)) = seat.beside.get()
-                    && let Some(answer) = self.node.command(engine, lever.command(), origin)
+                if let Some((origin, input)) = seat.beside.get()
+                    && let Some(answer) = self.node.command(engine, input.command(), origin)
                 {
-                    desk.judge(at, lever.order(), origin, answer);
+                    desk.judge(at, input.order(), origin, answer);
                 }
             }
             if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
@@ -198,7 +198,7 @@ impl<'a> Cockpit<'a> {
     }
 
     fn is_played(&self) -> bool {
-        self.desks.iter().any(|desk| desk.audit.borrow().spoken.is_some())
+        self.desks.iter().any(|desk| desk.audit.borrow().transmitted.is_some())
     }
 
     // -----------------------------------------------------------------------------------------
@@ -221,13 +221,13 @@ impl<'a> Cockpit<'a> {
     }
 
     /// The source of commands of an engine.
-    pub fn seat(&self, engine: usize) -> &Seat<'a> {
-        &self.seats[engine]
+    pub fn seat(&self, engine: usize) -> &CommandSource<'a> {
+        &self.sources[engine]
     }
 
-    /// Does something to all seats.
-    pub fn each(&self, act: impl Fn(&Seat<'a>)) {
-        self.seats.iter().for_each(act);
+    /// Does something to all sources.
+    pub fn each(&self, act: impl Fn(&CommandSource<'a>)) {
+        self.sources.iter().for_each(act);
     }
 
     /// Arms all engines.
@@ -297,7 +297,7 @@ impl<'a> Cockpit<'a> {
 
     /// Waits until an engine that was shut down is cool.
     pub async fn cool(&self, engine: usize) -> Result<(), String> {
-        self.seats[engine].standby();
+        self.sources[engine].standby();
         let what = format!("{} is cool", self.name(engine));
         self.until(300.0, &what, || {
             let turbine = self.turbine(engine);
@@ -348,7 +348,7 @@ impl<'a> Cockpit<'a> {
 
     /// Standby, until the ECU reports it.
     pub async fn ready(&self, engine: usize) -> Result<(), String> {
-        self.seats[engine].standby();
+        self.sources[engine].standby();
         let what = format!("{} is ready for a start", self.name(engine));
         self.until(10.0, &what, || {
             let telemetry = self.node.telemetry(engine);
@@ -372,7 +372,7 @@ impl<'a> Cockpit<'a> {
     pub async fn start(&self, engine: usize) -> Result<(), String> {
         self.ready(engine).await?;
         self.stage(engine, Stage::Start);
-        self.seats[engine].throttle(0);
+        self.sources[engine].throttle(0);
         self.running(engine).await?;
         self.stage(engine, Stage::Idle);
         Ok(())
@@ -385,7 +385,7 @@ impl<'a> Cockpit<'a> {
         }
         for i in 0..self.count() {
             self.stage(i, Stage::Steps);
-            self.seats[i].throttle(percents);
+            self.sources[i].throttle(percents);
         }
         self.sleep(7.0).await;
         Ok(())
@@ -395,7 +395,7 @@ impl<'a> Cockpit<'a> {
     pub async fn shut_down(&self) -> Result<(), String> {
         for i in 0..self.count() {
             self.stage(i, Stage::Cooling);
-            self.seats[i].standby();
+            self.sources[i].standby();
         }
         self.until(10.0, "all engines are shut down", || {
             (0..self.count()).all(|i| !self.turbine(i).phase().is_live())
@@ -430,10 +430,10 @@ impl<'a> Cockpit<'a> {
     }
 
     /// What the node said to an ECU in this time, by the frames' first bits.
-    pub fn spoken(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<Spoken> {
+    pub fn transmitted(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<TransmittedFrame> {
         let audit = self.desks[engine].audit.borrow();
-        let spoken = audit.spoken.as_deref().unwrap_or_default();
-        spoken.iter().filter(|frame| (from..to).contains(&frame.from)).copied().collect()
+        let transmitted = audit.transmitted.as_deref().unwrap_or_default();
+        transmitted.iter().filter(|frame| (from..to).contains(&frame.from)).copied().collect()
     }
 
     /// The simulated turbine.
@@ -473,14 +473,14 @@ impl<'a> Cockpit<'a> {
     }
 
     /// When the node first told this.
-    pub fn when_told(&self, engine: usize, what: impl Fn(Event) -> bool) -> Option<Nanos> {
+    pub fn when_reported(&self, engine: usize, what: impl Fn(Event) -> bool) -> Option<Nanos> {
         let events = self.events.borrow();
         events.iter().find(|(_, i, event)| *i == engine && what(*event)).map(|(at, ..)| *at)
     }
 
     /// The node has told this.
-    pub fn told(&self, engine: usize, what: impl Fn(Event) -> bool) -> bool {
-        self.when_told(engine, what).is_some()
+    pub fn reported(&self, engine: usize, what: impl Fn(Event) -> bool) -> bool {
+        self.when_reported(engine, what).is_some()
     }
 
     /// How often the node has told this since then.
@@ -491,7 +491,7 @@ impl<'a> Cockpit<'a> {
 
     /// The node's last answer to a seat, for people.
     pub fn answer_text(&self, engine: usize) -> String {
-        match self.seats[engine].answer() {
+        match self.sources[engine].answer() {
             None => "no answer".to_owned(),
             Some(Ok(Accepted::InForce)) => "in force".to_owned(),
             Some(Ok(Accepted::Held)) => "held".to_owned(),

@@ -1,0 +1,130 @@
+//! What pictures of a run are made of: the record of its engines, and what happened. The plot and the report read the same one.
+
+use super::context::Note;
+use super::quantity::seconds;
+use super::record::Record;
+use super::sample::Sample;
+use embassy_time::Instant;
+
+/// Notes that are kept.
+const MOST_NOTES: usize = 10_000;
+
+/// Something that happened.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Happening {
+    /// When, in seconds.
+    pub t: f64,
+    /// To which engine; `None`: to all.
+    pub engine: Option<usize>,
+    /// What.
+    pub text: String,
+}
+
+/// What is drawn of one engine.
+#[derive(Debug)]
+pub struct Subject {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is.
+    pub caption: String,
+    /// Shaft speed at full throttle.
+    pub max_rpm: f64,
+    /// Above this EGT in °C the node reports a limit.
+    pub egt_limit: Option<f64>,
+    /// It is commanded by rpm.
+    pub by_rpm: bool,
+}
+
+/// All of a run that pictures show, gathered while it goes on.
+#[derive(Debug)]
+pub struct Chronicle {
+    /// What the run is.
+    pub title: String,
+    /// The engines.
+    pub subjects: Vec<Subject>,
+    /// What was seen of them.
+    pub record: Record,
+    /// What is marked in a picture, in few words.
+    pub happened: Vec<Happening>,
+    /// When the first mark of a scenario was set, in seconds.
+    pub first_mark: Option<f64>,
+    /// All that happened, in sentences.
+    pub notes: Vec<Note>,
+    /// Further notes, which are not kept.
+    pub dropped: usize,
+}
+
+/// Events that a picture shows, by what they begin with, and in its words.
+const SHOWN: [(&str, &str); 19] = [
+    ("the line is cut", "line cut"),
+    ("the line is joined again", "line joined"),
+    ("faults on all lines begin", "noise begins"),
+    ("faults on all lines end", "noise ends"),
+    ("the flame goes out", "flame out"),
+    ("its source falls silent", "source silent"),
+    ("its source speaks again", "source speaks"),
+    ("source received again", "in control"),
+    ("source lost: hold", "held"),
+    ("source lost: fail-safe", "to idle"),
+    ("source lost: standby", "standby"),
+    ("ECU link lost", "link lost"),
+    ("emergency stop", "emergency stop"),
+    ("ECU reports a fault: ", "fault: "),
+    ("limit violated: ", "limit: "),
+    ("NOT REACHED", "NOT REACHED"),
+    ("uncommanded shutdown", "uncommanded shutdown"),
+    ("played: the watchdog", "node reset"),
+    ("played: ", ""),
+];
+
+impl Chronicle {
+    /// Of these engines.
+    pub fn new(title: String, subjects: Vec<Subject>) -> Self {
+        let record = Record::new(subjects.len());
+        Self {
+            title,
+            subjects,
+            record,
+            happened: Vec::new(),
+            first_mark: None,
+            notes: Vec::new(),
+            dropped: 0,
+        }
+    }
+
+    /// Keeps a sample of all engines.
+    pub fn samples(&mut self, at: Instant, samples: &[Sample]) {
+        self.record.add(at, samples);
+    }
+
+    /// Marks this moment of a scenario.
+    pub fn mark(&mut self, at: Instant, label: &str) {
+        let t = seconds(at - Instant::MIN);
+        self.first_mark.get_or_insert(t);
+        self.happened.push(Happening { t, engine: None, text: label.to_owned() });
+    }
+
+    /// Something happened.
+    pub fn note(&mut self, note: &Note) {
+        if self.notes.len() < MOST_NOTES {
+            self.notes.push(note.clone());
+        } else {
+            self.dropped += 1;
+        }
+        let shown = SHOWN.iter().find_map(|(begins, words)| {
+            let rest = note.text.strip_prefix(begins)?;
+            // What is named stands behind its name, up to the next comma.
+            let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
+            Some(format!("{words}{rest}"))
+        });
+        if let Some(text) = shown {
+            self.happened.push(Happening { t: seconds(note.at - Instant::MIN), engine: note.engine, text });
+        }
+    }
+
+    /// When the last sample was taken, in seconds.
+    pub fn end(&self) -> f64 {
+        let last = |engine| self.record.points(engine).last().map_or(1.0, |point| point.t);
+        (0..self.subjects.len()).map(last).fold(1.0, f64::max)
+    }
+}

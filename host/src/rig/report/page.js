@@ -1,0 +1,323 @@
+"use strict";
+// The report's own script: draws the record of the run. Drag or wheel zooms all engines, a double click shows all again.
+const run = JSON.parse(document.getElementById("run").textContent);
+const main = document.querySelector("main");
+const all = [run.from, Math.max(run.to, run.from + 1)];
+let shown = all.slice(); // s
+let drag = null; // s, both ends, while the button is down
+let cursor = null; // s
+const LEFT = 70, RIGHT = 60, TOP = 44, STRIP = 56, FOOT = 24;
+
+function add(parent, name, text, className) {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (className) made.className = className;
+  parent.append(made);
+  return made;
+}
+
+function verdict(parent, what) {
+  add(parent, "p", what.text, what.failed ? "failed" : "pass");
+  for (const problem of what.problems) add(parent, "p", problem, "failed");
+}
+
+add(main, "h1", run.title);
+const overall = add(main, "div");
+overall.id = "verdict";
+verdict(overall, run.verdict);
+add(main, "p", run.about, "thin");
+if (run.bands) add(main, "p", run.bands, "thin");
+add(main, "p", "Drag: zoom. Wheel: zoom at the cursor. Double click: all. An event: zoom to it.", "thin");
+const range = add(main, "p");
+range.id = "range";
+
+const panels = run.engines.map((engine) => {
+  const section = add(main, "section");
+  add(section, "h2", engine.caption);
+  const said = add(section, "div", undefined, "verdict");
+  verdict(said, engine.verdict);
+  const canvas = add(section, "canvas");
+  const readout = add(section, "p", "", "readout");
+  const details = add(section, "details");
+  add(details, "summary", "what was counted");
+  const table = add(details, "table");
+  for (const [head, cell] of engine.counted) {
+    const row = add(table, "tr");
+    add(row, "td", head);
+    add(row, "td", cell);
+  }
+  const marks = run.happened.filter((mark) => mark[1] === null || mark[1] === engine.name);
+  const panel = { engine, canvas, readout, marks };
+  listen(panel);
+  return panel;
+});
+
+add(main, "h2", "Events");
+if (run.dropped) add(main, "p", run.dropped + " later events are not kept.", "thin");
+const events = add(main, "table");
+events.id = "events";
+for (const [t, engine, text] of run.events) {
+  const row = add(events, "tr");
+  add(row, "td", t.toFixed(1) + " s");
+  add(row, "td", engine === null ? "" : engine);
+  add(row, "td", text);
+  row.addEventListener("click", () => {
+    show(t - 10, t + 10);
+    main.scrollIntoView();
+  });
+}
+
+function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+}
+
+// A step of 1, 2 or 5 times a power of ten that divides this into about so many.
+function step(length, count) {
+  const rough = length / count, power = 10 ** Math.floor(Math.log10(rough));
+  return power * [1, 2, 5, 10].find((times) => times * power >= rough);
+}
+
+function show(from, to) {
+  const length = Math.min(Math.max(to - from, 1), all[1] - all[0]);
+  const begin = Math.min(Math.max(from, all[0]), all[1] - length);
+  shown = [begin, begin + length];
+  draw();
+}
+
+function width(panel) {
+  return panel.canvas.clientWidth - LEFT - RIGHT;
+}
+
+function x(panel, t) {
+  return LEFT + ((t - shown[0]) / (shown[1] - shown[0])) * width(panel);
+}
+
+function time(panel, event) {
+  const at = event.clientX - panel.canvas.getBoundingClientRect().left - LEFT;
+  const t = shown[0] + (at / width(panel)) * (shown[1] - shown[0]);
+  return Math.min(Math.max(t, shown[0]), shown[1]);
+}
+
+function listen(panel) {
+  const canvas = panel.canvas;
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    drag = [time(panel, event), time(panel, event)];
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    cursor = time(panel, event);
+    if (drag) drag[1] = cursor;
+    draw();
+  });
+  canvas.addEventListener("pointerup", () => {
+    const [from, to] = drag ? drag.slice().sort((a, b) => a - b) : [0, 0];
+    drag = null;
+    if (to - from > (shown[1] - shown[0]) / 200) show(from, to);
+    else draw();
+  });
+  canvas.addEventListener("pointerleave", () => {
+    cursor = null;
+    draw();
+  });
+  canvas.addEventListener("dblclick", () => show(...all));
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const t = time(panel, event), times = event.deltaY < 0 ? 0.8 : 1.25;
+    show(t - (t - shown[0]) * times, t + (shown[1] - t) * times);
+  }, { passive: false });
+}
+
+// The last point that has begun at this time.
+function index(times, t) {
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= t) low = middle + 1;
+    else high = middle;
+  }
+  return Math.max(low - 1, 0);
+}
+
+// A value: its least, and what its most is above that. Broken where there is none, dashed where it is old.
+function curve(panel, context, [least, above], old, y, name, thick) {
+  const times = panel.engine.t, first = index(times, shown[0]), last = Math.min(index(times, shown[1]) + 1, times.length - 1);
+  context.strokeStyle = colour(name);
+  context.fillStyle = colour(name);
+  context.lineWidth = thick;
+  let begun = false, dashed = false;
+  for (let i = first; i <= last; i++) {
+    const now = least[i] !== null, is_old = old && (panel.engine.flags[i] & old) !== 0;
+    if (begun && (!now || is_old !== dashed)) {
+      if (now) context.lineTo(x(panel, times[i]), y(least[i] + above[i]));
+      context.stroke();
+      begun = false;
+    }
+    if (!now) continue;
+    const at = x(panel, times[i]), most = y(least[i] + above[i]);
+    if (!begun) {
+      dashed = is_old;
+      context.setLineDash(dashed ? [5, 4] : []);
+      context.beginPath();
+      context.moveTo(at, most);
+      begun = true;
+    } else {
+      context.lineTo(at, most);
+    }
+    if (above[i] > 0) {
+      const next = x(panel, times[Math.min(i + 1, times.length - 1)]);
+      context.globalAlpha = 0.5;
+      context.fillRect(at, most, Math.max(next - at, 1), y(least[i]) - most);
+      context.globalAlpha = 1;
+    }
+  }
+  if (begun) context.stroke();
+  context.setLineDash([]);
+}
+
+function text(context, words, at, y, align, name) {
+  context.fillStyle = colour(name);
+  context.textAlign = align;
+  context.fillText(words, at, y);
+}
+
+function panel_draw(panel) {
+  const { canvas, engine, marks } = panel, ratio = window.devicePixelRatio || 1;
+  canvas.width = canvas.clientWidth * ratio;
+  canvas.height = canvas.clientHeight * ratio;
+  const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
+  context.font = "13px sans-serif";
+  const right = canvas.clientWidth - RIGHT, bottom = canvas.clientHeight - FOOT;
+  const strip = engine.by_rpm ? 0 : STRIP, middle = bottom - (strip ? strip + 14 : 0);
+  const most_rpm = engine.most_rpm, most_egt = engine.most_egt;
+  const rpm = (value) => middle - (value / most_rpm) * (middle - TOP);
+  const egt = (value) => middle - (value / most_egt) * (middle - TOP);
+  const percent = (value) => bottom - (value / 100) * strip;
+
+  context.save();
+  context.beginPath();
+  context.rect(LEFT, 0, right - LEFT, canvas.clientHeight);
+  context.clip();
+  // Where nothing is received.
+  context.fillStyle = colour("gap");
+  engine.t.forEach((t, i) => {
+    const next = engine.t[i + 1] ?? t;
+    if ((engine.flags[i] & 8) === 0 && next >= shown[0] && t <= shown[1]) {
+      context.fillRect(x(panel, t), TOP, x(panel, next) - x(panel, t) + 0.5, middle - TOP);
+    }
+  });
+  context.restore();
+
+  context.strokeStyle = colour("grid");
+  context.lineWidth = 1;
+  const line = (x1, y1, x2, y2) => {
+    context.beginPath();
+    context.moveTo(x1, y1);
+    context.lineTo(x2, y2);
+    context.stroke();
+  };
+  for (let value = 0, each = step(most_rpm, 4); value <= most_rpm; value += each) {
+    line(LEFT, rpm(value), right, rpm(value));
+    text(context, value.toLocaleString("en").replaceAll(",", " "), LEFT - 6, rpm(value) + 4, "right", "rpm");
+  }
+  for (let value = 0, each = step(most_egt, 4); value <= most_egt; value += each) {
+    text(context, value + " °C", right + 4, egt(value) + 4, "left", "egt");
+  }
+  if (strip) {
+    for (const value of [0, 50, 100]) {
+      line(LEFT, percent(value), right, percent(value));
+      text(context, value + " %", LEFT - 6, percent(value) + 4, "right", "sent");
+    }
+  }
+  const each = step(shown[1] - shown[0], 10);
+  for (let t = Math.ceil(shown[0] / each) * each; t <= shown[1]; t += each) {
+    line(x(panel, t), bottom, x(panel, t), bottom + 5);
+    text(context, (each < 1 ? t.toFixed(1) : Math.round(t)) + " s", x(panel, t), bottom + 18, "center", "ink");
+  }
+
+  context.save();
+  context.beginPath();
+  context.rect(LEFT, 0, right - LEFT, canvas.clientHeight);
+  context.clip();
+  if (engine.egt_limit !== null) {
+    context.strokeStyle = colour("egt");
+    context.setLineDash([2, 6]);
+    line(LEFT, egt(engine.egt_limit), right, egt(engine.egt_limit));
+    context.setLineDash([]);
+  }
+  curve(panel, context, engine.commanded_rpm, 0, rpm, "commanded", 3);
+  curve(panel, context, engine.sent_rpm, 0, rpm, "sent", 1.5);
+  curve(panel, context, engine.rpm, 1, rpm, "rpm", 1.8);
+  curve(panel, context, engine.egt, 2, egt, "egt", 1.8);
+  if (strip) {
+    curve(panel, context, engine.commanded, 0, percent, "commanded", 3);
+    curve(panel, context, engine.sent, 0, percent, "sent", 1.5);
+  }
+  const lanes = [LEFT, LEFT, LEFT];
+  for (const [t, , words] of marks) {
+    if (t < shown[0] || t > shown[1]) continue;
+    const at = x(panel, t), long = context.measureText(words).width + 8;
+    context.strokeStyle = colour("mark");
+    context.lineWidth = 1;
+    line(at, TOP - 4, at, bottom);
+    const free = lanes.findIndex((end) => end <= at);
+    if (free >= 0 && at + long < right) {
+      lanes[free] = at + long;
+      text(context, words, at + 2, 12 + 14 * free, "left", "mark");
+    }
+  }
+  if (drag) {
+    context.fillStyle = colour("mark");
+    context.globalAlpha = 0.2;
+    context.fillRect(x(panel, drag[0]), TOP, x(panel, drag[1]) - x(panel, drag[0]), bottom - TOP);
+    context.globalAlpha = 1;
+  }
+  if (cursor !== null) {
+    context.strokeStyle = colour("ink");
+    context.lineWidth = 1;
+    line(x(panel, cursor), TOP, x(panel, cursor), bottom);
+  }
+  context.restore();
+  panel.readout.textContent = cursor === null ? "" : values(engine, cursor);
+}
+
+// What was at this time, in words.
+function values(engine, t) {
+  const i = index(engine.t, t);
+  const value = ([least, above], unit, digits) => {
+    if (least[i] === null) return null;
+    const low = least[i].toFixed(digits), high = (least[i] + above[i]).toFixed(digits);
+    return (low === high ? low : low + " to " + high) + " " + unit;
+  };
+  const old = (bit) => ((engine.flags[i] & bit) !== 0 ? " (no new value)" : "");
+  const said = [engine.t[i].toFixed(1) + " s", last(engine.stages, i)];
+  const put = (name, text, behind) => said.push(name + " " + (text === null ? "unknown" : text + behind));
+  put("rpm:", value(engine.rpm, "rpm", 0), old(1));
+  put("EGT:", value(engine.egt, "°C", 1), old(2));
+  const commanded = value(engine.commanded, "%", 1) ?? value(engine.commanded_rpm, "rpm", 0);
+  const sent = value(engine.sent, "%", 1) ?? value(engine.sent_rpm, "rpm", 0);
+  said.push("commanded: " + (commanded ?? ((engine.flags[i] & 4) !== 0 ? "nothing, the source is silent" : "standby")));
+  said.push("sent: " + (sent ?? last(engine.wire, i)));
+  if ((engine.flags[i] & 8) === 0) said.push("nothing is received");
+  if ((engine.flags[i] & 16) !== 0) said.push("the ECU reports a fault");
+  return said.join(", ");
+}
+
+// What holds at this point, of a list of changes.
+function last(changes, i) {
+  let found = "";
+  for (const [from, name] of changes) {
+    if (from > i) break;
+    found = name;
+  }
+  return found;
+}
+
+function draw() {
+  range.textContent = "Shown: " + shown[0].toFixed(1) + " s to " + shown[1].toFixed(1) + " s";
+  panels.forEach(panel_draw);
+}
+
+window.addEventListener("resize", draw);
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+draw();
