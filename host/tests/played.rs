@@ -117,3 +117,19 @@ fn a_wrong_script_is_one_sentence_with_its_line() {
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(rig(&["--script", "x", "--seed", "1"]).status.code(), Some(2));
 }
+
+/// The node's event that standby is in force comes in the same moment as the stop, and is read after it.
+#[test]
+fn a_stop_in_the_first_second_is_no_unsolicited_command() {
+    let script = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("early-stop.txt");
+    for at in ["0.2", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1.2"] {
+        let text = format!(
+            "jetlink rig script, version 0.1.0\nstandby\nduration 5s\n{at} all emergency-stop\n3.0 end\n"
+        );
+        std::fs::write(&script, text).expect("a file");
+        let args = ["rig", "--fast", "--script", script.to_str().expect("UTF-8")];
+        let output =
+            std::process::Command::new(env!("CARGO_BIN_EXE_jetlink")).args(args).output().expect("it runs");
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
+    }
+}

@@ -360,8 +360,12 @@ impl Audit {
         }
     }
 
-    /// The standby that a source has said before is in force, and may have been a little before.
+    /// The standby that a source has said before is in force, and may have been a little before. It is told by an event, which
+    /// may be older than an emergency stop: that is latched, and only its release ends it.
     pub fn standby_took_effect(&mut self, at: Nanos) {
+        if let Some(&(_, Allowed::Order(Order::EmergencyStop))) = self.orders.back() {
+            return;
+        }
         let last = self.orders.back().map_or(0, |&(from, _)| from);
         self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
     }
