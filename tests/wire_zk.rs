@@ -379,7 +379,7 @@ fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
     let handed = |command: &ZkCommand| matches!(command, ZkCommand::Control { sw: Sw::None, .. });
     let first = sent.iter().position(|(_, command)| handed(command)).expect("it was asked for");
     assert!(sent[first..].iter().all(|(_, command)| handed(command)));
-    assert_eq!(bench.plug.ecu(|ecu| ecu.ruler()), sim::zk::Ruler::Pwm);
+    assert_eq!(bench.plug.ecu(|ecu| ecu.controlled_by()), sim::zk::ControlledBy::Pwm);
 }
 
 /// ZK-10: an ECU of version 5 keeps the engine running without us; a silent source therefore has to be our

@@ -251,7 +251,7 @@ impl uart::Peer for Wire {
         // Knuth's generator: enough to draw which bytes are hit.
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let broken = (*state >> 33) % 1_000_000 < u64::from(*per_million);
-        self.ecu.heard(end + self.head_start, if broken { Err(LineFault::Framing) } else { Ok(byte) });
+        self.ecu.receive(end + self.head_start, if broken { Err(LineFault::Framing) } else { Ok(byte) });
     }
 
     fn restarted(&mut self, timeline: &mut Timeline<'_, '_>) {
@@ -288,6 +288,6 @@ impl Ecu for Nobody {
         Nanos::MAX
     }
     fn advance(&mut self, _: Nanos, _: &mut Vec<u8>) {}
-    fn heard(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
+    fn receive(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
     fn power(&mut self, _: Nanos, _: bool) {}
 }

@@ -101,7 +101,7 @@ impl Attached {
 
     fn receive(&mut self, now: Nanos, byte: u8) {
         let (_, before) = self.ecu.received();
-        self.ecu.heard(now, Ok::<u8, LineFault>(byte));
+        self.ecu.receive(now, Ok::<u8, LineFault>(byte));
         let (good, after) = self.ecu.received();
         if good > 0 && after > before {
             self.odd += after - before;

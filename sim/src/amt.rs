@@ -27,7 +27,7 @@ use crate::log::CommandLog;
 use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
 
 pub use self::command::{AmtCommand, BadCommand, HEAD, LENGTH, Ops, parse_command};
-use self::command::{Heard, Receiver};
+use self::command::{Received, Receiver};
 pub use self::telemetry::{EngineModel, Status};
 use self::telemetry::{Values, Voltages};
 pub use self::temper::{AmtTemper, InFlight};
@@ -189,7 +189,7 @@ pub struct Stats {
     /// Good bytes outside of any message.
     pub stray_bytes: u64,
     /// Good bytes.
-    pub bytes_heard: u64,
+    pub bytes_received: u64,
     /// Bytes received with an error.
     pub framing_errors: u64,
     /// Replies in time: only these are obeyed.
@@ -505,21 +505,21 @@ impl Ecu for AmtEcu {
         }
     }
 
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
         self.catch_up(now);
         let Power::On(session) = &mut self.power else { return };
         let stats = &mut self.stats;
         match byte {
-            Ok(_) => stats.bytes_heard += 1,
+            Ok(_) => stats.bytes_received += 1,
             Err(_) => stats.framing_errors += 1,
         }
         let start = now.saturating_sub(self.config.line.byte_ns(1));
         let (start, command) = match session.receiver.hear(start, byte) {
-            Heard::Part => return,
-            Heard::Stray => return stats.stray_bytes += 1,
-            Heard::Broken { in_message } => return stats.bad.framing += u64::from(in_message),
-            Heard::Truncated => return stats.bad.truncated += 1,
-            Heard::Message { start, command } => (start, command),
+            Received::Part => return,
+            Received::Stray => return stats.stray_bytes += 1,
+            Received::Broken { in_message } => return stats.bad.framing += u64::from(in_message),
+            Received::Truncated => return stats.bad.truncated += 1,
+            Received::Message { start, command } => (start, command),
         };
         let command = match command {
             Ok(command) => command,

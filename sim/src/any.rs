@@ -191,10 +191,10 @@ impl Ecu for AnyEcu {
         }
     }
 
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
         match self {
-            Self::Amt(ecu) => ecu.heard(now, byte),
-            Self::Zk(ecu) => ecu.heard(now, byte),
+            Self::Amt(ecu) => ecu.receive(now, byte),
+            Self::Zk(ecu) => ecu.receive(now, byte),
         }
     }
 

@@ -35,7 +35,7 @@ pub trait Ecu {
     fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>);
 
     /// One byte from the host, at the end of its stop bit; `Err` for a byte received with an error.
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>);
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>);
 
     /// Switches the ECU's supply. Switching it on restarts the ECU; it has no effect if already on.
     fn power(&mut self, now: Nanos, on: bool);
@@ -50,8 +50,8 @@ impl<E: Ecu + ?Sized> Ecu for Box<E> {
         (**self).advance(now, tx);
     }
 
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
-        (**self).heard(now, byte);
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+        (**self).receive(now, byte);
     }
 
     fn power(&mut self, now: Nanos, on: bool) {

@@ -132,7 +132,7 @@ impl<E: Ecu> Wire<E> {
             self.port.borrow().wake_writer();
         }
         while let Some(arrival) = self.to_ecu.arrived(at) {
-            self.ecu.heard(
+            self.ecu.receive(
                 at,
                 match arrival {
                     Arrival::Good(byte) => Ok(byte),
@@ -355,7 +355,7 @@ impl<E: Ecu> Plug<E> {
     pub fn inject_to_ecu(&self, bytes: &[u8]) {
         self.change(|wire| {
             for &byte in bytes {
-                wire.ecu.heard(clock::now_ns(), Ok(byte));
+                wire.ecu.receive(clock::now_ns(), Ok(byte));
             }
         });
     }

@@ -37,12 +37,12 @@ use crate::ecu::{Ecu, LineFault, Nanos};
 use crate::log::CommandLog;
 use crate::turbine::{Demand, Phase, STEP, Switch, Trip, Turbine};
 
-use self::command::Heard;
+use self::command::Received;
 pub use self::command::{
     Action, BadCommand, HEAD, LENGTH, Sw, ZkCommand, crc8, parse_command, reserved_bits,
 };
 pub use self::config::{Pwm, Rate, ZkConfig};
-pub use self::session::Ruler;
+pub use self::session::ControlledBy;
 use self::session::{LastState, Service, Session};
 pub use self::stats::{Bad, Ignored, Intervals, Stats};
 use self::status::Values;
@@ -147,8 +147,8 @@ impl ZkEcu {
     }
 
     /// The input that controls the switch now.
-    pub fn ruler(&self) -> Ruler {
-        self.session().map_or(Ruler::Pwm, Session::ruler)
+    pub fn controlled_by(&self) -> ControlledBy {
+        self.session().map_or(ControlledBy::Pwm, Session::controlled_by)
     }
 
     /// The status rate now.
@@ -450,9 +450,9 @@ fn control(
 ) {
     let live = turbine.phase().is_live();
     let switch = session.switch(pwm);
-    let lost = match session.ruler() {
-        Ruler::Pwm => pwm.is_none() && live,
-        Ruler::Uart => {
+    let lost = match session.controlled_by() {
+        ControlledBy::Pwm => pwm.is_none() && live,
+        ControlledBy::Uart => {
             let silent = session.last_control.is_none_or(|last| at >= last + config.control_loss);
             config.version < 5 && switch == Some(Switch::Run) && silent
         }
@@ -554,21 +554,21 @@ impl Ecu for ZkEcu {
         }
     }
 
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
         self.catch_up(now);
         let Power::On(session) = &mut self.power else { return };
         if now < session.ready_at {
             return;
         }
         match byte {
-            Ok(_) => self.stats.bytes_heard += 1,
+            Ok(_) => self.stats.bytes_received += 1,
             Err(_) => self.stats.framing_errors += 1,
         }
         match session.receiver.hear(byte) {
-            Heard::Part => {}
-            Heard::Stray => self.stats.stray_bytes += 1,
-            Heard::WrongCrc => self.stats.bad.crc += 1,
-            Heard::Frame(bytes) => self.frame(bytes, now),
+            Received::Part => {}
+            Received::Stray => self.stats.stray_bytes += 1,
+            Received::WrongCrc => self.stats.bad.crc += 1,
+            Received::Frame(bytes) => self.frame(bytes, now),
         }
     }
 

@@ -12,7 +12,7 @@ use jetlink::command::Origin;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::Ruler;
+use sim::zk::ControlledBy;
 use std::collections::VecDeque;
 
 /// One engine, its ECU, its pilots.
@@ -220,7 +220,7 @@ impl Seat {
                     (ecu.errors() != 0, ecu.stats.serial_delay_stops, false, hidden)
                 }
                 AnyEcu::Zk(ecu) => {
-                    let pwm = ecu.ruler() == Ruler::Pwm && turbine.phase().is_live();
+                    let pwm = ecu.ruler() == ControlledBy::Pwm && turbine.phase().is_live();
                     (ecu.error() != 0, ecu.stats.control_losses, pwm, false)
                 }
             };

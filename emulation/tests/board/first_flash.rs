@@ -71,7 +71,7 @@ impl Ecu for Adapter {
         }
     }
 
-    fn heard(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
+    fn receive(&mut self, _: Nanos, _: Result<u8, LineFault>) {}
 
     fn power(&mut self, _: Nanos, _: bool) {}
 }

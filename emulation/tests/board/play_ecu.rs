@@ -30,7 +30,7 @@ impl Ecu for Crossed {
         tx.extend(self.to_here.lock().expect("no panic").drain(..));
     }
 
-    fn heard(&mut self, _: Nanos, byte: Result<u8, LineFault>) {
+    fn receive(&mut self, _: Nanos, byte: Result<u8, LineFault>) {
         self.from_here.lock().expect("no panic").push_back(byte.expect("a clean line"));
     }
 

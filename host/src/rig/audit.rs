@@ -104,7 +104,7 @@ enum Allowed {
 
 /// What the ECU's frames on the wire show of gaps, by what became of each byte.
 #[derive(Clone, Debug)]
-struct Heard {
+struct Received {
     /// Between two frames of the ECU.
     period: Nanos,
     /// Damaged frames look like whole ones (AMT: no checksum).
@@ -117,7 +117,7 @@ struct Heard {
     gap: Option<Nanos>,
 }
 
-impl Heard {
+impl Received {
     /// A byte of the ECU, or one that noise made.
     fn byte(&mut self, entry: &Entry) {
         let arrived = entry.fate == Fate::Delivered;
@@ -179,7 +179,7 @@ pub struct Audit {
     level: Option<Level>,
     /// The demand may still be on its way up to the commanded one, until then.
     rises_until: Option<Nanos>,
-    heard: Heard,
+    heard: Received,
     /// The last gap that a rise was allowed for.
     gap_seen: Option<Nanos>,
     /// When run was ordered after something else.
@@ -246,7 +246,7 @@ impl Audit {
             reset_at: 0,
             level: None,
             rises_until: None,
-            heard: Heard {
+            heard: Received {
                 period: cadence.unwrap_or(125 * MILLIS),
                 unchecked: matches!(engine.ecu, Kind::Amt(_)),
                 frame: None,

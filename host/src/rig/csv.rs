@@ -145,7 +145,7 @@ impl<'a> Row<'a> {
             decode_errors: sample.decode_errors(),
             rejected: sample.counters.commands_rejected,
             engine_state: sample.does.name(),
-            rules: sample.ruler.name(),
+            rules: sample.in_control.name(),
             waiting: sample.waiting.map(Origin::name),
             loss: loss(sample.loss),
             limited: yes_no(sample.limited),

@@ -118,7 +118,7 @@ mod tests {
             link: LinkState::Up,
             does: EngineState::Starting(starting),
             on_wire: Some(WireCommand::RunRpm(159_960)),
-            ruler: Origin::Emergency,
+            in_control: Origin::Emergency,
             waiting: Some(Origin::Mavlink),
             loss: LossStage::FailSafe,
             order: Order::Standby,

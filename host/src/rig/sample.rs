@@ -42,7 +42,7 @@ pub struct Sample {
     /// The ECU's own name of its state.
     pub state: Option<&'static str>,
     /// Whose command is in force.
-    pub ruler: Origin,
+    pub in_control: Origin,
     /// Who is about to take over.
     pub waiting: Option<Origin>,
     /// How far the loss of that source has gone.
@@ -82,7 +82,7 @@ impl Sample {
             silent: desk.silent.get(),
             link: telemetry.link,
             does: telemetry.state,
-            ruler: telemetry.active_source,
+            in_control: telemetry.active_source,
             waiting: telemetry.waiting,
             loss: telemetry.loss,
             limited: telemetry.limited,
@@ -135,13 +135,13 @@ impl Sample {
     /// Who rules, how far that source is lost, and what else holds its demand.
     pub fn rules_text(&self) -> String {
         match (self.order, self.loss) {
-            (Order::EmergencyStop, _) => format!("{} STOPS", self.ruler.name()),
+            (Order::EmergencyStop, _) => format!("{} STOPS", self.in_control.name()),
             (_, LossStage::None) => match (self.limited, self.waiting) {
-                (true, _) => format!("{}: limited", self.ruler.name()),
-                (false, Some(next)) => format!("{}, {} next", self.ruler.name(), next.name()),
-                (false, None) => self.ruler.name().to_owned(),
+                (true, _) => format!("{}: limited", self.in_control.name()),
+                (false, Some(next)) => format!("{}, {} next", self.in_control.name(), next.name()),
+                (false, None) => self.in_control.name().to_owned(),
             },
-            (_, stage) => format!("{}: {}", self.ruler.name(), loss(stage)),
+            (_, stage) => format!("{}: {}", self.in_control.name(), loss(stage)),
         }
     }
 

@@ -91,7 +91,7 @@ pub fn parse_command(bytes: &[u8]) -> Result<AmtCommand, BadCommand> {
 
 /// Result of a byte from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(super) enum Received {
     /// Nothing yet.
     Part,
     /// A byte that belongs to no message.
@@ -114,27 +114,27 @@ pub(super) struct Receiver {
 
 impl Receiver {
     /// `start` is the start time of this byte, in case it begins a message.
-    pub(super) fn hear(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Heard {
+    pub(super) fn hear(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Received {
         let Ok(byte) = byte else {
-            return Heard::Broken { in_message: core::mem::take(&mut self.len) > 0 };
+            return Received::Broken { in_message: core::mem::take(&mut self.len) > 0 };
         };
         if byte == HEAD {
             let interrupted = self.len > 0;
             self.bytes[0] = byte;
             self.len = 1;
             self.start = start;
-            return if interrupted { Heard::Truncated } else { Heard::Part };
+            return if interrupted { Received::Truncated } else { Received::Part };
         }
         if self.len == 0 {
-            return Heard::Stray;
+            return Received::Stray;
         }
         self.bytes[self.len] = byte;
         self.len += 1;
         if self.len < LENGTH {
-            return Heard::Part;
+            return Received::Part;
         }
         self.len = 0;
-        Heard::Message { start: self.start, command: parse_command(&self.bytes) }
+        Received::Message { start: self.start, command: parse_command(&self.bytes) }
     }
 }
 
@@ -184,10 +184,10 @@ mod tests {
     fn the_receiver_starts_over_at_every_head() {
         let mut receiver = Receiver::default();
         let bytes = [9, 0xFF, 0x14, 0xFF, 0x11, 32, 0x11, 32, 7];
-        let heard: Vec<Heard> = (0..).zip(bytes).map(|(at, byte)| receiver.hear(at, Ok(byte))).collect();
-        use Heard::{Part, Stray, Truncated};
+        let heard: Vec<Received> = (0..).zip(bytes).map(|(at, byte)| receiver.hear(at, Ok(byte))).collect();
+        use Received::{Part, Stray, Truncated};
         let command = Ok(AmtCommand { ops: Ops::EmergencyStop, throttle_half_percent: 0 });
-        let message = Heard::Message { start: 3, command };
+        let message = Received::Message { start: 3, command };
         assert_eq!(heard, [Stray, Part, Part, Truncated, Part, Part, Part, message, Stray]);
     }
 
@@ -195,8 +195,8 @@ mod tests {
     fn a_broken_byte_loses_the_message() {
         let mut receiver = Receiver::default();
         receiver.hear(0, Ok(0xFF));
-        assert_eq!(receiver.hear(1, Err(LineFault::Framing)), Heard::Broken { in_message: true });
-        assert_eq!(receiver.hear(2, Err(LineFault::Noise)), Heard::Broken { in_message: false });
-        assert_eq!(receiver.hear(3, Ok(0x14)), Heard::Stray);
+        assert_eq!(receiver.hear(1, Err(LineFault::Framing)), Received::Broken { in_message: true });
+        assert_eq!(receiver.hear(2, Err(LineFault::Noise)), Received::Broken { in_message: false });
+        assert_eq!(receiver.hear(3, Ok(0x14)), Received::Stray);
     }
 }

@@ -67,7 +67,7 @@ impl Bench {
             self.now = at;
             if byte_at == at {
                 let (_, byte) = self.arriving.pop_front().unwrap();
-                self.ecu.heard(at, Ok(byte));
+                self.ecu.receive(at, Ok(byte));
                 continue;
             }
             let mut tx = vec![];
@@ -233,12 +233,12 @@ fn malformed_messages_are_counted_by_reason_and_answer_nothing() {
     // The last three bytes follow the head that the fourth ends with: a message that never ends.
     assert_eq!(stats.bad, Bad { mismatch: 1, ops: 1, throttle: 1, truncated: 1, framing: 0 });
     assert_eq!((stats.in_window, stats.valid, bench.ecu.commands.total()), (0, 0, 0));
-    assert_eq!(stats.bytes_heard, 21);
+    assert_eq!(stats.bytes_received, 21);
 
     bench.reply = None;
     bench.wait(125);
-    bench.ecu.heard(bench.now, Ok(0xFF));
-    bench.ecu.heard(bench.now, Err(LineFault::Framing));
+    bench.ecu.receive(bench.now, Ok(0xFF));
+    bench.ecu.receive(bench.now, Err(LineFault::Framing));
     assert_eq!((bench.ecu.stats.bad.framing, bench.ecu.stats.framing_errors), (1, 1));
 }
 
@@ -463,7 +463,7 @@ fn nothing_that_a_host_sends_upsets_it() {
             _ => {}
         }
         if rng.u8(..) == 0 {
-            bench.ecu.heard(now, Err(LineFault::Noise));
+            bench.ecu.receive(now, Err(LineFault::Noise));
         }
         let turbine = bench.ecu.turbine();
         assert!((0.0..=110_000.0).contains(&turbine.rpm()) && (0.0..=900.0).contains(&turbine.egt()));

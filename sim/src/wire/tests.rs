@@ -21,7 +21,7 @@ impl Scripted {
         Self { script: [(at, bytes.to_vec())].into(), ..Self::default() }
     }
 
-    fn bytes_heard(&self) -> Vec<u8> {
+    fn bytes_received(&self) -> Vec<u8> {
         self.heard.iter().filter_map(|(_, byte)| byte.ok()).collect()
     }
 }
@@ -37,7 +37,7 @@ impl Ecu for Scripted {
         }
     }
 
-    fn heard(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
         self.heard.push((now, byte));
     }
 
@@ -165,7 +165,7 @@ fn both_directions_at_once_do_not_disturb_each_other() {
         assert_eq!(down, b"down");
         assert_eq!(clock::now_ns(), 8_334_000);
     });
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), b"up");
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), b"up");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn a_clean_line_changes_nothing_in_100_000_bytes() {
         assert!(received == sent);
         tx.flush().await.unwrap();
     });
-    assert!(plug.ecu(|ecu| ecu.bytes_heard()) == sent);
+    assert!(plug.ecu(|ecu| ecu.bytes_received()) == sent);
     // A million bits at 115 200 baud: not a microsecond gathered over 100 000 bytes.
     assert_eq!(clock::now_ns().div_ceil(MILLIS), 8681);
 }
@@ -313,7 +313,7 @@ fn a_cut_loses_both_ways_and_the_byte_under_way() {
         received
     });
     assert_eq!(received, [Ok(1), Ok(5), Ok(6)]);
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1, 5, 6]);
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1, 5, 6]);
 }
 
 #[test]
@@ -329,7 +329,7 @@ fn one_wire_is_cut_and_the_other_is_not() {
             read_for(&mut rx, 50).await
         });
         assert_eq!(received, to_node);
-        assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), to_ecu);
+        assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), to_ecu);
     }
 }
 
@@ -358,15 +358,15 @@ fn a_stalled_transmitter_holds_writes_and_flushes_until_it_goes_on() {
         Timer::after_micros(500).await;
         plug.stall_tx(true);
         assert!(matches!(select(tx.flush(), Timer::after_secs(1)).await, Either::Second(())));
-        assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1], "the byte in the shifter goes out");
+        assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1], "the byte in the shifter goes out");
         // The ring takes what there is room for, and no more.
         let full = async { while tx.write(&[9; 100]).await.is_ok() {} };
         assert!(matches!(select(full, Timer::after_secs(1)).await, Either::Second(())));
-        assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1]);
+        assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1]);
         plug.stall_tx(false);
         tx.flush().await.unwrap();
     });
-    let heard = plug.ecu(|ecu| ecu.bytes_heard());
+    let heard = plug.ecu(|ecu| ecu.bytes_received());
     assert_eq!(heard[..3], [1, 2, 3]);
     assert!(heard.len() > 3 && heard[3..].iter().all(|byte| *byte == 9), "{heard:?}");
 }
@@ -384,7 +384,7 @@ fn echo_gives_the_node_its_own_bytes() {
         tx.write_all(&[7]).await.unwrap();
         assert_eq!(read_for(&mut rx, 100).await, []);
     });
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [5, 6, 7]);
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [5, 6, 7]);
 }
 
 #[test]
@@ -402,7 +402,7 @@ fn babble_fills_the_line_without_a_pause() {
         plug.babble(None);
         assert!(read_for(&mut rx, 100).await.len() <= 1, "only the byte under way");
     });
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [1]);
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1]);
 }
 
 #[test]
@@ -417,7 +417,7 @@ fn ends_that_are_set_differently_understand_nothing() {
     });
     assert_eq!(received, [Err(WireError::Framing); 3]);
     assert_eq!(plug.ecu(|ecu| ecu.heard.len()), 2);
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), []);
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), []);
 }
 
 #[test]
@@ -454,7 +454,7 @@ fn injected_bytes_take_their_time() {
         assert_eq!(read_n(&mut rx, 2).await, [1, 2]);
     });
     assert_eq!(clock::now_ns(), 2_084_000);
-    assert_eq!(plug.ecu(|ecu| ecu.bytes_heard()), [3]);
+    assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [3]);
 }
 
 #[test]

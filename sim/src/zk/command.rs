@@ -221,7 +221,7 @@ pub fn reserved_bits(bytes: &[u8; 4]) -> u16 {
 
 /// Result of a byte from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(super) enum Received {
     /// Nothing.
     Part,
     /// A byte that belongs to no frame.
@@ -241,29 +241,29 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    pub(super) fn hear(&mut self, byte: Result<u8, LineFault>) -> Heard {
+    pub(super) fn hear(&mut self, byte: Result<u8, LineFault>) -> Received {
         let Ok(byte) = byte else {
             // The byte is unknown, so the frame that it belonged to is unknown too.
             self.len = 0;
-            return Heard::Part;
+            return Received::Part;
         };
         if self.len == 0 && byte != HEAD {
-            return Heard::Stray;
+            return Received::Stray;
         }
         self.bytes[self.len] = byte;
         self.len += 1;
         if self.len < LENGTH {
-            return Heard::Part;
+            return Received::Part;
         }
         if crc8(&self.bytes[1..3]) == self.bytes[3] {
             self.len = 0;
-            return Heard::Frame(self.bytes);
+            return Received::Frame(self.bytes);
         }
         // Look for another head in the window.
         let next = self.bytes[1..].iter().position(|&byte| byte == HEAD).map_or(LENGTH, |at| at + 1);
         self.bytes.copy_within(next.., 0);
         self.len = LENGTH - next;
-        Heard::WrongCrc
+        Received::WrongCrc
     }
 }
 
@@ -366,11 +366,11 @@ mod tests {
 
     fn hear(bytes: &[u8]) -> (Vec<[u8; 4]>, usize, usize) {
         let mut receiver = Receiver::default();
-        let heard: Vec<Heard> = bytes.iter().map(|&byte| receiver.hear(Ok(byte))).collect();
+        let heard: Vec<Received> = bytes.iter().map(|&byte| receiver.hear(Ok(byte))).collect();
         let frames =
-            heard.iter().filter_map(|h| if let Heard::Frame(f) = h { Some(*f) } else { None }).collect();
+            heard.iter().filter_map(|h| if let Received::Frame(f) = h { Some(*f) } else { None }).collect();
         let count = |what| heard.iter().filter(|&&h| h == what).count();
-        (frames, count(Heard::WrongCrc), count(Heard::Stray))
+        (frames, count(Received::WrongCrc), count(Received::Stray))
     }
 
     #[test]

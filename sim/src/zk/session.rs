@@ -7,7 +7,7 @@ use crate::turbine::{Demand, STEP, Switch};
 
 /// Input that controls the switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ruler {
+pub enum ControlledBy {
     /// The UART.
     Uart,
     /// The PWM input.
@@ -119,8 +119,8 @@ impl Session {
         }
     }
 
-    pub(super) fn ruler(&self) -> Ruler {
-        if self.sw() == Sw::None { Ruler::Pwm } else { Ruler::Uart }
+    pub(super) fn controlled_by(&self) -> ControlledBy {
+        if self.sw() == Sw::None { ControlledBy::Pwm } else { ControlledBy::Uart }
     }
 
     /// The command in force: from the UART, otherwise from the PWM input, otherwise none.
@@ -138,9 +138,9 @@ impl Session {
             // Target rpm = code x RPM_X x 10
             return Demand::Rpm(u32::from(self.rpm_code) * u32::from(self.factor) * 10);
         }
-        Demand::Throttle(match self.ruler() {
-            Ruler::Uart => self.throttle,
-            Ruler::Pwm => pwm.map_or(0, |pwm| pwm.throttle.min(1000)),
+        Demand::Throttle(match self.controlled_by() {
+            ControlledBy::Uart => self.throttle,
+            ControlledBy::Pwm => pwm.map_or(0, |pwm| pwm.throttle.min(1000)),
         })
     }
 }

@@ -70,7 +70,7 @@ pub struct Stats {
     /// Good bytes outside of any frame.
     pub stray_bytes: u64,
     /// Good bytes.
-    pub bytes_heard: u64,
+    pub bytes_received: u64,
     /// Bytes received with an error.
     pub framing_errors: u64,
     /// The times between accepted commands, within one power-up.

@@ -103,7 +103,7 @@ impl Bench {
                 self.send(&bytes);
             } else if at == byte_at {
                 let (_, byte) = self.arriving.pop_front().unwrap();
-                self.ecu.heard(at, Ok(byte));
+                self.ecu.receive(at, Ok(byte));
             } else {
                 self.advance();
             }
@@ -347,7 +347,7 @@ fn id_6_rules_the_switch_and_id_1_the_throttle_in_mode_2() {
     let mut bench = Bench::version(4);
     // SW 0 in ID 1 would be the PWM hand-over; here it says nothing.
     bench.host(&[switch(3, 0), control(0, 0)]).until(|ecu| ecu.state() == state::MINIMUM);
-    assert_eq!(bench.ecu.ruler(), Ruler::Uart);
+    assert_eq!(bench.ecu.controlled_by(), ControlledBy::Uart);
     bench.host(&[switch(3, 0), control(1, 400)]).wait(10_000);
     assert!((bench.ecu.turbine().rpm() - 94_000.0).abs() < 100.0, "SW 1 in ID 1 says nothing either");
     bench.host(&[switch(2, 0), control(3, 400)]).wait(200);
@@ -386,7 +386,7 @@ fn sw_0_hands_the_engine_to_the_pwm_input() {
     bench.wait(5000);
     assert!((bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0, "the UART rules, the input has no effect");
     bench.host(&[control(0, 0)]).wait(10_000);
-    assert_eq!(bench.ecu.ruler(), Ruler::Pwm);
+    assert_eq!(bench.ecu.controlled_by(), ControlledBy::Pwm);
     assert!((bench.ecu.turbine().rpm() - 105_000.0).abs() < 100.0);
     // The host may fall silent: it does not rule.
     bench.host(&[]).wait(10_000);
@@ -441,7 +441,10 @@ fn settings_survive_a_loss_of_power_and_the_control_does_not() {
     bench.ecu.power(now, true);
     bench.wait(1000);
     assert_eq!((bench.ecu.curve(), bench.ecu.rate()), (60, Rate::Hz50));
-    assert_eq!((bench.ecu.state(), bench.ecu.error(), bench.ecu.ruler()), (state::STOP, 0, Ruler::Pwm));
+    assert_eq!(
+        (bench.ecu.state(), bench.ecu.error(), bench.ecu.controlled_by()),
+        (state::STOP, 0, ControlledBy::Pwm)
+    );
 }
 
 #[test]
@@ -540,7 +543,7 @@ fn bad_frames_are_counted_by_reason_and_change_nothing() {
     assert_eq!((stats.stray_bytes, stats.reserved_bits, stats.accepted), (3, 1, 1));
     assert_eq!(bench.ecu.commands.commands(), [ZkCommand::Empty]);
     assert_eq!(bench.ecu.state(), state::STOP);
-    bench.ecu.heard(bench.now, Err(LineFault::Framing));
+    bench.ecu.receive(bench.now, Err(LineFault::Framing));
     assert_eq!(bench.ecu.stats.framing_errors, 1);
 }
 
@@ -620,7 +623,7 @@ fn nothing_that_a_host_sends_upsets_it() {
             match rng.u8(..) {
                 0 => bench.ecu.power(now, false),
                 4..20 => bench.ecu.power(now, true),
-                1 => bench.ecu.heard(now, Err(LineFault::Noise)),
+                1 => bench.ecu.receive(now, Err(LineFault::Noise)),
                 2 => bench.ecu.set_pwm(Some(Pwm { switch: Switch::Run, throttle: rng.u16(..) })),
                 3 => bench.ecu.set_pwm(None),
                 _ => {}
