@@ -220,7 +220,7 @@ impl Seat {
                     (ecu.errors() != 0, ecu.stats.serial_delay_stops, false, hidden)
                 }
                 AnyEcu::Zk(ecu) => {
-                    let pwm = ecu.ruler() == ControlledBy::Pwm && turbine.phase().is_live();
+                    let pwm = ecu.controlled_by() == ControlledBy::Pwm && turbine.phase().is_live();
                     (ecu.error() != 0, ecu.stats.control_losses, pwm, false)
                 }
             };
