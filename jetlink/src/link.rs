@@ -152,7 +152,8 @@ pub trait Link {
     fn not_sent(&mut self, now: Instant, why: NotSent);
     /// The time given by [`Output::Wait`] has been reached. Early calls have no effect.
     fn timeout(&mut self, now: Instant);
-    /// The next output.
+    /// The next output. Whether anything is sent is decided by the inputs; a reply is composed here, so that it carries the order of
+    /// the moment in which it is handed out.
     fn poll(&mut self) -> Output;
     /// Information about the engine in the frame that [`Link::receive`] has just taken. Returned once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;

@@ -309,7 +309,7 @@ impl Engine {
         }
     }
 
-    /// See [`Link::poll`]. It only drains: the inputs decide.
+    /// See [`Link::poll`]. It decides nothing: the inputs do.
     pub fn poll(&mut self) -> Output {
         let output = self.link.poll();
         if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
