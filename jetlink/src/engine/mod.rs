@@ -5,7 +5,7 @@
 //! - An emergency stop is latched until it is released with the engine stopped. It disarms.
 //! - A source starts an engine with its own standby, then its own `Run` at idle, armed, with every interlock satisfied at
 //!   that instant. The permission is used once, also by a refusal (`commands.rs`).
-//! - A run belongs to one life of an engine ([`life`]). While that life is in doubt, nothing is sent that could start an
+//! - A run belongs to one life of an engine (`life.rs`). While that life is in doubt, nothing is sent that could start an
 //!   engine. When it is over, the order ends.
 //! - The highest fresh source is in control. Without one the stages of loss follow: hold, fail-safe throttle, and standby
 //!   where configured or where no engine is known to run. A timer detects silence, and a reset does not end it.
