@@ -177,7 +177,10 @@ impl Shaper {
         };
         let (target, rates) =
             if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
-        let next = self.moving.follow(now, target, rates, shape);
+        let within = self.moving.within_maximum(target, shape);
+        // A demand that was held must not jump when the maximum is known.
+        self.rising |= within != target;
+        let next = self.moving.follow(now, within, rates, shape);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
             self.governor = None;
@@ -262,7 +265,6 @@ impl Moving {
     }
 
     fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
-        let target = self.within_maximum(target, shape);
         match (&mut *self, target) {
             (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
                 ramp.follow(now, throttle.tenths().into(), rates, STEP)
