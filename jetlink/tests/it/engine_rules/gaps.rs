@@ -218,3 +218,20 @@ fn an_rpm_demand_that_waited_for_the_maximum_rises_at_the_set_rate() {
     };
     assert!((99_000..=101_000).contains(&half_a_second_later.get()), "{half_a_second_later:?}");
 }
+
+/// "ID 0, and in mode 3 the demand as ID 7 in turn with it": also at the fail-safe stage, when the lost link has forgotten the idle
+/// speed.
+#[test]
+fn at_the_fail_safe_stage_an_rpm_demand_goes_on_in_doubt_after_the_link_is_lost() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(60_000));
+    scenario.fly_us(Command::Run(rpm(60_000)), Origin::Rc, 2 * SECOND);
+    // Timeout and hold 1.5 s, then down to idle in less than 1 s; the link is lost 0.5 s after its last frame.
+    scenario.pass_us(3 * SECOND);
+    scenario.silent().pass_us(2 * SECOND);
+    assert_eq!(scenario.order(), Order::Doubt(rpm(5000)));
+    scenario.bench.frames();
+    scenario.pass_us(SECOND);
+    let frames = scenario.bench.bytes();
+    assert!(frames.iter().any(|frame| frame[1] >> 4 == 7), "{frames:02X?}");
+    assert!(frames.iter().any(|frame| frame[1] >> 4 == 0), "{frames:02X?}");
+}
