@@ -285,6 +285,13 @@ impl Engine {
         if why == NotSent::TooLate {
             return;
         }
+        // What has not reached the ECU must not jump when the transmitter works again.
+        if let Mode::Run(run) = &mut self.mode
+            && let Some(sent) = run.sent
+        {
+            run.shaper.fall_back(now, sent);
+            run.shaper.rise();
+        }
         let since = *self.transmitter.get_or_insert(now);
         let failed = now >= since + TRANSMITTER_FAILED;
         if failed && !core::mem::replace(&mut self.transmitter_failed, true) {
@@ -539,7 +546,8 @@ impl Engine {
             demand,
             shaped: demand,
             handed_out: None,
-            sent: None,
+            // What the ECU has, until this run sends its own: idle, or what was in force before a reset.
+            sent: Some(demand),
             taking_over: None,
             fail_safe_at,
             stage,

@@ -36,3 +36,34 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
     scenario.fly_us(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
+
+/// "After a gap the demand rises at a set rate": a gap is also what a transmitter that hangs leaves on the wire.
+#[test]
+fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu, 25);
+        scenario.values.half_percents = 50;
+        scenario.bench = scenario.bench.clone().by_hand();
+        let until = |scenario: &mut Scenario, end: u64, sends: bool| {
+            while scenario.now_us() < end {
+                let _ = scenario.command(run(75));
+                scenario.pass_us(FRAME_PERIOD_US);
+                let now = scenario.now_us();
+                match sends {
+                    _ if !scenario.bench.busy() => {}
+                    true => scenario.bench.sent_at_us(now),
+                    false => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
+                }
+            }
+        };
+        let hangs = scenario.now_us();
+        until(&mut scenario, hangs + 2 * SECOND, false);
+        scenario.sent();
+        until(&mut scenario, hangs + 2_200_000, true);
+        let sent = runs_in(&scenario.sent());
+        // 50 % a second, from the 25 % that were sent last.
+        assert!(sent.iter().all(|tenths| *tenths <= 360) && !sent.is_empty(), "{ecu:?}: {sent:?}");
+        until(&mut scenario, hangs + 4 * SECOND, true);
+        assert_eq!(runs_in(&scenario.sent()).last(), Some(&750), "{ecu:?}");
+    }
+}

@@ -440,7 +440,7 @@ impl Oracle {
         // The silence of all goes on over the reset; it counts from the reset on only where one has just spoken.
         let wanting = self.each().filter(|(_, source)| source.word != Word::Nothing);
         let last_word = wanting.map(|(_, source)| source.heard).max().unwrap_or(0) + down + CARRIED;
-        self.wanted_until += down + CARRIED;
+        self.wanted_until = self.wanted_until.saturating_add(down + CARRIED);
         let resumed = self.kept.map(|(origin, demand, was_lost)| {
             let silent_from = (last_word + self.age(origin)).min(at + self.age(origin));
             self.wanted_until = self.wanted_until.max(silent_from);
