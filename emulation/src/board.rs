@@ -214,7 +214,7 @@ const H743: Board = Board {
     clock_control: 0x5802_4400,
     watchdog: 0x5800_4800,
     backup: 0x5800_4050,
-    not_modelled: 0..0,
+    not_modelled: 0x5100_8108..0x5100_810C, // AXI_TARG7_FN_MOD: an erratum of revision Y
     control_register: 0x00,
     receive_register: 0x24,
     transmit_register: 0x28,

@@ -58,7 +58,8 @@ pub enum Leftover {
     HalfResetClocks,
     /// PX4's: AHB1ENR is 0, or what a reset leaves there; on an F427 no GPIO port has a clock (`board_deinit`).
     BusClocksOff,
-    /// PX4's: the floating-point unit is on and in use.
+    /// PX4's: the floating-point unit is on and in use, and an interrupt does not save its registers: NuttX, which does that
+    /// itself, clears ASPEN and LSPEN.
     Fpu,
     /// PX4's: the instruction cache is on (H743).
     InstructionCache,
@@ -163,6 +164,7 @@ impl Bootloader {
             code.push(&DSB);
             code.push(&ISB);
             code.push(&[0xEE00, 0x0A10]); // vmov s0, r0
+            code.modify(FPCCR, 0, 0b11 << 30);
         }
         if leaves(Leftover::InstructionCache) && board.part == Part::H743 {
             code.modify(CCR, 1 << 17, 0);
@@ -428,6 +430,7 @@ const ICSR: u32 = 0xE000_ED04;
 const VTOR: u32 = 0xE000_ED08;
 const CCR: u32 = 0xE000_ED14;
 const CPACR: u32 = 0xE000_ED88;
+const FPCCR: u32 = 0xE000_EF34;
 const MPU_CTRL: u32 = 0xE000_ED94;
 const MPU_RNR: u32 = 0xE000_ED98;
 const MPU_RBAR: u32 = 0xE000_ED9C;

@@ -3,10 +3,10 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use cortex_m::peripheral::{DCB, SCB};
+use cortex_m::peripheral::SCB;
 
 #[cfg(feature = "stm32")]
-use super::early::end;
+use super::{chip, early::end, wait, watchdog};
 use cortex_m_rt::{ExceptionFrame, exception};
 
 #[panic_handler]
@@ -44,12 +44,21 @@ pub fn crash(log: impl FnOnce()) -> ! {
     static LOGGED: AtomicBool = AtomicBool::new(false);
     if !LOGGED.swap(true, Ordering::Relaxed) {
         log();
-        if DCB::is_debugger_attached() {
-            // About 0.1 s, for the probe to fetch the log from RAM.
-            cortex_m::asm::delay(20_000_000);
+        #[cfg(feature = "stm32")]
+        if cortex_m::peripheral::DCB::is_debugger_attached() {
+            let_probe_fetch_log();
         }
     }
     end()
+}
+
+/// 0.1 s, for the probe to fetch the log from RAM. It feeds the watchdog, so that the reset is the firmware's own.
+#[cfg(feature = "stm32")]
+fn let_probe_fetch_log() {
+    for _ in 0..100 {
+        watchdog::feed();
+        wait::until(chip::core_hz() / 1000, || false);
+    }
 }
 
 /// Ends the firmware with a reset.

@@ -41,6 +41,8 @@ mod stm32h7;
 #[cfg(feature = "stm32")]
 mod table;
 #[cfg(feature = "stm32")]
+mod wait;
+#[cfg(feature = "stm32")]
 mod watchdog;
 
 #[cfg(feature = "board-qemu-mps2")]

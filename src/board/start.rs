@@ -21,7 +21,16 @@ core::arch::global_asm!(
      .thumb_func
      .cfi_startproc
      __pre_init:
-     cpsid i
+     cpsid i",
+    // An STM32H743 of revision Y may read wrong data from its AXI SRAM, the RAM of this firmware, when it reads twice at once
+    // (ES0392, 2.2.9). READ_ISS_OVERRIDE in AXI_TARG7_FN_MOD allows one read at a time, as in ST's SystemInit. On
+    // revision V it changes nothing that this firmware needs, so it is set on every H743.
+    ".if {axi_sram}
+     ldr r0, =0x51008108
+     movs r1, #1
+     str r1, [r0]
+     dsb
+     .endif
      mrs r0, ipsr
      cbz r0, 9f",
     // In a handler. Each return ends one active exception and leads through `Reset` back to here, for the next interrupt in
@@ -91,6 +100,15 @@ core::arch::global_asm!(
      msr msp, r1
      msr basepri, r0
      clrex",
+    // The floating-point unit: off (CPACR), which `Reset` reverses, and its registers are saved by interrupts (FPCCR, ASPEN and
+    // LSPEN), of which NuttX's bootloaders clear both bits.
+    "ldr r1, =0xE000ED88
+     str r0, [r1]
+     dsb
+     isb
+     ldr r1, =0xE000EF34
+     mov r2, #0xC0000000
+     str r2, [r1]",
     // Not `msr faultmask`: while FAULTMASK is 1, only CPS changes it (Armv7-M, B5.2.1 and B5.2.3).
     "cpsie f",
     // SysTick off, then clear pending SysTick and PendSV (PENDSTCLR, PENDSVCLR).
@@ -195,5 +213,6 @@ core::arch::global_asm!(
      bx lr
      .ltorg
      .cfi_endproc
-     .size __pre_init, . - __pre_init"
+     .size __pre_init, . - __pre_init",
+    axi_sram = const cfg!(feature = "stm32h7") as u32,
 );

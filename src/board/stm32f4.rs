@@ -4,6 +4,7 @@
 pub mod facts;
 
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
+use super::wait;
 use embassy_stm32::{
     Config,
     interrupt, // the module and the attribute
@@ -135,14 +136,11 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     }
     RCC.cr().modify(|w| w.set_hsebyp(bypass));
     RCC.cr().modify(|w| w.set_hseon(true));
-    for _ in 0..1000 {
-        if RCC.cr().read().hserdy() {
-            return true;
-        }
-        cortex_m::asm::delay(HSI_HZ / 10_000);
+    let runs = wait::until(HSI_HZ / 10, || RCC.cr().read().hserdy());
+    if !runs {
+        RCC.cr().modify(|w| w.set_hseon(false));
     }
-    RCC.cr().modify(|w| w.set_hseon(false));
-    false
+    runs
 }
 
 /// Enables the flash accelerator: prefetch and both caches. Embassy's `init` disables all of them when it writes the flash's

@@ -4,6 +4,7 @@
 pub mod facts;
 
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
+use super::wait;
 use embassy_stm32::{
     Config,
     interrupt, // the module and the attribute
@@ -137,24 +138,22 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     while !RCC.cr().read().hsirdy() {}
     RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
     while RCC.cfgr().read().sws() != Sw::HSI {}
-    RCC.cr().modify(|w| {
-        (0..3).for_each(|pll| w.set_pllon(pll, false));
-        w.set_hseon(false);
-    });
-    while RCC.cr().read().hserdy() {}
+    // HSEON cannot be cleared while PLL1 is on and the crystal is its reference (RM0433, 8.7.2), as behind a bootloader. Neither
+    // wait should need its 1 ms: where it does, the crystal is tried as it is.
+    RCC.cr().modify(|w| (0..3).for_each(|pll| w.set_pllon(pll, false)));
+    wait::until(HSI_HZ / 1000, || (0..3).all(|pll| !RCC.cr().read().pllrdy(pll)));
+    RCC.cr().modify(|w| w.set_hseon(false));
+    wait::until(HSI_HZ / 1000, || !RCC.cr().read().hserdy());
     if !wanted {
         return false;
     }
     RCC.cr().modify(|w| w.set_hsebyp(bypass));
     RCC.cr().modify(|w| w.set_hseon(true));
-    for _ in 0..1000 {
-        if RCC.cr().read().hserdy() {
-            return true;
-        }
-        cortex_m::asm::delay(HSI_HZ / 10_000);
+    let runs = wait::until(HSI_HZ / 10, || RCC.cr().read().hserdy());
+    if !runs {
+        RCC.cr().modify(|w| w.set_hseon(false));
     }
-    RCC.cr().modify(|w| w.set_hseon(false));
-    false
+    runs
 }
 
 /// Enables the instruction cache, but not the data cache: state to be retained across a reset would be lost in it.

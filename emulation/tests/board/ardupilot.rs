@@ -140,6 +140,31 @@ fn priorities_that_a_bootloader_leaves_are_put_right() {
     });
 }
 
+/// FPCCR: without ASPEN and LSPEN an interrupt would not save the floating-point registers of what it interrupts.
+#[test]
+fn floating_point_state_is_saved_whatever_a_bootloader_leaves() {
+    on_each_board(|board| {
+        // movw r0, #0xEF34; movt r0, #0xE000: FPCCR, where bit 31 is ASPEN and bit 30 LSPEN.
+        let control = core_registers(board, Leftover::Fpu, [0x7034_F64E, 0x0000_F2CE], 1)[0];
+        assert_eq!(control >> 30, 0b11, "{}: {control:#x}", board.name);
+    });
+}
+
+/// HSEON of an H743 cannot be cleared while PLL1 is on and takes its clock from the crystal (RM0433, 8.7.2). The emulator
+/// allows it once the core is on another clock, so the order of writes is looked at: the PLL goes off first.
+#[test]
+fn an_h743_stops_the_pll_before_the_crystal() {
+    let bootloader = Bootloader { leaves: vec![Leftover::Pll], ..Bootloader::default() };
+    let run = Run::new(&MATEK_H743, Image::Ardupilot).engines().bootloader(bootloader);
+    let run = run.record(MATEK_H743.clock_control).watch("__pre_init_end");
+    let report = run.until(50 * MILLIS).go();
+    let start = report.passed[0].0;
+    let after: Vec<_> = report.written.iter().filter(|write| write.at > start).collect();
+    let off = |bit: u32| after.iter().position(|write| write.value >> bit & 1 == 0).expect("goes off");
+    let (crystal, pll) = (off(16), off(24));
+    assert!(pll < crystal, "{after:x?}");
+}
+
 /// With it, what is kept over a reset would stay in it. Cache contents are not modelled: that it is cleaned first is not shown.
 #[test]
 fn a_data_cache_that_a_bootloader_leaves_is_off() {

@@ -2,7 +2,7 @@
 
 use crate::support::{engines, first_byte, no_window_missed, on_all_boards, on_each_board};
 use emulation::board::{Part, Pin};
-use emulation::{Bench, Image, Run};
+use emulation::{Bench, Image, MATEK_H743, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
@@ -195,4 +195,19 @@ fn tx_is_pulled_up_first_of_all() {
             assert!(open > driven && open - driven < 20_000, "{} {}", board.name, port.name);
         }
     });
+}
+
+/// ES0392, "Reading from AXI SRAM may lead to data read corruption", on revision Y: READ_ISS_OVERRIDE of AXI_TARG7_FN_MOD. The
+/// emulated part is of revision V and reads rightly without it, so the write is looked at: it comes before the RAM is initialised.
+#[test]
+fn an_h743_reads_its_ram_one_at_a_time_from_the_first_instructions_on() {
+    const AXI_TARG7_FN_MOD: u64 = 0x5100_8108;
+    for image in [Image::Release, Image::Ardupilot] {
+        let run = Run::new(&MATEK_H743, image).engines().record(AXI_TARG7_FN_MOD).watch("__pre_init_end");
+        let report = run.until(50 * MILLIS).go();
+        let [write] = &report.written[..] else { panic!("{image:?}: {:?}", report.written) };
+        assert_eq!(write.value, 1, "{image:?}");
+        let [(end, _)] = &report.passed[..] else { panic!("{image:?}: {:?}", report.passed) };
+        assert!(write.at < *end, "{image:?}: {} {end}", write.at);
+    }
 }

@@ -3,6 +3,7 @@
 //! second is an NMI that a few instructions in RAM raise, in thread mode or in the interrupt that carries the engines.
 
 use crate::support::{Led, Task, crash, hijack, on_each_board, others_are_well, symbol};
+use emulation::board::Part;
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
@@ -43,6 +44,27 @@ fn a_crystal_that_is_dead_at_power_on_costs_no_engine() {
         let report = run.with_errors().until(2 * SECOND).go();
         assert!(report.logged(WITHOUT), "{}", report.log_text());
         others_are_well(&report, &[]);
+    });
+}
+
+/// SysTick times the wait: as many cycles as the internal oscillator has in 0.1 s. The emulator counts them at the PLL's rate, whatever
+/// clocks the core and however slowly it works.
+#[test]
+fn a_dead_crystal_is_given_a_tenth_of_a_second() {
+    on_each_board(|board| {
+        let internal = match board.part {
+            Part::H743 => 64_000_000,
+            Part::F427 => 16_000_000,
+        };
+        let run = Run::new(board, Image::Release).instructions_per_second(internal).with_errors();
+        let run = run.at(0, |bench| bench.break_crystal()).record(board.clock_control);
+        let report = run.until(300 * MILLIS).go_unchecked().0;
+        let on = |write: &&emulation::Written| write.value >> 16 & 1 == 1;
+        let tried = report.written.iter().find(on).expect("HSEON is set").at;
+        let end = report.written.iter().find(|write| write.at > tried && !on(write));
+        let took = end.expect("HSEON is cleared").at - tried;
+        let tenth = internal / 10 * SECOND / board.core_hz;
+        assert!((tenth..tenth + tenth / 100).contains(&took), "{}: {took} ns, not {tenth}", board.name);
     });
 }
 

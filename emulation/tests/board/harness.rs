@@ -2,7 +2,7 @@
 
 use crate::support::{on_each_board, symbol};
 use emulation::{Board, Image, Run};
-use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, SECOND};
 use sim::line::Line;
 

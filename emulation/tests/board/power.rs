@@ -2,7 +2,7 @@
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, SECOND};
 use sim::line::Line;
 use sim::zk::{ZkConfig, ZkEcu};

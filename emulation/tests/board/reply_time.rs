@@ -2,7 +2,7 @@
 
 use crate::support::{amt_engines, engines, errors_told, on_each_board};
 use emulation::{Board, Fate, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, Engine};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
 
@@ -28,7 +28,7 @@ struct Row {
 }
 
 /// An AMT ECU at an odd period, so that its frames come to lie against everything else in every way.
-fn amt(engine: Engine, line: Line, period: Nanos) -> AmtEcu {
+fn amt(engine: EngineModel, line: Line, period: Nanos) -> AmtEcu {
     AmtEcu::new(AmtConfig { period, ..AmtConfig::new(engine) }.on(line))
 }
 
