@@ -72,7 +72,9 @@ class Peer:
             if not chunk:
                 return
             for message in self.parser.parse_buffer(chunk) or []:
-                self.received.append(message)
+                # A port may be joined in the middle of a frame.
+                if self.received or message.get_type() != "BAD_DATA":
+                    self.received.append(message)
                 self.on(message)
 
     def on(self, message):

@@ -66,6 +66,8 @@ pub(super) struct Shaper {
     rising: bool,
     /// The demand was reduced because another engine failed.
     was_reduced: bool,
+    /// The ECU's idle speed, as last reported in this run: a lost link forgets it, and the fail-safe of an rpm needs it in doubt.
+    idle_rpm: Option<Rpm>,
     at: Instant,
 }
 
@@ -78,6 +80,7 @@ impl Shaper {
             governed: None,
             rising: true,
             was_reduced: false,
+            idle_rpm: None,
             at: now,
         }
     }
@@ -119,6 +122,8 @@ impl Shaper {
         config: &Supervision,
     ) -> (Demand, Option<Instant>) {
         self.at = now;
+        self.idle_rpm = shape.idle_rpm.or(self.idle_rpm);
+        let shape = &Shape { idle_rpm: self.idle_rpm, ..*shape };
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
         }
@@ -177,7 +182,10 @@ impl Shaper {
         };
         let (target, rates) =
             if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
-        let next = self.moving.follow(now, target, rates, shape);
+        let within = self.moving.within_maximum(target, shape);
+        // A demand that was held must not jump when the maximum is known.
+        self.rising |= within != target;
+        let next = self.moving.follow(now, within, rates, shape);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
             self.governor = None;
@@ -262,7 +270,6 @@ impl Moving {
     }
 
     fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
-        let target = self.within_maximum(target, shape);
         match (&mut *self, target) {
             (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
                 ramp.follow(now, throttle.tenths().into(), rates, STEP)

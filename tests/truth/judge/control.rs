@@ -1,6 +1,6 @@
 //! What can be said from the words alone of who commands an engine.
 
-use crate::history::{Ask, Cause, History, Reset, SECOND, Word};
+use crate::history::{Ask, Cause, History, Kind, Reset, SECOND, Said, Word};
 
 /// The words of each source by which it is heard, in the order of time.
 #[derive(Clone, Debug)]
@@ -13,12 +13,19 @@ pub struct Voices {
     ups: Vec<u64>,
     /// When the engine was armed, and was not any more.
     armed: Vec<(u64, bool)>,
+    /// The same, where a brown-out does not forget who has to say disarmed first.
+    surely_armed: Vec<(u64, bool)>,
 }
 
 impl Voices {
     pub fn new(h: &History) -> Self {
         let mut words: [Vec<(u64, Word)>; 4] = Default::default();
-        for said in &h.said {
+        // A speed that the ECU cannot hold, because another one was plugged in, is refused: to the node its source is silent.
+        let refused = |said: &Said| {
+            let slow = matches!(h.rules.kind, Kind::Zk(_)) && h.version(said.at) < 4 && !h.rules.governor;
+            slow && matches!(said.word, Word::Run(Ask::Rpm(_)))
+        };
+        for said in h.said.iter().filter(|said| !refused(said)) {
             if said.word.is_heard() || said.word == Word::Nothing {
                 words[said.source].push((said.at, said.word));
             }
@@ -37,7 +44,8 @@ impl Voices {
             ages: h.rules.ages,
             gaps,
             ups: h.resets.iter().map(|reset| reset.up).collect(),
-            armed: armed(h),
+            armed: armed(h, true),
+            surely_armed: armed(h, false),
         }
     }
 
@@ -117,9 +125,12 @@ impl Voices {
     }
 
     pub fn armed(&self, at: u64) -> bool {
-        self.armed[..self.armed.partition_point(|(when, _)| *when <= at)]
-            .last()
-            .is_some_and(|(_, armed)| *armed)
+        last_of(&self.armed, at)
+    }
+
+    /// Armed, whatever the node has kept over a brown-out.
+    pub fn surely_armed(&self, at: u64) -> bool {
+        last_of(&self.surely_armed, at)
     }
 
     /// Whether it was armed at any time in between.
@@ -128,9 +139,13 @@ impl Voices {
     }
 }
 
+fn last_of(armed: &[(u64, bool)], at: u64) -> bool {
+    armed[..armed.partition_point(|(when, _)| *when <= at)].last().is_some_and(|(_, armed)| *armed)
+}
+
 /// An emergency stop disarms. Who said armed before its release has to say disarmed first. A loss of the node's power
 /// disarms.
-fn armed(h: &History) -> Vec<(u64, bool)> {
+fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
     let mut all = vec![(0, !h.rules.arming)];
     if !h.rules.arming {
         return all;
@@ -140,7 +155,9 @@ fn armed(h: &History) -> Vec<(u64, bool)> {
     for said in &h.said {
         while let Some(reset) = lost.next_if(|reset| reset.down <= said.at) {
             all.push((reset.down, false));
-            (said_armed, blocked) = ([false; 4], [false; 4]);
+            if brown_out_forgets || reset.cause != Cause::BrownOut {
+                (said_armed, blocked) = ([false; 4], [false; 4]);
+            }
             // A latched stop outlives a brown-out that leaves the memory whole.
             latched &= reset.cause == Cause::BrownOut;
         }

@@ -198,6 +198,9 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         let told = frames.iter().rev().find_map(|frame| frame.told.switch().map(|switch| (frame.at, switch)));
         let commanded = commanded && told.is_some_and(|(at, told)| told == Switch::Run && out < at + SECOND);
         let from = out + 8 * SECOND;
+        // Nor do they shut it down before a failure has shown.
+        let mut silences = super::control::silences(other, SECOND).into_iter();
+        let commanded = commanded && !silences.any(|(silent, until)| silent < from && until > out);
         let hidden = other.mute.union(&other.noise).union(&other.unpowered);
         if commanded && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {
             spans.push(from, ends.min(again));

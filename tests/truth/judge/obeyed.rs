@@ -126,7 +126,7 @@ impl Case<'_> {
                 _ => false,
             });
             let quiet = !lately.iter().any(|word| matches!(word.word, Word::Disarm | Word::Release));
-            let armed = self.voices.armed(since) && self.voices.armed(at);
+            let armed = self.voices.surely_armed(since) && self.voices.surely_armed(at);
             let samples = h.samples(since, at);
             let cold = samples.iter().all(|sample| {
                 sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0

@@ -159,7 +159,7 @@ impl Case<'_> {
         let longest = |until| self.longest_gap(start.source, start.at, until);
         // Whether it waited shows at the next slot at the earliest.
         let waited = began > start.at + self.h.rules.period + 100 * MS;
-        if waited && began > start.waits_until.saturating_add(100 * MS) {
+        if waited && began > start.waits_until.saturating_add(self.h.rules.period + 100 * MS) {
             return who("waited, and was withdrawn");
         }
         if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {

@@ -187,3 +187,51 @@ fn an_rpm_demand_does_not_rise_before_the_maximum_is_reported_again() {
     scenario.fly_us(demand, Origin::Rc, 3 * SECOND);
     assert_eq!(codes(&mut scenario).last(), Some(&3333));
 }
+
+/// "After a gap the demand rises at a set rate": also when it was held until the maximum was reported again.
+#[test]
+fn an_rpm_demand_that_waited_for_the_maximum_rises_at_the_set_rate() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(60_000));
+    scenario.fly_us(Command::Run(rpm(60_000)), Origin::Rc, 2 * SECOND);
+    scenario.silent().fly_us(Command::Run(rpm(60_000)), Origin::Rc, SECOND);
+    for n in 0..40 {
+        // It confirms the life: running, with the idle speed known.
+        let frame = match n % 2 {
+            0 => zk_frames::status(1, TURNING, [11, 2 << 5, 76]),
+            _ => zk_frames::status(8, TURNING, [5, 0, 0]),
+        };
+        scenario.bench.receive(&frame);
+        scenario.command(Command::Run(rpm(if n < 20 { 60_000 } else { 120_000 }))).ok();
+        scenario.pass_us(FRAME_PERIOD_US);
+    }
+    // It goes out as ID 7 beside ID 0 until the version is known, too.
+    assert_eq!(scenario.order(), Order::Doubt(rpm(60_000)), "the maximum is not known");
+    assert_eq!(scenario.telemetry().in_doubt, None);
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2]));
+    }
+    scenario.says = Some(Says::Running);
+    scenario.fly_us(Command::Run(rpm(120_000)), Origin::Rc, SECOND / 2);
+    // 50 % of 160 000 rpm a second.
+    let Order::Run(Demand::Rpm(half_a_second_later)) = scenario.order() else {
+        panic!("{:?}", scenario.order())
+    };
+    assert!((99_000..=101_000).contains(&half_a_second_later.get()), "{half_a_second_later:?}");
+}
+
+/// "ID 0, and in mode 3 the demand as ID 7 in turn with it": also at the fail-safe stage, when the lost link has forgotten the idle
+/// speed.
+#[test]
+fn at_the_fail_safe_stage_an_rpm_demand_goes_on_in_doubt_after_the_link_is_lost() {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(60_000));
+    scenario.fly_us(Command::Run(rpm(60_000)), Origin::Rc, 2 * SECOND);
+    // Timeout and hold 1.5 s, then down to idle in less than 1 s; the link is lost 0.5 s after its last frame.
+    scenario.pass_us(3 * SECOND);
+    scenario.silent().pass_us(2 * SECOND);
+    assert_eq!(scenario.order(), Order::Doubt(rpm(5000)));
+    scenario.bench.frames();
+    scenario.pass_us(SECOND);
+    let frames = scenario.bench.bytes();
+    assert!(frames.iter().any(|frame| frame[1] >> 4 == 7), "{frames:02X?}");
+    assert!(frames.iter().any(|frame| frame[1] >> 4 == 0), "{frames:02X?}");
+}
