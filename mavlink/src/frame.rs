@@ -4,18 +4,18 @@
 //! skipped as a whole: what it carries may look like a frame.
 
 use crate::dialect::MavMessage;
+use crate::signing::{Key, SIGNATURE, Signature};
 use heapless::Vec;
 use mavlink_core::{MavlinkVersion, Message, MessageData};
 
 /// Largest frame: header, payload, checksum and signature.
 pub const MAX_FRAME: usize = 10 + 255 + 2 + 13;
-/// Largest frame that is sent here: `EFI_STATUS`.
-pub const MAX_SENT: usize = 10 + 73 + 2;
+/// Largest frame that is sent here: `EFI_STATUS`, signed.
+pub const MAX_SENT: usize = 10 + 73 + 2 + SIGNATURE;
 
 const START_V1: u8 = 0xFE;
 const START_V2: u8 = 0xFD;
 const SIGNED: u8 = 0x01;
-const SIGNATURE: usize = 13;
 
 const CHECKSUM: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
 
@@ -30,12 +30,26 @@ pub struct Address {
 }
 
 /// A message with its sender.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq)]
 pub struct Frame {
     /// Who sent it.
     pub from: Address,
     /// The message.
     pub message: MavMessage,
+    /// What was found of its signature.
+    pub signature: Signature,
+}
+
+impl core::fmt::Debug for Frame {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let mut frame = f.debug_struct("Frame");
+        frame.field("from", &self.from).field("signature", &self.signature);
+        match &self.message {
+            // A key is not printed.
+            MavMessage::SETUP_SIGNING(_) => frame.finish_non_exhaustive(),
+            message => frame.field("message", message).finish(),
+        }
+    }
 }
 
 /// Counters of what a port received. All wrap.
@@ -87,9 +101,9 @@ impl Decoder {
     }
 
     /// Takes bytes until a frame is complete. Returns how many it took, and the frame. With none left to take, it may still
-    /// hold frames: call it until it returns none.
-    pub fn receive(&mut self, bytes: &[u8]) -> (usize, Option<Frame>) {
-        if let Some(frame) = self.search() {
+    /// hold frames: call it until it returns none. Signatures are verified with the key, if there is one.
+    pub fn receive(&mut self, key: Option<&Key>, bytes: &[u8]) -> (usize, Option<Frame>) {
+        if let Some(frame) = self.search(key) {
             return (0, Some(frame));
         }
         for (i, &byte) in bytes.iter().enumerate() {
@@ -97,7 +111,7 @@ impl Decoder {
             if self.buffer.push(byte).is_err() {
                 self.buffer.clear();
             }
-            if let Some(frame) = self.search() {
+            if let Some(frame) = self.search(key) {
                 return (i + 1, Some(frame));
             }
         }
@@ -105,9 +119,9 @@ impl Decoder {
     }
 
     /// Searches the buffer until it holds the beginning of a frame or nothing.
-    fn search(&mut self) -> Option<Frame> {
+    fn search(&mut self, key: Option<&Key>) -> Option<Frame> {
         loop {
-            match self.look() {
+            match self.look(key) {
                 Found::Incomplete => return None,
                 Found::Nothing => {
                     let next = self.buffer.iter().skip(1).position(|&byte| is_start(byte));
@@ -135,7 +149,7 @@ impl Decoder {
         self.buffer.truncate(left);
     }
 
-    fn look(&mut self) -> Found {
+    fn look(&mut self, key: Option<&Key>) -> Found {
         let (&start, rest) = match self.buffer.split_first() {
             Some(parts) => parts,
             None => return Found::Incomplete,
@@ -174,10 +188,15 @@ impl Decoder {
             return Found::Nothing;
         }
         let payload = self.buffer.get(header..end).unwrap_or_default();
-        match MavMessage::parse(version, id, payload) {
-            Ok(message) => Found::Frame(whole, Frame { from, message }),
-            Err(_) => Found::Unknown(whole),
-        }
+        let Ok(message) = MavMessage::parse(version, id, payload) else { return Found::Unknown(whole) };
+        let (frame, tail) = self.buffer.split_at_checked(end + 2).unwrap_or_default();
+        let tail = tail.get(..signature).and_then(|tail| <[u8; SIGNATURE]>::try_from(tail).ok());
+        let signature = match (tail, key) {
+            (None, _) => Signature::Missing,
+            (Some(_), None) => Signature::Unverified,
+            (Some(tail), Some(key)) => key.check(frame, tail),
+        };
+        Found::Frame(whole, Frame { from, message, signature })
     }
 }
 
@@ -192,8 +211,17 @@ fn checksum(bytes: &[u8], extra: u8) -> u16 {
     digest.finalize()
 }
 
-/// Encodes a message as a frame of MAVLink 2.
+/// Encodes a message as a frame of MAVLink 2, without a signature.
 pub fn encode<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u8, MAX_FRAME> {
+    encode_with(from, sequence, message, 0)
+}
+
+/// The same as the beginning of a signed frame: its signature has to follow.
+pub(crate) fn encode_to_sign<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u8, MAX_FRAME> {
+    encode_with(from, sequence, message, SIGNED)
+}
+
+fn encode_with<M: MessageData>(from: Address, sequence: u8, message: &M, flags: u8) -> Vec<u8, MAX_FRAME> {
     let mut payload = [0; 255];
     let len = message.ser(MavlinkVersion::V2, &mut payload);
     let payload = payload.get(..len).unwrap_or_default();
@@ -201,7 +229,7 @@ pub fn encode<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u
     let header = [
         START_V2,
         payload.len() as u8, // 255 at most
-        0,
+        flags,
         0,
         sequence,
         from.system,
@@ -222,7 +250,8 @@ pub fn encode<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA};
+    use crate::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA, SETUP_SIGNING_DATA};
+    use crate::signing::{Seal, Stamp};
 
     const FROM: Address = Address { system: 7, component: 25 };
 
@@ -247,9 +276,68 @@ mod tests {
     /// The same message in MAVLink 1.
     #[test]
     fn version_1_is_received() {
-        let (taken, frame) = Decoder::new().receive(&KNOWN_HEARTBEAT_V1);
+        let (taken, frame) = Decoder::new().receive(None, &KNOWN_HEARTBEAT_V1);
         assert_eq!(taken, KNOWN_HEARTBEAT_V1.len());
-        assert_eq!(frame, Some(Frame { from: FROM, message: MavMessage::HEARTBEAT(heartbeat()) }));
+        assert_eq!(frame, Some(frame_of(Signature::Missing)));
+    }
+
+    fn frame_of(signature: Signature) -> Frame {
+        Frame { from: FROM, message: MavMessage::HEARTBEAT(heartbeat()), signature }
+    }
+
+    /// Known answer of pymavlink 2.4.50: the same heartbeat, signed as link 2. Made with
+    ///
+    /// ```text
+    /// os.environ["MAVLINK20"] = "1"
+    /// from pymavlink.dialects.v20 import common as m
+    /// mav = m.MAVLink(None, srcSystem=7, srcComponent=25)
+    /// mav.seq, mav.signing.sign_outgoing = 5, True
+    /// mav.signing.secret_key = bytes(range(1, 33))
+    /// mav.signing.link_id, mav.signing.timestamp = 2, 0x0123456789AB
+    /// print(m.MAVLink_heartbeat_message(0, 8, 1, 0x01020304, 4, 3).pack(mav).hex())
+    /// ```
+    const SIGNED_HEARTBEAT: [u8; 34] = [
+        0xFD, 0x09, 0x01, 0x00, 0x05, 0x07, 0x19, 0x00, 0x00, 0x00, 0x04, 0x03, 0x02, 0x01, 0x00, 0x08, 0x01,
+        0x04, 0x03, 0xA6, 0xA9, 0x02, 0xAB, 0x89, 0x67, 0x45, 0x23, 0x01, 0xF9, 0x19, 0x3A, 0xB6, 0xBC, 0x55,
+    ];
+
+    fn key() -> Key {
+        Key::new(core::array::from_fn(|i| i as u8 + 1)).unwrap()
+    }
+
+    #[test]
+    fn a_signed_frame_is_what_another_implementation_sends() {
+        let stamp = Stamp::new(0x0123_4567_89AB).unwrap();
+        let mut frame = encode_to_sign(FROM, 5, &heartbeat());
+        Seal { key: &key(), link: 2, stamp }.sign(&mut frame);
+        assert_eq!(frame[..], SIGNED_HEARTBEAT);
+        let received = |key: Option<&Key>, bytes: &[u8]| Decoder::new().receive(key, bytes).1;
+        let right = Signature::Right { link: 2, stamp };
+        assert_eq!(received(Some(&key()), &SIGNED_HEARTBEAT), Some(frame_of(right)));
+        assert_eq!(received(None, &SIGNED_HEARTBEAT), Some(frame_of(Signature::Unverified)));
+        let other = Key::new([1; 32]).unwrap();
+        assert_eq!(received(Some(&other), &SIGNED_HEARTBEAT), Some(frame_of(Signature::Wrong)));
+        assert_eq!(received(Some(&key()), &KNOWN_HEARTBEAT), Some(frame_of(Signature::Missing)));
+        // Link, stamp and signature, bit by bit; the sequence, which the checksum covers as well.
+        for bit in 21 * 8..34 * 8 {
+            let mut changed = SIGNED_HEARTBEAT;
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(received(Some(&key()), &changed), Some(frame_of(Signature::Wrong)), "bit {bit}");
+        }
+        let mut changed = SIGNED_HEARTBEAT;
+        changed[4] ^= 1;
+        let sum = checksum(&changed[1..19], HEARTBEAT_DATA::EXTRA_CRC).to_le_bytes();
+        changed[19..21].copy_from_slice(&sum);
+        assert_eq!(received(Some(&key()), &changed), Some(frame_of(Signature::Wrong)));
+    }
+
+    #[test]
+    fn a_key_is_not_printed_with_its_frame() {
+        let setup = SETUP_SIGNING_DATA { secret_key: [0xA5; 32], ..Default::default() };
+        let frame = Decoder::new().receive(None, &encode(FROM, 0, &setup)).1.unwrap();
+        assert_eq!(frame.message, MavMessage::SETUP_SIGNING(setup));
+        let text = std::format!("{frame:?}");
+        assert!(text.contains("Missing") && !text.contains("165"), "{text}");
     }
 
     const KNOWN_HEARTBEAT: [u8; 21] = [
@@ -263,7 +351,7 @@ mod tests {
     fn all(decoder: &mut Decoder, mut bytes: &[u8]) -> std::vec::Vec<Frame> {
         let mut frames = std::vec::Vec::new();
         loop {
-            let (taken, frame) = decoder.receive(bytes);
+            let (taken, frame) = decoder.receive(None, bytes);
             bytes = &bytes[taken..];
             match frame {
                 Some(frame) => frames.push(frame),

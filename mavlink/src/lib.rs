@@ -7,13 +7,14 @@
 //! | module | contents |
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
+//! | [`signing`] | who has the key may command |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the rate that is asked for |
 //! | `engine` | one engine: its switch, its demand source, what arms it |
 //! | [`report`], `text`, [`port`] | messages of an engine; texts; a port and its share of telemetry |
 //! | [`service`] | all together |
 //!
-//! **Nothing here has run on hardware yet.** There is no signing and no storage: see `docs/mavlink.md`.
+//! **Nothing here has run on hardware yet.** There is no storage: see `docs/mavlink.md`.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs, missing_debug_implementations)]
@@ -34,6 +35,7 @@ pub mod service;
 pub mod services;
 mod servo;
 pub mod settings;
+pub mod signing;
 #[cfg(test)]
 mod tests;
 mod text;

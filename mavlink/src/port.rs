@@ -3,7 +3,8 @@
 //! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
 //! moves at all.
 
-use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode};
+use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode, encode_to_sign};
+use crate::signing::{SIGNATURE, Seal};
 use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use mavlink_core::MessageData;
@@ -24,17 +25,24 @@ const STAGGER: Duration = Duration::from_millis(130);
 pub struct PortConfig {
     /// Bytes a second that it carries. A UART of 57 600 baud: 5760.
     pub bytes_per_second: u32,
+    /// Whether only who stands at the board is on it. What comes from there needs no signature, and may set the key.
+    pub usb: bool,
 }
 
 impl PortConfig {
     /// A UART, with 10 bits for a byte.
     pub const fn uart(baud: u32) -> Self {
-        Self { bytes_per_second: baud / 10 }
+        Self { bytes_per_second: baud / 10, usb: false }
     }
 
-    /// USB, or a network: everything is sent at 10 Hz.
+    /// USB: everything is sent at 10 Hz.
     pub const fn usb() -> Self {
-        Self { bytes_per_second: 100_000 }
+        Self { bytes_per_second: 100_000, usb: true }
+    }
+
+    /// A network: as fast as USB, but anybody may be on it.
+    pub const fn network() -> Self {
+        Self { usb: false, ..Self::usb() }
     }
 
     /// Whether it carries everything at 10 Hz.
@@ -165,7 +173,7 @@ impl<const N: usize> Port<N> {
         PortCounters { received: self.decoder.counters(), ..self.counters }
     }
 
-    /// Queues a frame. `engine`: which one sends it; `None`: the node.
+    /// Queues a frame. `engine`: which one sends it; `None`: the node. `seal`: what it is signed with.
     pub fn send<M: MessageData>(
         &mut self,
         now: Instant,
@@ -173,6 +181,7 @@ impl<const N: usize> Port<N> {
         engine: Option<usize>,
         class: Class,
         message: &M,
+        seal: Option<Seal<'_>>,
     ) -> bool {
         let sequence = match engine {
             Some(engine) => match self.streams.get(engine) {
@@ -181,12 +190,16 @@ impl<const N: usize> Port<N> {
             },
             None => self.sequence,
         };
-        let frame = encode(from, sequence, message);
+        let (mut frame, length) = match seal {
+            None => (encode(from, sequence, message), 0),
+            Some(_) => (encode_to_sign(from, sequence, message), SIGNATURE),
+        };
+        let length = frame.len() + length;
         let free = QUEUE - self.queue.len();
         let fits = match class {
-            Class::Answer => frame.len() <= free,
+            Class::Answer => length <= free,
             Class::Telemetry => {
-                self.queue.len() + frame.len() <= TELEMETRY_QUEUE && self.used_until <= now + BURST
+                self.queue.len() + length <= TELEMETRY_QUEUE && self.used_until <= now + BURST
             }
         };
         if !fits {
@@ -198,7 +211,7 @@ impl<const N: usize> Port<N> {
             return false;
         }
         if class == Class::Telemetry {
-            self.used_until = self.used_until.max(now) + self.quarter(frame.len());
+            self.used_until = self.used_until.max(now) + self.quarter(length);
         }
         let sequence = match engine.and_then(|engine| self.streams.get_mut(engine)) {
             Some(stream) => &mut stream.sequence,
@@ -206,6 +219,10 @@ impl<const N: usize> Port<N> {
         };
         *sequence = sequence.wrapping_add(1);
         self.counters.queued = self.counters.queued.wrapping_add(1);
+        // A frame that is dropped costs no hash.
+        if let Some(seal) = seal {
+            seal.sign(&mut frame);
+        }
         self.push(&frame);
         true
     }
@@ -261,7 +278,7 @@ mod tests {
         let mut sent = 0;
         for ms in 0..10_000 {
             let now = start + Duration::from_millis(ms);
-            port.send(now, FROM, Some(0), Class::Telemetry, &value);
+            port.send(now, FROM, Some(0), Class::Telemetry, &value, None);
             while let count @ 1.. = port.transmit(&mut bytes) {
                 sent += count;
             }
@@ -273,14 +290,14 @@ mod tests {
         // Nothing moves any more: telemetry leaves space for answers.
         let now = start + Duration::from_secs(60);
         (0..100).for_each(|i| {
-            port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value);
+            port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value, None);
         });
         assert!(port.queue.len() <= TELEMETRY_QUEUE);
         let ack = COMMAND_ACK_DATA { command: 223, ..Default::default() };
-        assert!((0..20).all(|_| port.send(now, FROM, None, Class::Answer, &ack)));
+        assert!((0..20).all(|_| port.send(now, FROM, None, Class::Answer, &ack, None)));
         assert_eq!(port.counters().answers_dropped, 0);
         (0..100).for_each(|_| {
-            port.send(now, FROM, None, Class::Answer, &ack);
+            port.send(now, FROM, None, Class::Answer, &ack, None);
         });
         assert!(port.counters().answers_dropped > 0);
     }

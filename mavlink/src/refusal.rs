@@ -33,6 +33,8 @@ pub enum Refusal {
     Stopped,
     /// A repeat of a start that was refused a moment ago.
     Repeated,
+    /// A key is set only by USB.
+    OnlyByUsb,
     /// An engine turns.
     Turns,
     /// No parameter has this name.
@@ -51,7 +53,10 @@ impl Refusal {
     /// The answer of MAVLink.
     pub const fn ack(self) -> Ack {
         match self {
-            Self::NotAllowed(_) | Self::Malformed(_) | Self::Engine(Rejected::NotSupported) => Ack::Denied,
+            Self::NotAllowed(_)
+            | Self::OnlyByUsb
+            | Self::Malformed(_)
+            | Self::Engine(Rejected::NotSupported) => Ack::Denied,
             _ => Ack::TemporarilyRejected,
         }
     }
@@ -90,6 +95,7 @@ impl core::fmt::Display for Refusal {
             Self::Repeated => {
                 f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
             }
+            Self::OnlyByUsb => f.write_str("set it by USB: elsewhere it can be read on its way"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
             Self::OutOfRange(row) => {

@@ -43,19 +43,27 @@ class Peer:
         self.lock = threading.Lock()
         self.mav = mav.MAVLink(self, srcSystem=system, srcComponent=component)
         self.mav.robust_parsing = True
+        self.parser = mav.MAVLink(None)
+        self.parser.robust_parsing = True
         self.received = []
         threading.Thread(target=self._read, daemon=True).start()
 
     def write(self, frame):
         self.connection.sendall(frame)
 
+    def sign(self, key, stamp):
+        """Signs what is sent from here on, and takes only what is signed. Without a key: neither."""
+        with self.lock:
+            for end in (self.mav, self.parser):
+                end.signing.secret_key = key
+                end.signing.sign_outgoing = key is not None
+                end.signing.timestamp = stamp
+
     def say(self, message):
         with self.lock:
             self.mav.send(message)
 
     def _read(self):
-        parser = mav.MAVLink(None)
-        parser.robust_parsing = True
         while True:
             try:
                 chunk = self.connection.recv(4096)
@@ -63,7 +71,7 @@ class Peer:
                 return
             if not chunk:
                 return
-            for message in parser.parse_buffer(chunk) or []:
+            for message in self.parser.parse_buffer(chunk) or []:
                 # A port may be joined in the middle of a frame.
                 if self.received or message.get_type() != "BAD_DATA":
                     self.received.append(message)

@@ -132,6 +132,69 @@ def emergency(ground):
     assert answer == NOT_NOW and "disarm the vehicle" in text, (answer, text)
 
 
+KEY = bytes(range(1, 33))
+STAMP = 36_500_000_000_000
+
+
+def signing(ground, plane):
+    """What is not signed moves nothing, but by USB: the ground station's port, which only this computer reaches."""
+
+    def set_up(peer, key, text):
+        mark = len(peer.received)
+        peer.say(mav.MAVLink_setup_signing_message(VEHICLE, NODE, list(key), STAMP))
+        until(text, 2, lambda: text in "".join(said.text for said in peer.since(mark, "STATUSTEXT", NODE)))
+
+    def threshold(value):
+        return mav.MAVLink_param_set_message(VEHICLE, RIGHT, b"LOSS_THR", value, 9)
+
+    def ignored(frame):
+        mark, before = len(plane.received), ground.read(RIGHT, "LOSS_THR")
+        with plane.lock:
+            plane.write(frame)
+        wait(5)
+        assert ground.read(RIGHT, "LOSS_THR") == before
+        assert not plane.since(mark, "PARAM_VALUE")
+
+    unsigned = threshold(200).pack(plane.mav)
+    plane.armed = False
+    wait(5)
+    set_up(plane, KEY, "by USB")
+    assert Ground.set(plane, RIGHT, "LOSS_THR", 120) == 120, "without a key"
+    set_up(ground, KEY, "signing key set")
+    ignored(unsigned)
+    assert ground.set(RIGHT, "LOSS_THR", 130) == 130, "by USB"
+    for peer in (ground, plane):
+        peer.sign(KEY, STAMP)
+    wait(1)
+    begin = {peer: len(peer.received) for peer in (ground, plane)}
+    assert Ground.set(plane, RIGHT, "LOSS_THR", 140) == 140, "signed"
+    with plane.lock:
+        frame = threshold(150).pack(plane.mav)
+        plane.write(frame)
+    until("signed", 2, lambda: ground.read(RIGHT, "LOSS_THR") == 150)
+    assert Ground.set(plane, RIGHT, "LOSS_THR", 160) == 160
+    ignored(frame)
+    stranger = mav.MAVLink(None, srcSystem=VEHICLE, srcComponent=1)
+    stranger.signing.secret_key, stranger.signing.sign_outgoing = KEY[::-1], True
+    stranger.signing.timestamp = STAMP * 2
+    ignored(threshold(170).pack(stranger))
+    # A restart of the node keeps the key, and its stamps go on: pymavlink takes no older ones.
+    restarted = len(plane.received)
+    assert ground.command(NODE, REBOOT, 1)[0] == ACCEPTED
+    until("heartbeats", 20, lambda: len(plane.since(restarted, "HEARTBEAT", RIGHT)) > 2)
+    ignored(unsigned)
+    ignored(frame)
+    for peer, mark in begin.items():
+        received = peer.received[mark:]
+        assert len(received) > 100 and all(message.get_signed() for message in received), "all is signed"
+    until("at rest", 60, lambda: ground.state(LEFT) == STANDBY and ground.state(RIGHT) == STANDBY)
+    for peer in (ground, plane):
+        peer.sign(None, 0)
+    set_up(ground, bytes(32), "signing key cleared")
+    assert Ground.set(plane, RIGHT, "LOSS_THR", 180) == 180, "without a key"
+    print("signing: what is unsigned, signed with another key or sent again is ignored")
+
+
 def main():
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
@@ -147,6 +210,7 @@ def main():
     flight(ground, plane)
     restart(ground)
     emergency(ground)
+    signing(ground, plane)
     damaged = ground.since(0, "BAD_DATA") + plane.since(0, "BAD_DATA")
     assert not damaged, damaged
     print("all as the documents have it")

@@ -18,6 +18,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         if own == Some(from.system) && self.place(from.component).is_some() {
             return;
         }
+        if let MavMessage::SETUP_SIGNING(setup) = &frame.message {
+            self.set_up_signing(now, port, from, setup);
+            return;
+        }
+        if !self.admits(now, port, &frame) {
+            return;
+        }
         match frame.message {
             MavMessage::HEARTBEAT(beat) => {
                 self.note_station(now, from.system);
@@ -96,8 +103,9 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                 let target = Address { system: set.target_system, component: set.target_component };
                 self.set_parameter(now, port, from, target, &set.param_id, set.param_value);
             }
-            // What we send ourselves.
-            MavMessage::EFI_STATUS(_)
+            // Done above, and what we send ourselves.
+            MavMessage::SETUP_SIGNING(_)
+            | MavMessage::EFI_STATUS(_)
             | MavMessage::NAMED_VALUE_FLOAT(_)
             | MavMessage::PARAM_VALUE(_)
             | MavMessage::STATUSTEXT(_) => {}

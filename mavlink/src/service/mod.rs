@@ -4,6 +4,7 @@ mod commands;
 mod incoming;
 mod outgoing;
 pub mod parameters;
+mod signing;
 
 use crate::engine::{Engine, Situation};
 use crate::frame::Address;
@@ -13,6 +14,7 @@ use crate::report::Fleet;
 use crate::request::RateRequest;
 use crate::servo::FrameClock;
 use crate::settings::{EngineSettings, NodeSettings};
+use crate::signing::{Signing, SigningCounters, SigningState};
 use crate::text::{Limiter, pieces, text};
 use crate::vehicle::Vehicle;
 use embassy_time::{Duration, Instant};
@@ -47,6 +49,8 @@ pub struct Counters {
     pub texts_lost: u32,
     /// Events of engines that were lost before they became texts.
     pub events_lost: u32,
+    /// What was ignored for its signature.
+    pub signing: SigningCounters,
 }
 
 /// What the node has to do besides.
@@ -66,6 +70,7 @@ pub struct Service<'a, const N: usize, const P: usize> {
     autopilot_port: Option<usize>,
     engines: Vec<Engine<'a>, N>,
     ports: Vec<Port<N>, P>,
+    signing: Signing,
     vehicle: Vehicle,
     request: RateRequest,
     /// Clocks of outputs 1 to 16 and 17 to 32.
@@ -113,10 +118,12 @@ impl Place {
 }
 
 impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
-    /// A service for these engines and ports. What exceeds `N` or `P` is left out.
+    /// A service for these engines and ports. What exceeds `N` or `P` is left out. `signing` is what was kept of
+    /// [`Service::signing`].
     pub fn new(
         now: Instant,
         settings: NodeSettings,
+        signing: SigningState,
         engines: impl IntoIterator<Item = EngineParts<'a>>,
         ports: impl IntoIterator<Item = PortConfig>,
     ) -> Self {
@@ -133,6 +140,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             texts: engines.iter().map(|_| Limiter::new(now)).collect(),
             ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
             engines,
+            signing: Signing::new(now, signing),
             vehicle: Vehicle::new(settings.identity.system),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
@@ -153,7 +161,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     pub fn receive(&mut self, now: Instant, port: usize, mut bytes: &[u8]) {
         loop {
             let Some(decoder) = self.ports.get_mut(port).map(|port| &mut port.decoder) else { return };
-            let (taken, frame) = decoder.receive(bytes);
+            let (taken, frame) = decoder.receive(self.signing.key(), bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
             match frame {
                 Some(frame) => self.handle(now, port, frame),
@@ -200,6 +208,11 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     /// The settings of the node, as the parameters have them.
     pub fn settings(&self) -> &NodeSettings {
         &self.settings
+    }
+
+    /// The key and what else signing has to keep over a restart.
+    pub fn signing(&self, now: Instant) -> SigningState {
+        self.signing.state(now)
     }
 
     /// The settings of each engine, as the parameters have them.
@@ -268,7 +281,11 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     ) -> bool {
         let Some(system) = self.system(now, port) else { return false };
         let from = Address { system, component: self.component(place) };
-        self.ports.get_mut(port).is_some_and(|port| port.send(now, from, place.engine(), class, message))
+        // Each port is a link of its own for its receivers.
+        let seal = self.signing.seal(now, u8::try_from(port).unwrap_or(u8::MAX));
+        self.ports
+            .get_mut(port)
+            .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
     /// Sends a text, on one port or on all.

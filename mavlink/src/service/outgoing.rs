@@ -13,7 +13,7 @@ use embassy_time::{Duration, Instant};
 use mavlink_core::types::CharArray;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
-/// Bytes of a heartbeat.
+/// Bytes of a heartbeat that is not signed.
 const HEARTBEAT_BYTES: usize = 21;
 /// On a port that carries everything.
 const WIDE_EVERY: Duration = Duration::from_millis(100);
@@ -99,10 +99,11 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                 heartbeat(&engine.telemetry(), engine.is_at_run())
             }
         };
+        let bytes = HEARTBEAT_BYTES + self.signing.overhead();
         if self.send(now, port, place, Class::Answer, &message)
             && let Some(port) = self.ports.get_mut(port)
         {
-            port.charge(now, HEARTBEAT_BYTES);
+            port.charge(now, bytes);
         }
     }
 

@@ -16,7 +16,7 @@ use mavlink_core::types::CharArray;
 
 /// Time between two parameters of a list.
 const LIST_EVERY: Duration = Duration::from_millis(50);
-/// Bytes of a parameter.
+/// Bytes of a parameter that is not signed.
 const PARAMETER_BYTES: usize = 37;
 
 /// The parameters of the node, in their order, with their texts.
@@ -125,8 +125,9 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                 (list.place, list.index) = (list.place + 1, 0);
                 list.place <= list.last
             };
+            let bytes = PARAMETER_BYTES + self.signing.overhead();
             if let Some(port) = self.ports.get_mut(port) {
-                list.next = now + LIST_EVERY.max(port.quarter(PARAMETER_BYTES));
+                list.next = now + LIST_EVERY.max(port.quarter(bytes));
                 port.list = going_on.then_some(list);
             }
         }

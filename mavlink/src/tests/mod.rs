@@ -4,6 +4,7 @@
 mod commands;
 mod mutated;
 mod parameters;
+mod signing;
 mod streams;
 mod throttle;
 mod world;

@@ -8,6 +8,7 @@ use crate::frame::{Address, encode};
 use crate::port::PortConfig;
 use crate::service::{EngineParts, Service};
 use crate::settings::{EngineSettings, Identity, NodeSettings};
+use crate::signing::SigningState;
 use embassy_time::{Duration, Instant};
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
@@ -18,7 +19,7 @@ use mavlink_core::Message;
 use std::vec::Vec;
 
 /// Number of a message, its `CRC_EXTRA`, and the offset of its target system where it commands or sets.
-const MESSAGES: [(u32, u8, Option<usize>); 14] = [
+const MESSAGES: [(u32, u8, Option<usize>); 15] = [
     (0, 50, None),
     (20, 214, None),
     (21, 159, None),
@@ -33,6 +34,7 @@ const MESSAGES: [(u32, u8, Option<usize>); 14] = [
     (225, 208, None),
     (251, 170, None),
     (253, 83, None),
+    (256, 71, None),
 ];
 
 #[test]
@@ -165,7 +167,7 @@ fn damaged_streams(frames: u64, seed: u64) {
     let mut now = Instant::from_secs(1);
     let ports = [PortConfig::uart(57_600), PortConfig::usb()];
     let settings = NodeSettings { identity, ..NodeSettings::DEFAULT };
-    let mut service: Service<'_, 2, 2> = Service::new(now, settings, parts, ports);
+    let mut service: Service<'_, 2, 2> = Service::new(now, settings, SigningState::NONE, parts, ports);
     let mut rng = fastrand::Rng::with_seed(seed);
     let (mut sent, mut damaged, mut whole_orders, mut obeyed) = (0_u64, 0_u64, 0_u64, 0_u64);
     let mut by_chance = 0;

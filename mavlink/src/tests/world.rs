@@ -1,12 +1,13 @@
 //! A node with two simulated engines, an autopilot on port 0 and a ground station on port 1, in virtual time.
 
 use crate::dialect::*;
-use crate::frame::{Address, Decoder, Frame, encode};
+use crate::frame::{Address, Decoder, Frame, MAX_FRAME, encode, encode_to_sign};
 use crate::ids::*;
 use crate::port::PortConfig;
 use crate::report::state_number;
 use crate::service::{EngineParts, Service};
 use crate::settings::{EngineSettings, NodeSettings};
+use crate::signing::{Key, Seal, Signature, SigningState, Stamp};
 use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -35,6 +36,8 @@ pub const ENGINE: [u8; 2] = [26, 27];
 pub const TO_AUTOPILOT: usize = 0;
 pub const TO_GROUND: usize = 1;
 pub const IDLE_US: u16 = 1100;
+/// Time stamp of the autopilot and the ground station as the scenario begins.
+pub const SENDERS_STAMP: u64 = 90_000_000_000_000;
 
 static ERRORS: LineErrors = LineErrors::new();
 
@@ -64,6 +67,12 @@ pub struct World<'a> {
     pub plane: Plane,
     /// The ground station sends heartbeats.
     pub ground: Cell<bool>,
+    /// Key of the autopilot and the ground station, and their last time stamp.
+    pub key: Cell<Option<Key>>,
+    pub stamp: Cell<u64>,
+    /// The node has that key, too; not while a test sets it.
+    pub key_is_everywhere: Cell<bool>,
+    ports: [PortConfig; 2],
     pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
     /// Bytes that were sent on each port.
     pub bytes: RefCell<[usize; 2]>,
@@ -71,8 +80,27 @@ pub struct World<'a> {
 
 impl World<'_> {
     pub fn say<M: MessageData>(&self, port: usize, from: Address, message: &M) {
-        let now = Instant::now();
-        self.service.borrow_mut().receive(now, port, &encode(from, 0, message));
+        self.say_bytes(port, &self.frame(port, from, message));
+    }
+
+    pub fn say_bytes(&self, port: usize, bytes: &[u8]) {
+        self.service.borrow_mut().receive(Instant::now(), port, bytes);
+    }
+
+    /// A frame, signed where there is a key.
+    pub fn frame<M: MessageData>(
+        &self,
+        port: usize,
+        from: Address,
+        message: &M,
+    ) -> heapless::Vec<u8, MAX_FRAME> {
+        let Some(key) = self.key.get() else { return encode(from, 0, message) };
+        let clock = SENDERS_STAMP + Instant::now().as_micros() / 10;
+        self.stamp.set(clock.max(self.stamp.get() + 1));
+        let mut frame = encode_to_sign(from, 0, message);
+        let stamp = Stamp::new(self.stamp.get()).unwrap();
+        Seal { key: &key, link: port as u8, stamp }.sign(&mut frame);
+        frame
     }
 
     pub fn telemetry(&self, engine: usize) -> Telemetry {
@@ -115,7 +143,6 @@ impl World<'_> {
         confirmation: u8,
         params: &[f32],
     ) -> (Option<u8>, String) {
-        let at = self.frames.borrow().len();
         let param = |i: usize| params.get(i).copied().unwrap_or(0.0);
         let message = COMMAND_LONG_DATA {
             param1: param(0),
@@ -130,7 +157,21 @@ impl World<'_> {
             target_component: component,
             confirmation,
         };
-        self.say(port, from, &message);
+        let frame = self.frame(port, from, &message);
+        self.answer_to(port, &frame, from, (system, component), command).await
+    }
+
+    /// Sends the frame of a command and returns its answer.
+    pub async fn answer_to(
+        &self,
+        port: usize,
+        frame: &[u8],
+        from: Address,
+        (system, component): (u8, u8),
+        command: u16,
+    ) -> (Option<u8>, String) {
+        let at = self.frames.borrow().len();
+        self.say_bytes(port, frame);
         self.pass(0.2).await;
         let frames = self.frames.borrow();
         let mut texts = String::new();
@@ -186,21 +227,22 @@ impl World<'_> {
 
     /// The node's service begins anew, as after a reset: it knows nothing of before but the settings.
     pub fn restart_service(&self) {
-        let (settings, engines): (_, Vec<_>) = {
-            let service = self.service.borrow();
-            (*service.settings(), service.engine_settings().map(|(config, of)| (*config, *of)).collect())
-        };
         let now = Instant::now();
-        let ports = [PortConfig::uart(57_600), PortConfig::usb()];
+        let (settings, signing, engines): (_, _, Vec<_>) = {
+            let service = self.service.borrow();
+            let engines = service.engine_settings().map(|(config, of)| (*config, *of)).collect();
+            (*service.settings(), service.signing(now), engines)
+        };
+        let ports = self.ports;
         // The sources are given back first.
-        self.service.replace(Service::new(now, settings, [], ports));
+        self.service.replace(Service::new(now, settings, SigningState::NONE, [], ports));
         let parts = self.node.sources(Origin::Mavlink).into_iter().zip(engines);
         let parts = parts.map(|(source, (config, settings))| EngineParts {
             source: source.unwrap(),
             config,
             settings,
         });
-        self.service.replace(Service::new(now, settings, parts, ports));
+        self.service.replace(Service::new(now, settings, signing, parts, ports));
     }
 
     /// Outputs 3 and 4, which engines 0 and 1 follow.
@@ -346,8 +388,12 @@ impl World<'_> {
                 let count = self.service.borrow_mut().transmit(port, &mut bytes[..most]);
                 self.bytes.borrow_mut()[port] += count;
                 let mut bytes = &bytes[..count];
-                while let (taken, Some(frame)) = decoder.receive(bytes) {
+                let key = self.key.get();
+                while let (taken, Some(frame)) = decoder.receive(key.as_ref(), bytes) {
                     bytes = &bytes[taken..];
+                    // With a key everything is signed, and nothing without one.
+                    let right = matches!(frame.signature, Signature::Right { .. });
+                    assert!(right == key.is_some() || !self.key_is_everywhere.get(), "{frame:?}");
                     self.answer(port, &frame);
                     self.frames.borrow_mut().push((now, port, frame));
                 }
@@ -410,6 +456,16 @@ pub fn run(scenario: impl AsyncFnOnce(&World<'_>)) {
 }
 
 pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) {
+    run_signed(settings, SigningState::NONE, PortConfig::usb(), scenario);
+}
+
+/// With what was kept of the node's signing, and the ground station's port. Whoever is there has its key.
+pub fn run_signed(
+    settings: NodeSettings,
+    signing: SigningState,
+    ground: PortConfig,
+    scenario: impl AsyncFnOnce(&World<'_>),
+) {
     clock::reset();
     let line = |line: Line| sim::line::Line::n1(line.baud);
     let engines = [
@@ -427,8 +483,9 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
         config,
         settings: EngineSettings { output, ..EngineSettings::DEFAULT },
     });
-    let ports = [PortConfig::uart(57_600), PortConfig::usb()];
-    let service = RefCell::new(Service::new(Instant::now(), settings, parts, ports));
+    let ports = [PortConfig::uart(57_600), ground];
+    let key = Cell::new(signing.key().copied());
+    let service = RefCell::new(Service::new(Instant::now(), settings, signing, parts, ports));
     let plane = Plane {
         alive: Cell::new(true),
         armed: Cell::new(false),
@@ -444,6 +501,10 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
         node: &node,
         plane,
         ground: Cell::new(true),
+        key,
+        stamp: Cell::new(0),
+        ports,
+        key_is_everywhere: Cell::new(true),
         frames: RefCell::default(),
         bytes: RefCell::default(),
     };

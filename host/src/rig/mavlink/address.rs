@@ -1,6 +1,7 @@
 //! Where a MAVLink port of the rig is, written as `mavlink-core` writes addresses.
 
 use jetlink_mavlink::port::PortConfig;
+use std::net::IpAddr;
 
 /// Bytes a second of a connection to an autopilot: those of a UART with 57 600 baud, as a board's telemetry port has.
 const UART_BAUD: u32 = 57_600;
@@ -53,19 +54,46 @@ impl Address {
         matches!(self, Self::TcpOut(_) | Self::UdpOut(_) | Self::Serial(..))
     }
 
-    /// What it carries.
-    pub const fn config(&self) -> PortConfig {
+    /// What it carries. What only this computer can reach stands for USB: with a key, nothing has to be signed there.
+    pub fn config(&self) -> PortConfig {
         match self {
-            Self::TcpIn(_) | Self::UdpIn(_) => PortConfig::usb(),
+            Self::TcpIn(place) | Self::UdpIn(place) if is_this_computer(place) => PortConfig::usb(),
+            Self::TcpIn(_) | Self::UdpIn(_) => PortConfig::network(),
             Self::TcpOut(_) | Self::UdpOut(_) => PortConfig::uart(UART_BAUD),
             Self::Serial(_, baud) => PortConfig::uart(*baud),
         }
     }
 }
 
+/// Whether an address to listen on is one of this computer alone.
+fn is_this_computer(place: &str) -> bool {
+    let host = place.rsplit_once(':').map_or(place, |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_this_computer_alone_reaches_stands_for_usb() {
+        let usb = |text| Address::parse(text).unwrap().config().usb;
+        for text in ["tcpin:127.0.0.1:5790", "udpin:127.0.0.1:14550", "tcpin:[::1]:5790"] {
+            assert!(usb(text), "{text}");
+        }
+        for text in [
+            "tcpin:0.0.0.0:5790",
+            "tcpin:[::]:5790",
+            "udpin:192.168.4.1:14550",
+            "tcpin:localhost:5790",
+            "tcpout:127.0.0.1:5762",
+            "udpout:127.0.0.1:14550",
+            "serial:/dev/ttyACM0:57600",
+        ] {
+            assert!(!usb(text), "{text}");
+        }
+    }
 
     #[test]
     fn addresses_are_read_and_mistakes_named() {

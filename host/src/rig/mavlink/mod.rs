@@ -15,6 +15,7 @@ use jetlink::command::Origin;
 use jetlink_mavlink::port::PortConfig;
 use jetlink_mavlink::service::{EngineParts, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
+use jetlink_mavlink::signing::SigningState;
 use std::cell::RefCell;
 
 /// Most ports.
@@ -26,12 +27,14 @@ const TICK: Duration = Duration::from_millis(10);
 /// How long a restart by command takes.
 const RESTART: Reset = Reset { away: Duration::from_millis(50), cause: Cause::Watchdog };
 
-/// The ports and the settings, which go on when the node is reset: a board would store them.
+/// The ports, the settings and the key for signing, which go on when the node is reset: a board would store them. They end with
+/// the program.
 #[derive(Debug)]
 pub struct Mavlink {
     links: RefCell<Vec<Link>>,
     ports: Vec<PortConfig>,
     settings: RefCell<NodeSettings>,
+    signing: RefCell<SigningState>,
     engines: RefCell<Vec<EngineSettings>>,
 }
 
@@ -48,6 +51,7 @@ impl Mavlink {
             links: RefCell::new(links),
             ports: addresses.iter().map(Address::config).collect(),
             settings: RefCell::new(settings),
+            signing: RefCell::new(SigningState::NONE),
             engines: RefCell::new(vec![EngineSettings { source, ..EngineSettings::DEFAULT }; engines.len()]),
         })
     }
@@ -60,8 +64,9 @@ impl Mavlink {
             parts.push(EngineParts { source, config: node.config(i), settings: *settings });
         }
         let settings = *self.settings.borrow();
+        let signing = self.signing.borrow().clone();
         let mut service: Service<'_, MOST_ENGINES, MOST_PORTS> =
-            Service::new(Instant::now(), settings, parts, self.ports.iter().copied());
+            Service::new(Instant::now(), settings, signing, parts, self.ports.iter().copied());
         let mut ticker = Ticker::every(TICK);
         loop {
             let now = Instant::now();
@@ -82,6 +87,7 @@ impl Mavlink {
                 }
             }
             self.settings.replace(*service.settings());
+            self.signing.replace(service.signing(now));
             for (i, (config, settings)) in service.engine_settings().enumerate() {
                 node.configure(i, *config);
                 if let Some(kept) = self.engines.borrow_mut().get_mut(i) {

@@ -1,0 +1,429 @@
+//! Signing of MAVLink 2: who has the key may command, whoever else can write on the link.
+//!
+//! A signed frame ends with the number of its link, a time stamp and the first 48 bits of SHA-256 over key, frame, link and stamp.
+//! Every sender (system, component, link) counts its stamps up, so that a frame which was recorded and is sent again is known.
+//! A node has no clock of the day: its stamps continue from the last one that was kept, and follow those that it accepts.
+
+use crate::frame::{Address, MAX_FRAME};
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+use sha2::{Digest, Sha256};
+
+/// Length of what a signed frame ends with: link, stamp and signature.
+pub const SIGNATURE: usize = 13;
+/// Senders that are remembered.
+pub const STREAMS: usize = 16;
+/// Bytes of the hash that are sent.
+const HASH: usize = 6;
+/// How far the first stamp of a sender may be behind ours: 1 minute.
+const BEHIND: u64 = Stamp::units(Duration::from_secs(60));
+/// Longest delay of a copy that comes by another port.
+const COPY: u64 = Stamp::units(Duration::from_secs(10));
+
+/// A key, which ground station, autopilot and node share. It is neither logged nor printed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Key([u8; 32]);
+
+impl Key {
+    /// A key; one of zeros is none.
+    pub fn new(bytes: [u8; 32]) -> Option<Self> {
+        (bytes != [0; 32]).then_some(Self(bytes))
+    }
+
+    /// What is signed: a whole frame, from its first byte to its stamp.
+    fn sign(&self, parts: &[&[u8]]) -> [u8; HASH] {
+        let mut hash = Sha256::new();
+        hash.update(self.0);
+        parts.iter().for_each(|part| hash.update(part));
+        let [a, b, c, d, e, f, ..] = <[u8; 32]>::from(hash.finalize());
+        [a, b, c, d, e, f]
+    }
+
+    /// Looks at the signature of a frame: `frame` up to its checksum, and the bytes behind it.
+    pub(crate) fn check(&self, frame: &[u8], signature: [u8; SIGNATURE]) -> Signature {
+        let [link, s0, s1, s2, s3, s4, s5, received @ ..] = signature;
+        let stamp = Stamp(u64::from_le_bytes([s0, s1, s2, s3, s4, s5, 0, 0]));
+        let expected = self.sign(&[frame, &[link, s0, s1, s2, s3, s4, s5]]);
+        // Without a look at where they differ.
+        let differ = expected.iter().zip(received).fold(0, |all, (one, other)| all | (one ^ other));
+        if differ == 0 { Signature::Right { link, stamp } } else { Signature::Wrong }
+    }
+}
+
+impl core::fmt::Debug for Key {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("Key")
+    }
+}
+
+/// Time stamp: units of 10 µs since 2015-01-01, 48 bits.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+pub struct Stamp(u64);
+
+impl Stamp {
+    /// The last one.
+    pub const MAX: Self = Self((1 << 48) - 1);
+
+    /// A stamp; `None`: more than 48 bits.
+    pub const fn new(units: u64) -> Option<Self> {
+        if units <= Self::MAX.0 { Some(Self(units)) } else { None }
+    }
+
+    /// Units of 10 µs since 2015-01-01.
+    pub const fn get(self) -> u64 {
+        self.0
+    }
+
+    const fn units(time: Duration) -> u64 {
+        time.as_micros() / 10
+    }
+
+    fn after(self, units: u64) -> Self {
+        Self(self.0.saturating_add(units)).min(Self::MAX)
+    }
+}
+
+/// What was found of a frame's signature.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Signature {
+    /// There is none.
+    Missing,
+    /// There is one, and no key to verify it with.
+    Unverified,
+    /// It was made with another key, or of another frame.
+    Wrong,
+    /// It was made with our key. Whether it is new is not said by this.
+    Right {
+        /// Number of the sender's link.
+        link: u8,
+        /// When it was sent, by the sender's clock.
+        stamp: Stamp,
+    },
+}
+
+/// Why a frame is ignored.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Ignored {
+    Unsigned,
+    Wrong,
+    Replayed,
+    Duplicate,
+    Behind,
+    TooMany,
+}
+
+/// Counters of frames that were ignored for their signature. All wrap.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SigningCounters {
+    /// Without a signature.
+    pub not_signed: u32,
+    /// Signed with another key, or changed on their way.
+    pub badly_signed: u32,
+    /// Signed, but not newer than the last frame of their sender.
+    pub replayed: u32,
+    /// Copies that came by another port.
+    pub duplicates: u32,
+    /// First frames of a sender whose clock is more than 1 minute behind ours.
+    pub clocks_behind: u32,
+    /// Frames of a 17th sender.
+    pub too_many: u32,
+    /// `SETUP_SIGNING` that was refused.
+    pub setups_refused: u32,
+}
+
+impl SigningCounters {
+    pub(crate) const fn count(&mut self, why: Ignored) {
+        let counter = match why {
+            Ignored::Unsigned => &mut self.not_signed,
+            Ignored::Wrong => &mut self.badly_signed,
+            Ignored::Replayed => &mut self.replayed,
+            Ignored::Duplicate => &mut self.duplicates,
+            Ignored::Behind => &mut self.clocks_behind,
+            Ignored::TooMany => &mut self.too_many,
+        };
+        *counter = counter.wrapping_add(1);
+    }
+}
+
+/// A sender, with the last frame of it that was accepted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Stream {
+    from: Address,
+    link: u8,
+    stamp: Stamp,
+    port: usize,
+}
+
+/// What has to be kept over a restart of the node. Whoever builds the service keeps it, in RAM that survives a reset or in
+/// storage, and as secret as the key is.
+///
+/// Without the key everything is obeyed unsigned. With an old stamp, frames from after it can be sent again; so can those of
+/// the last minute where the senders are lost ([`SigningState::new`] begins without).
+#[derive(Clone, Debug, Default)]
+pub struct SigningState {
+    key: Option<Key>,
+    /// The last stamp that was used or accepted.
+    stamp: Stamp,
+    streams: Vec<Stream, STREAMS>,
+}
+
+impl SigningState {
+    /// Without a key: nothing is signed, and nothing has to be.
+    pub const NONE: Self = Self::new(None, Stamp(0));
+
+    /// A key, and the last time stamp that was used.
+    pub const fn new(key: Option<Key>, stamp: Stamp) -> Self {
+        Self { key, stamp, streams: Vec::new() }
+    }
+
+    /// The key, if there is one.
+    pub const fn key(&self) -> Option<&Key> {
+        self.key.as_ref()
+    }
+
+    /// The last time stamp.
+    pub const fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+}
+
+/// Signs what is sent and judges what is received.
+#[derive(Debug)]
+pub(crate) struct Signing {
+    state: SigningState,
+    /// A stamp, and the time at which it was right: the clock goes on from there.
+    clock: (Stamp, Instant),
+}
+
+impl Signing {
+    pub const fn new(now: Instant, state: SigningState) -> Self {
+        let clock = (state.stamp, now);
+        Self { state, clock }
+    }
+
+    pub const fn key(&self) -> Option<&Key> {
+        self.state.key()
+    }
+
+    /// What is to be kept.
+    pub fn state(&self, now: Instant) -> SigningState {
+        SigningState { stamp: self.stamp(now), ..self.state.clone() }
+    }
+
+    /// Bytes that signing adds to a frame.
+    pub const fn overhead(&self) -> usize {
+        if self.state.key.is_some() { SIGNATURE } else { 0 }
+    }
+
+    fn stamp(&self, now: Instant) -> Stamp {
+        let (stamp, at) = self.clock;
+        stamp.after(Stamp::units(now.saturating_duration_since(at))).max(self.state.stamp)
+    }
+
+    /// What the next frame is signed with. No two are alike.
+    pub fn seal(&mut self, now: Instant, link: u8) -> Option<Seal<'_>> {
+        let stamp = self.stamp(now).max(self.state.stamp.after(1));
+        let key = self.state.key.as_ref()?;
+        self.state.stamp = stamp;
+        Some(Seal { key, link, stamp })
+    }
+
+    /// Judges a frame, and remembers it if it is accepted. Only with a key.
+    pub fn judge(
+        &mut self,
+        now: Instant,
+        port: usize,
+        from: Address,
+        signature: Signature,
+    ) -> Result<(), Ignored> {
+        let (link, stamp) = match signature {
+            Signature::Missing => return Err(Ignored::Unsigned),
+            Signature::Unverified | Signature::Wrong => return Err(Ignored::Wrong),
+            Signature::Right { link, stamp } => (link, stamp),
+        };
+        let ours = self.stamp(now);
+        let oldest = Stamp(ours.0.saturating_sub(BEHIND));
+        let accepted = Stream { from, link, stamp, port };
+        let known = self.state.streams.iter_mut().find(|known| known.from == from && known.link == link);
+        match known {
+            Some(known) if stamp > known.stamp => *known = accepted,
+            Some(known) if known.port != port && stamp.after(COPY) >= known.stamp => {
+                return Err(Ignored::Duplicate);
+            }
+            Some(_) => return Err(Ignored::Replayed),
+            None if stamp < oldest => return Err(Ignored::Behind),
+            None => self.remember(oldest, accepted)?,
+        }
+        if stamp > ours {
+            self.state.stamp = stamp;
+            self.clock = (stamp, now);
+        }
+        Ok(())
+    }
+
+    fn remember(&mut self, oldest: Stamp, stream: Stream) -> Result<(), Ignored> {
+        let streams = &mut self.state.streams;
+        let Err(stream) = streams.push(stream) else { return Ok(()) };
+        // One that is older than what a new sender may have can be forgotten: nothing that it has sent is accepted anew.
+        let place = streams.iter_mut().find(|known| known.stamp < oldest).ok_or(Ignored::TooMany)?;
+        *place = stream;
+        Ok(())
+    }
+
+    /// Sets the key, or clears it. A stamp never goes back, unless another key replaces the one that is there: so a clock that
+    /// was far ahead can be set right.
+    pub fn set_key(&mut self, now: Instant, key: Option<Key>, stamp: Stamp) {
+        let replaced = matches!((self.state.key, key), (Some(old), Some(new)) if old != new);
+        let stamp = if replaced { stamp } else { self.stamp(now).max(stamp) };
+        if self.state.key != key {
+            self.state = SigningState::new(key, stamp);
+        }
+        self.state.stamp = stamp;
+        self.clock = (stamp, now);
+    }
+}
+
+/// What a frame is signed with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seal<'a> {
+    pub key: &'a Key,
+    pub link: u8,
+    pub stamp: Stamp,
+}
+
+impl Seal<'_> {
+    /// Signs a frame whose flags say that it is signed.
+    pub fn sign(self, frame: &mut Vec<u8, MAX_FRAME>) {
+        let [s0, s1, s2, s3, s4, s5, ..] = self.stamp.0.to_le_bytes();
+        let tail = [self.link, s0, s1, s2, s3, s4, s5];
+        let hash = self.key.sign(&[frame, &tail]);
+        // The largest frame fits with them.
+        let _ = frame.extend_from_slice(&tail);
+        let _ = frame.extend_from_slice(&hash);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FROM: Address = Address { system: 255, component: 190 };
+    const SECOND: u64 = 100_000;
+    const OURS: u64 = 1_000 * SECOND;
+
+    fn at(seconds: u64) -> Instant {
+        Instant::from_secs(100 + seconds)
+    }
+
+    fn signing() -> Signing {
+        Signing::new(at(0), SigningState::new(Key::new([7; 32]), Stamp(OURS)))
+    }
+
+    fn right(link: u8, stamp: u64) -> Signature {
+        Signature::Right { link, stamp: Stamp(stamp) }
+    }
+
+    #[test]
+    fn a_key_is_not_printed_and_zeros_are_none() {
+        assert_eq!(Key::new([0; 32]), None);
+        let key = Key::new([0xA5; 32]).unwrap();
+        let text = std::format!("{:?}", Signing::new(at(0), SigningState::new(Some(key), Stamp(1))));
+        assert!(text.contains("key: Some(Key)") && !text.contains("165"), "{text}");
+    }
+
+    #[test]
+    fn a_replay_is_rejected_and_a_newer_frame_is_not() {
+        let mut signing = signing();
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS)), Ok(()));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS)), Err(Ignored::Replayed));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS - 1)), Err(Ignored::Replayed));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 1)), Ok(()));
+        assert_eq!(signing.judge(at(0), 1, FROM, Signature::Wrong), Err(Ignored::Wrong));
+        assert_eq!(signing.judge(at(0), 1, FROM, Signature::Missing), Err(Ignored::Unsigned));
+        // Another link, and another component, count for themselves.
+        assert_eq!(signing.judge(at(0), 1, FROM, right(1, OURS)), Ok(()));
+        assert_eq!(signing.judge(at(0), 1, Address { component: 1, ..FROM }, right(0, OURS)), Ok(()));
+    }
+
+    #[test]
+    fn a_copy_by_another_port_is_a_duplicate_for_ten_seconds() {
+        let mut signing = signing();
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS)), Ok(()));
+        assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS)), Err(Ignored::Duplicate));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 10 * SECOND)), Ok(()));
+        assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS)), Err(Ignored::Duplicate));
+        assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS - 1)), Err(Ignored::Replayed));
+        // The first that comes counts, by either port.
+        assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS + 11 * SECOND)), Ok(()));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 11 * SECOND)), Err(Ignored::Duplicate));
+    }
+
+    #[test]
+    fn a_new_sender_may_be_one_minute_behind_and_not_more() {
+        let behind = 60 * SECOND;
+        assert_eq!(signing().judge(at(0), 1, FROM, right(0, OURS - behind)), Ok(()));
+        assert_eq!(signing().judge(at(0), 1, FROM, right(0, OURS - behind - 1)), Err(Ignored::Behind));
+        // Our clock goes on.
+        assert_eq!(signing().judge(at(10), 1, FROM, right(0, OURS - 50 * SECOND)), Ok(()));
+        assert_eq!(signing().judge(at(10), 1, FROM, right(0, OURS - 50 * SECOND - 1)), Err(Ignored::Behind));
+        // It follows a sender that is ahead, and never goes back.
+        let mut signing = signing();
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, 2 * OURS)), Ok(()));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(1, OURS)), Err(Ignored::Behind));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(2, 2 * OURS - behind)), Ok(()));
+        assert_eq!(signing.state(at(3)).stamp().get(), 2 * OURS + 3 * SECOND);
+    }
+
+    #[test]
+    fn a_seventeenth_sender_waits_until_one_is_a_minute_old() {
+        let mut signing = signing();
+        for link in 0..16 {
+            assert_eq!(signing.judge(at(0), 1, FROM, right(link, OURS)), Ok(()));
+        }
+        assert_eq!(signing.judge(at(0), 1, FROM, right(16, OURS + 1)), Err(Ignored::TooMany));
+        // Those that are known go on, all but the first.
+        let later = OURS + 61 * SECOND;
+        for link in 1..16 {
+            assert_eq!(signing.judge(at(61), 1, FROM, right(link, later)), Ok(()));
+        }
+        assert_eq!(signing.judge(at(61), 1, FROM, right(16, later)), Ok(()));
+        // What the first one had sent is too old for a new sender.
+        assert_eq!(signing.judge(at(61), 1, FROM, right(0, OURS)), Err(Ignored::Behind));
+    }
+
+    #[test]
+    fn stamps_of_what_is_sent_rise_with_the_clock_and_follow_what_is_accepted() {
+        let mut signing = signing();
+        let mut stamps = std::vec::Vec::new();
+        for (ms, count) in [(0, 3), (1, 1), (1000, 2)] {
+            let now = at(0) + Duration::from_millis(ms);
+            (0..count).for_each(|_| stamps.push(signing.seal(now, 0).unwrap().stamp.get() - OURS));
+        }
+        assert_eq!(stamps, [1, 2, 3, 100, SECOND, SECOND + 1]);
+        assert_eq!(signing.judge(at(1), 1, FROM, right(0, 2 * OURS)), Ok(()));
+        assert_eq!(signing.seal(at(1), 0).unwrap().stamp.get(), 2 * OURS + 1);
+        // A restart continues from what was kept, and knows what it has seen.
+        let mut again = Signing::new(at(0), signing.state(at(1)));
+        assert_eq!(again.seal(at(0), 0).unwrap().stamp.get(), 2 * OURS + 2);
+        assert_eq!(again.judge(at(0), 1, FROM, right(0, 2 * OURS)), Err(Ignored::Replayed));
+        // The end of time is no overflow.
+        assert_eq!(signing.judge(at(1), 1, FROM, right(0, Stamp::MAX.get())), Ok(()));
+        assert_eq!(signing.seal(at(9), 0).unwrap().stamp, Stamp::MAX);
+    }
+
+    #[test]
+    fn another_key_begins_with_its_own_stamp_and_the_same_one_does_not_go_back() {
+        let (mut signing, key, other) = (signing(), Key::new([7; 32]), Key::new([8; 32]));
+        assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS)), Ok(()));
+        signing.set_key(at(1), key, Stamp(5));
+        assert_eq!(signing.judge(at(1), 1, FROM, right(0, OURS)), Err(Ignored::Replayed));
+        assert_eq!(signing.state(at(1)).stamp().get(), OURS + SECOND);
+        signing.set_key(at(1), None, Stamp(0));
+        assert!(signing.seal(at(1), 0).is_none() && signing.overhead() == 0);
+        signing.set_key(at(1), key, Stamp(5));
+        assert!(signing.state(at(1)).stamp().get() > OURS);
+        signing.set_key(at(1), other, Stamp(5));
+        assert_eq!(signing.seal(at(2), 0).unwrap().stamp.get(), 5 + SECOND);
+    }
+}
