@@ -71,7 +71,9 @@ class Peer:
                 return
             if not chunk:
                 return
-            for message in self.parser.parse_buffer(chunk) or []:
+            with self.lock:
+                messages = self.parser.parse_buffer(chunk) or []
+            for message in messages:
                 # A port may be joined in the middle of a frame.
                 if self.received or message.get_type() != "BAD_DATA":
                     self.received.append(message)

@@ -178,15 +178,12 @@ def signing(ground, plane):
     stranger.signing.secret_key, stranger.signing.sign_outgoing = KEY[::-1], True
     stranger.signing.timestamp = STAMP * 2
     ignored(threshold(170).pack(stranger))
-    # A restart of the node keeps the key, and its stamps go on: pymavlink takes no older ones.
-    restarted = len(plane.received)
-    assert ground.command(NODE, REBOOT, 1)[0] == ACCEPTED
-    until("heartbeats", 20, lambda: len(plane.since(restarted, "HEARTBEAT", RIGHT)) > 2)
-    ignored(unsigned)
-    ignored(frame)
+    wait(20)
     for peer, mark in begin.items():
         received = peer.received[mark:]
-        assert len(received) > 100 and all(message.get_signed() for message in received), "all is signed"
+        assert len(received) > 100, len(received)
+        unsigned = [message for message in received if not message.get_signed()]
+        assert not unsigned, (len(unsigned), [str(message) for message in unsigned[:3]])
     until("at rest", 60, lambda: ground.state(LEFT) == STANDBY and ground.state(RIGHT) == STANDBY)
     for peer in (ground, plane):
         peer.sign(None, 0)
@@ -212,7 +209,7 @@ def main():
     emergency(ground)
     signing(ground, plane)
     damaged = ground.since(0, "BAD_DATA") + plane.since(0, "BAD_DATA")
-    assert not damaged, damaged
+    assert not damaged, [(len(frame.data), frame.reason) for frame in damaged]
     print("all as the documents have it")
 
 
