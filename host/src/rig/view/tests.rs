@@ -136,7 +136,7 @@ fn char(c: char) -> KeyEvent {
 #[test]
 fn the_tour_says_what_happens_and_why() {
     let mut seen: Vec<String> = Vec::new();
-    for end in [40.0, 121.0, 124.0, 128.0, 130.0, 145.0] {
+    for end in [40.0, 129.5, 132.0, 135.3, 138.5, 145.0] {
         let played = play("tour", HEAD, &[], end);
         let screen = text(&buffer(&played.model, COLOUR, 80, 24));
         seen.push(screen.lines().nth(1).unwrap().to_owned());
