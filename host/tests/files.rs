@@ -76,6 +76,77 @@ fn no_file_is_touched_when_one_of_them_cannot_be_written() {
 }
 
 #[test]
+fn the_csv_file_stays_when_a_capture_cannot_be_written() {
+    let folder = folder("capture-blocked");
+    let (keep, capture) = (folder.join("keep.csv"), folder.join("capture"));
+    fs::write(&keep, "precious").unwrap();
+    fs::create_dir_all(capture.join("right-from-ecu.bin")).unwrap();
+    let left = capture.join("left-from-ecu.bin");
+    fs::write(&left, "bytes").unwrap();
+    let args = ["--fast", "--csv", keep.to_str().unwrap(), "--capture", capture.to_str().unwrap()];
+    let error = refused(&rig(&args), 1);
+    assert!(error.contains("right-from-ecu.bin: "), "{error}");
+    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&left).unwrap(), "bytes");
+    // A folder that cannot be made.
+    let args = ["--fast", "--csv", keep.to_str().unwrap(), "--capture", left.to_str().unwrap()];
+    refused(&rig(&args), 1);
+    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+}
+
+#[test]
+fn the_csv_file_stays_when_nothing_can_be_written_beside_a_plot() {
+    let folder = folder("part-blocked");
+    let (keep, plot) = (folder.join("keep.csv"), folder.join("x.svg"));
+    fs::write(&plot, "the plot before").unwrap();
+    // A folder at the place of the temporary file, which is named by the process.
+    let script = "mkdir \"$1/.x.svg.$$.part\" && exec \"$2\" rig --fast --standby --csv \"$1/keep.csv\" $3 \"$1/x.svg\"";
+    fs::write(&keep, "precious").unwrap();
+    let output = Command::new("sh")
+        .args(["-c", script, "sh", folder.to_str().unwrap(), env!("CARGO_BIN_EXE_jetlink"), "--plot"])
+        .output()
+        .expect("it runs");
+    assert!(refused(&output, 1).contains("x.svg: "));
+    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&plot).unwrap(), "the plot before");
+}
+
+#[test]
+fn an_option_cannot_name_a_file_of_the_capture() {
+    let folder = folder("in-capture");
+    let capture = folder.join("cap");
+    fs::create_dir(&capture).unwrap();
+    for name in ["left-from-ecu.bin", "left-to-ecu.bin"] {
+        let csv = capture.join(name);
+        let args =
+            ["--fast", "--standby", "--csv", csv.to_str().unwrap(), "--capture", capture.to_str().unwrap()];
+        let error = refused(&rig(&args), 2);
+        assert!(error.contains("--csv and --capture name the same file"), "{error}");
+        assert!(!csv.exists());
+    }
+    // Another name in that folder is another file; and the folder may be new.
+    let (csv, new) = (capture.join("run.csv"), folder.join("new"));
+    for capture in [&capture, &new] {
+        let args =
+            ["--fast", "--standby", "--csv", csv.to_str().unwrap(), "--capture", capture.to_str().unwrap()];
+        assert_eq!(rig(&args).status.code(), Some(0));
+        assert!(capture.join("left-to-ecu.bin").exists() && csv.exists());
+    }
+}
+
+#[test]
+fn the_command_that_plays_a_run_again_is_quoted_for_a_shell() {
+    let folder = folder("a folder with spaces");
+    let script = folder.join("it's.txt");
+    let output = rig(&["--fast", "--standby", "--save-script", script.to_str().unwrap()]);
+    let told = text(&output.stdout);
+    let line =
+        told.lines().find_map(|line| line.strip_prefix("To play it again: cargo rig ")).expect("a command");
+    let words = Command::new("sh").args(["-c", &format!("printf '%s\\n' {line}")]).output().expect("a shell");
+    assert_eq!(text(&words.stdout), format!("--script\n{}\n--fast\n", script.display()));
+}
+
+#[test]
 fn two_options_cannot_name_one_file() {
     let folder = folder("one-file");
     let (file, other) = (folder.join("a.svg"), folder.join("./b/../a.svg"));
@@ -226,6 +297,28 @@ fn a_reader_that_has_had_enough_is_no_failure() {
 }
 
 #[test]
+fn a_reader_of_rows_that_has_had_enough_is_no_failure() {
+    let args = ["--fast", "--duration", "1h", "--csv", "/dev/stdout"];
+    // What is told goes to the standard error: nobody looks at it.
+    let mut child =
+        Running(command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs"));
+    let errors = child.0.stderr.take().expect("piped");
+    let told =
+        thread::spawn(move || BufReader::new(errors).lines().map_while(Result::ok).collect::<Vec<_>>());
+    let mut line = String::new();
+    let mut reader = BufReader::with_capacity(16, child.0.stdout.take().expect("piped"));
+    reader.read_line(&mut line).expect("a line");
+    drop(reader);
+    let status = child.0.wait().expect("it ends");
+    let told = told.join().expect("its lines");
+    assert_eq!(status.code(), Some(0), "{told:?}");
+    assert!(
+        line.starts_with("t_s,engine,") && !told.iter().any(|line| line.contains("Broken pipe")),
+        "{told:?}"
+    );
+}
+
+#[test]
 fn the_csv_file_has_faults_and_events() {
     let csv = folder("events").join("e.csv");
     let args = ["--fast", "--faults", "flame-out=right@100s,cut=left@90s+1s", "--csv", csv.to_str().unwrap()];
@@ -280,6 +373,7 @@ fn a_fault_that_cannot_act_is_refused() {
         ("noise=0.1,noise=0.2", "given twice"),
         ("hot-start=left,no-light=left", "contradict"),
         ("from=5s", "nothing would go wrong"),
+        ("flame-out=left@40s,flame-out=left@45s", "its flame burns again from about"),
     ] {
         let error = refused(&rig(&["--fast", "--faults", faults]), 2);
         assert!(error.contains(part), "{faults}: {error}");

@@ -106,6 +106,10 @@ fn a_wrong_script_is_one_sentence_with_its_line() {
         (PLAYED.replace("50.0 all node-reset", "1.0 all node-reset"), "line 14"),
         ("seed 1\n".to_owned(), "line 1 has to be"),
         (PLAYED.replace("ecu=zk", "ecu=jetcat"), "ecu=`jetcat` is not known"),
+        (PLAYED.replace("seed 3", "seed 3\nseed 4"), "line 3, `seed 4`: `seed` is given twice"),
+        (PLAYED.replace("seed 3", "standby\nstandby"), "line 3, `standby`: `standby` is given twice"),
+        // Left is never given back to its script.
+        (PLAYED.replace("60.0 end\n", ""), "left is played until the run ends: add `end`"),
     ] {
         fs::write(&script, content).unwrap();
         let output = rig(&["--fast", "--script", script.to_str().unwrap()]);
@@ -116,6 +120,35 @@ fn a_wrong_script_is_one_sentence_with_its_line() {
     let output = rig(&["--fast", "--script", "/nonexistent"]);
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(rig(&["--script", "x", "--seed", "1"]).status.code(), Some(2));
+}
+
+#[test]
+fn a_script_without_an_end_ends_when_all_engines_have_flown() {
+    let script = folder("played-no-end").join("run.txt");
+    let head = "jetlink rig script, version 0.1.0\nengine ecu=zk,version=5,baud=115200\n";
+    // Faults do not take an engine from its script, and `script` gives it back.
+    for actions in ["60.0 all noise\n61.0 all quiet\n", "1.0 all disarm\n2.0 all script\n"] {
+        fs::write(&script, format!("{head}{actions}")).unwrap();
+        let output = rig(&["--fast", "--script", script.to_str().unwrap()]);
+        let told = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{told}{}", text(&output.stderr));
+        assert!(told.contains("Summary after 1") || told.contains("Summary after 2"), "{told}");
+    }
+}
+
+#[test]
+fn a_script_without_a_seed_has_that_of_the_command_line() {
+    let script = folder("played-seed").join("run.txt");
+    let run = |seed: &str| {
+        fs::write(&script, format!("jetlink rig script, version 0.1.0\n{seed}faults heavy\nstandby\n"))
+            .unwrap();
+        text(&rig(&["--fast", "--script", script.to_str().unwrap()]).stdout)
+    };
+    let alone = text(&rig(&["--fast", "--standby", "--faults", "heavy"]).stdout);
+    let (alone, _) = alone.split_once("Summary").expect("a summary");
+    let without = run("");
+    assert!(without.starts_with(alone), "{without}{alone}");
+    assert!(!run("seed 0\n").starts_with(alone));
 }
 
 /// The node's event that standby is in force comes in the same moment as the stop, and is read after it.

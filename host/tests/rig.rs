@@ -85,6 +85,14 @@ fn one_seed_gives_one_output() {
     assert_ne!(out(&fast(&["--seed", "1"])), out(&fast(&["--seed", "2"])));
 }
 
+/// The step behind the silence of the tour begins at the speed before it, whatever its throttle is.
+#[test]
+fn the_tour_passes_with_seeds_that_step_down_behind_the_silence() {
+    for seed in ["0", "9", "10", "11"] {
+        status(&fast(&["--seed", seed]), 0);
+    }
+}
+
 #[test]
 fn many_kinds_of_engines() {
     for engines in [
@@ -230,8 +238,30 @@ fn texts(path: &std::path::Path) -> Vec<String> {
         let size: u32 = node.attribute("font-size").expect("a size").parse().expect("pixels");
         assert!(size >= 13, "too small to be read: {node:?}");
     }
+    titles_fit(&xml);
     let nodes = xml.descendants().filter(|node| node.is_text());
     nodes.filter_map(|node| node.text()).map(|text| text.trim().to_owned()).collect()
+}
+
+/// What begins at the left, the title above all, ends within the picture: a character is 0.56 of its size wide, about.
+#[track_caller]
+fn titles_fit(xml: &roxmltree::Document<'_>) {
+    let number = |node: &roxmltree::Node<'_, '_>, name: &str| -> f64 {
+        node.attribute(name).expect(name).parse().expect("pixels")
+    };
+    let wide = number(&xml.root_element(), "width");
+    let left = |node: &roxmltree::Node<'_, '_>| {
+        node.has_tag_name("text")
+            && node.attribute("text-anchor") == Some("start")
+            && node.attribute("x") == Some("20")
+    };
+    let texts: Vec<_> = xml.descendants().filter(left).collect();
+    assert!(texts.len() >= 2, "a title and a caption: {texts:?}");
+    for node in texts {
+        let text = node.text().unwrap_or_default();
+        let end = number(&node, "x") + 0.56 * number(&node, "font-size") * text.chars().count() as f64;
+        assert!(end <= wide, "{text}: ends at {end} of {wide} pixels");
+    }
 }
 
 /// Draws a run.
@@ -517,6 +547,7 @@ fn scenarios_are_listed_drawn_and_the_same_every_time() {
         assert!(page.contains(&format!("scenarios/{name}.svg")), "{name} is not in docs/failsafe.md");
         for picture in [picture, committed] {
             let xml = roxmltree::Document::parse(&picture).expect("well-formed XML");
+            titles_fit(&xml);
             let texts: Vec<&str> =
                 xml.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
             let has = |what: &str| texts.iter().any(|text| text.contains(what));

@@ -19,20 +19,28 @@ struct Pair {
 #[derive(Debug)]
 pub struct Capture(Vec<Pair>);
 
+/// What the node receives from an engine's ECU, and what it sends to it.
+fn paths(folder: &str, name: &str) -> [String; 2] {
+    ["from-ecu", "to-ecu"]
+        .map(|end| Path::new(folder).join(format!("{name}-{end}.bin")).display().to_string())
+}
+
 impl Capture {
+    /// The files that are written for these engines.
+    pub fn paths(folder: &str, names: &[&str]) -> Vec<String> {
+        names.iter().flat_map(|name| paths(folder, name)).collect()
+    }
+
     /// New files in this folder: what the node receives in `NAME-from-ecu.bin`, what it sends in `NAME-to-ecu.bin`.
     pub fn create(folder: &str, names: &[&str]) -> Result<Self, String> {
         std::fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
-        let file = |name: String| {
-            let path = Path::new(folder).join(name).display().to_string();
+        let file = |path: String| {
             let file = File::create(&path).map_err(|error| cannot_write(&path, &error))?;
             Ok::<_, String>((path, BufWriter::new(file)))
         };
         let pair = |name: &&str| -> Result<Pair, String> {
-            Ok(Pair {
-                from_ecu: file(format!("{name}-from-ecu.bin"))?,
-                to_ecu: file(format!("{name}-to-ecu.bin"))?,
-            })
+            let [from_ecu, to_ecu] = paths(folder, name);
+            Ok(Pair { from_ecu: file(from_ecu)?, to_ecu: file(to_ecu)? })
         };
         names.iter().map(pair).collect::<Result<Vec<_>, String>>().map(Self)
     }

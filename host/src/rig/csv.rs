@@ -3,14 +3,17 @@
 
 use super::audit::WireCommand;
 use super::context::{Note, PilotInput};
+use super::out::reader_left;
 use super::output::cannot_write;
 use super::quantity::seconds;
 use super::sample::{Sample, loss};
+use super::unshown::ShowError;
 use csv::Writer;
 use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
 use serde::{Serialize, Serializer};
 use std::fs::File;
+use std::io;
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 /// Between two times that rows are handed to the file.
@@ -81,11 +84,15 @@ impl Csv {
     }
 
     /// One row for each engine.
-    pub fn samples(&mut self, at: Instant, names: &[&str], samples: &[Sample]) -> Result<(), String> {
+    pub fn samples(&mut self, at: Instant, names: &[&str], samples: &[Sample]) -> Result<(), ShowError> {
         let happened = core::mem::take(&mut self.happened);
         for (i, (name, sample)) in names.iter().zip(samples).enumerate() {
             let row = Row::new(at, name, sample, events(&happened, i));
-            self.file.serialize(row).map_err(|error| cannot_write(&self.path, &error.into()))?;
+            let written = self.file.serialize(row);
+            written.map_err(|error| match error.into_kind() {
+                csv::ErrorKind::Io(error) => self.failed(error),
+                other => ShowError::File(cannot_write(&self.path, &io::Error::other(format!("{other:?}")))),
+            })?;
         }
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flushed = WallInstant::now();
@@ -95,12 +102,22 @@ impl Csv {
     }
 
     /// The last bytes.
-    pub fn finish(mut self) -> Result<(), String> {
+    pub fn finish(mut self) -> Result<(), ShowError> {
         self.flush()
     }
 
-    fn flush(&mut self) -> Result<(), String> {
-        self.file.flush().map_err(|error| cannot_write(&self.path, &error))
+    fn flush(&mut self) -> Result<(), ShowError> {
+        let flushed = self.file.flush();
+        flushed.map_err(|error| self.failed(error))
+    }
+
+    /// A pipe's reader that has had enough ends the run, as one of the lines does.
+    fn failed(&self, error: io::Error) -> ShowError {
+        if reader_left(&error) {
+            ShowError::Screen(error)
+        } else {
+            ShowError::File(cannot_write(&self.path, &error))
+        }
     }
 }
 

@@ -258,7 +258,7 @@ mod tests {
             faults.check(&plan, &engines)
         };
         for text in [
-            "flame-out=left@60s,flame-out=left@90s,flame-out=right@60s",
+            "flame-out=left@40s,flame-out=left@110s,flame-out=right@60s",
             "cut=left@0s+1000s",
             "hot-start=left",
         ] {
@@ -268,6 +268,8 @@ mod tests {
             ("flame-out=left@9999s", false, "its flame burns from about"),
             ("flame-out=left@3s", false, "its flame burns from about"),
             ("flame-out=booster@30s", false, "its flame burns from about"),
+            ("flame-out=left@40s,flame-out=left@45s", false, "its flame burns again from about 103 s"),
+            ("flame-out=left@90s,flame-out=left@60s", false, "its flame burns again from about"),
             ("cut=left@9999s+1s", false, "after the end of the run"),
             ("hot-start=left", true, "cannot act with --standby"),
         ] {

@@ -38,6 +38,7 @@ mod story;
 mod summary;
 mod tap;
 mod tour;
+mod unshown;
 mod view;
 
 pub use self::options::Args;
@@ -52,12 +53,13 @@ use self::lines::Lines;
 use self::options::Order;
 use self::out::{Out, reader_left};
 use self::outcome::{End, Outcomes};
-use self::output::{Problem, Wanted};
+use self::output::{Kind, Problem, Wanted};
 use self::play::script;
 use self::plot::Plot;
 use self::report::Report;
-use self::show::{Files, Show, ShowError, Shown};
+use self::show::{Files, Show, Shown};
 use self::tour::Tour;
+use self::unshown::ShowError;
 use self::view::model::Model;
 use self::view::terminal::Screen;
 use self::view::theme::Theme;
@@ -87,7 +89,7 @@ pub fn run(args: &Args) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    if let Err(problem) = output::check(&wanted(args)) {
+    if let Err(problem) = output::check(&wanted(args, &order)) {
         let (error, status) = match problem {
             Problem::Option(error) => (error, 2),
             Problem::File(error) => (error, 1),
@@ -105,12 +107,17 @@ pub fn run(args: &Args) -> ExitCode {
 }
 
 /// The files that are to be written.
-fn wanted(args: &Args) -> Vec<Wanted<'_>> {
-    let csv = args.csv.as_deref().map(|path| Wanted { option: "--csv", path, ending: "" });
-    let plot = args.plot.as_deref().map(|path| Wanted { option: "--plot", path, ending: "svg" });
-    let script = args.save_script.as_deref().map(|path| Wanted { option: "--save-script", path, ending: "" });
-    let report = args.report.as_deref().map(|path| Wanted { option: "--report", path, ending: "html" });
-    csv.into_iter().chain(plot).chain(report).chain(script).collect()
+fn wanted(args: &Args, order: &Order) -> Vec<Wanted> {
+    let file = |option, path: &Option<String>, kind| path.clone().map(|path| Wanted { option, path, kind });
+    let names: Vec<&str> = order.setup.engines.iter().map(Engine::name).collect();
+    let captured = args.capture.iter().flat_map(|folder| Capture::paths(folder, &names));
+    file("--csv", &args.csv, Kind::Direct)
+        .into_iter()
+        .chain(file("--plot", &args.plot, Kind::Whole("svg")))
+        .chain(file("--report", &args.report, Kind::Whole("html")))
+        .chain(file("--save-script", &args.save_script, Kind::Direct))
+        .chain(captured.map(|path| Wanted { option: "--capture", path, kind: Kind::InFolder }))
+        .collect()
 }
 
 fn list_scenarios() -> ExitCode {
@@ -161,15 +168,13 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let report = args.report.as_deref().map(|path| Report::create(path, about)).transpose()?;
     let chronicle =
         (args.plot.is_some() || report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
-    let files = Files {
-        names: names.clone(),
-        csv: args.csv.as_deref().map(Csv::create).transpose()?,
-        chronicle,
-        plot: args.plot.as_deref().map(|path| Plot::create(path, args.dark)).transpose()?,
-        capture: args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?,
-    };
-    let out =
-        if wanted(args).iter().any(|file| output::is_stdout(file.path)) { Out::Stderr } else { Out::Stdout };
+    let plot = args.plot.as_deref().map(|path| Plot::create(path, args.dark)).transpose()?;
+    let capture = args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?;
+    // The last: what it held before is gone with this.
+    let csv = args.csv.as_deref().map(Csv::create).transpose()?;
+    let files = Files { names: names.clone(), csv, chronicle, plot, capture };
+    let to_stdout = wanted(args, order).iter().any(|file| output::is_stdout(&file.path));
+    let out = if to_stdout { Out::Stderr } else { Out::Stdout };
     let on_terminal = out == Out::Stdout && io::stdout().is_terminal() && !is_dumb();
 
     // The last of all: from here on the terminal may not be as it was.
@@ -229,7 +234,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     };
     let saved = save_script(args, order, &outcomes)?;
     if let (Some(saved), false) = (saved, args.script.is_some()) {
-        text += &format!("To play it again: cargo rig --script {} --fast\n", saved.display());
+        text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved));
     }
     let shown = shown.and_then(|events| reported.map_err(ShowError::File).map(|()| events));
     let printed = match &shown {

@@ -5,7 +5,7 @@ use super::faults::Faults;
 use super::mavlink::{Address, MOST_PORTS, Mavlink};
 use super::plan::Plan;
 use super::play::action::Action;
-use super::play::script::{Header, Script};
+use super::play::script::{Header, Script, USUAL_SEED};
 use super::quantity;
 use super::scenario::Scenario;
 use super::session::Setup;
@@ -114,7 +114,7 @@ pub struct Args {
     pub standby: bool,
 
     /// All that is random comes from this number
-    #[arg(long, value_name = "NUMBER", default_value = "1")]
+    #[arg(long, value_name = "NUMBER", default_value_t = USUAL_SEED.to_string())]
     pub seed: String,
 
     /// What goes wrong, for example heavy or noise=0.02,lose=0.01

@@ -5,14 +5,25 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// A file that is asked for on the command line.
-#[derive(Clone, Copy, Debug)]
-pub struct Wanted<'a> {
-    /// The option that names it.
+#[derive(Clone, Debug)]
+pub struct Wanted {
+    /// The option that names it, or its folder.
     pub option: &'static str,
     /// Where it is to be.
-    pub path: &'a str,
-    /// What its name ends with, if it has an ending; empty for any.
-    pub ending: &'static str,
+    pub path: String,
+    /// How it is written.
+    pub kind: Kind,
+}
+
+/// How a file is written.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// From its beginning, whatever its name.
+    Direct,
+    /// As a [`Whole`]; its name ends with this.
+    Whole(&'static str),
+    /// From its beginning, in a folder that may have to be made.
+    InFolder,
 }
 
 /// Why a file cannot be written.
@@ -25,21 +36,21 @@ pub enum Problem {
 }
 
 /// Checks all of them, and changes none.
-pub fn check(wanted: &[Wanted<'_>]) -> Result<(), Problem> {
+pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
     for (i, one) in wanted.iter().enumerate() {
-        let ending = Path::new(one.path).extension().and_then(|ending| ending.to_str());
-        if let Some(ending) = ending
-            && !one.ending.is_empty()
-            && !ending.eq_ignore_ascii_case(one.ending)
+        let path = Path::new(&one.path);
+        if let Some(found) = path.extension().and_then(|ending| ending.to_str())
+            && let Kind::Whole(ending) = one.kind
+            && !found.eq_ignore_ascii_case(ending)
         {
             return Err(Problem::Option(format!(
                 "{} writes {}: name the file {}",
                 one.option,
-                one.ending.to_uppercase(),
-                Path::new(one.path).with_extension(one.ending).display()
+                ending.to_uppercase(),
+                path.with_extension(ending).display()
             )));
         }
-        let same = |other: &&Wanted<'_>| place(other.path) == place(one.path);
+        let same = |other: &&Wanted| place(&other.path) == place(&one.path);
         if let Some(other) = wanted.iter().take(i).find(same) {
             return Err(Problem::Option(format!(
                 "{} and {} name the same file, {}",
@@ -48,7 +59,14 @@ pub fn check(wanted: &[Wanted<'_>]) -> Result<(), Problem> {
         }
     }
     for one in wanted {
-        can_write(one.path).map_err(|error| Problem::File(cannot_write(one.path, &error)))?;
+        let found = match one.kind {
+            Kind::Direct => can_write(Path::new(&one.path)),
+            Kind::Whole(_) => can_write(Path::new(&one.path)).and_then(|()| can_replace(&one.path)),
+            // In a folder that is still to be made nothing can be lost.
+            Kind::InFolder if Path::new(&one.path).parent().is_some_and(is_missing) => Ok(()),
+            Kind::InFolder => can_write(Path::new(&one.path)),
+        };
+        found.map_err(|error| Problem::File(cannot_write(&one.path, &error)))?;
     }
     Ok(())
 }
@@ -63,6 +81,16 @@ pub fn is_stdout(path: &str) -> bool {
     matches!(path, "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1")
 }
 
+/// A path as a word of a shell's command line.
+pub fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+,:=@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        return text;
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
 /// The same for all names of one file.
 fn place(path: &str) -> PathBuf {
     let path = Path::new(path);
@@ -71,7 +99,21 @@ fn place(path: &str) -> PathBuf {
     fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
-fn can_write(path: &str) -> io::Result<()> {
+fn is_missing(path: &Path) -> bool {
+    fs::metadata(path).is_err_and(|error| error.kind() == ErrorKind::NotFound)
+}
+
+/// Whether a [`Whole`] can be made here.
+fn can_replace(path: &str) -> io::Result<()> {
+    if is_regular(path) { can_write(&part(path)) } else { Ok(()) }
+}
+
+/// A regular file, or none yet.
+fn is_regular(path: &str) -> bool {
+    fs::metadata(path).map_or(true, |found| found.is_file())
+}
+
+fn can_write(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(io::Error::from(ErrorKind::IsADirectory)),
         Ok(found) if found.is_file() => OpenOptions::new().write(true).open(path).map(drop),
@@ -96,8 +138,7 @@ pub struct Whole {
 impl Whole {
     /// Reserves the place.
     pub fn create(path: &str) -> Result<Self, String> {
-        let is_regular = fs::metadata(path).map_or(true, |found| found.is_file());
-        let part = if is_regular { Some(part(path)) } else { None };
+        let part = is_regular(path).then(|| part(path));
         if let Some(part) = &part {
             File::create(part).map_err(|error| cannot_write(path, &error))?;
         }

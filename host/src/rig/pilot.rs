@@ -281,18 +281,11 @@ impl<'a> Pilot<'a> {
         };
         self.desk.input.set(PilotInput::Run(demand));
         let first = speed(&self.telemetry());
-        let mut last = VecDeque::new();
+        let mut last = Steady::default();
         let reached = self
             .keep(end, |telemetry| {
                 let now = speed(telemetry)?;
-                last.push_back(now);
-                if last.len() <= STEADY_TICKS {
-                    return None;
-                }
-                last.pop_front();
-                let (min, max) = (last.iter().min().copied()?, last.iter().max().copied()?);
-                // Twice the coarsest step of an AMT ECU's rpm.
-                let steady = max - min <= (max / 64).max(1000);
+                let steady = last.is_steady(now);
                 let moved =
                     first.is_none_or(|first| if percent > before { now > first } else { now < first });
                 (steady && moved && obeyed(telemetry, demand)).then_some(())
@@ -325,9 +318,12 @@ impl<'a> Pilot<'a> {
         silent?;
         self.desk.note(format!("its source speaks again after {} s", seconds(SILENCE)));
         let PilotInput::Run(demand) = self.desk.input.get() else { return Ok(()) };
+        // The throttle is back before the shaft speed: the next step has to begin at the speed of its demand.
+        let mut last = Steady::default();
         let follows = self
             .keep(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
-                (telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
+                let steady = last.is_steady(speed(telemetry)?);
+                (steady && telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
             })
             .await;
         match follows {
@@ -484,6 +480,23 @@ impl<'a> Pilot<'a> {
             text += &format!(", fault: {}", faults.value);
         }
         text
+    }
+}
+
+/// Whether the speeds of the last ticks are one speed.
+#[derive(Debug, Default)]
+struct Steady(VecDeque<u32>);
+
+impl Steady {
+    fn is_steady(&mut self, now: u32) -> bool {
+        self.0.push_back(now);
+        if self.0.len() <= STEADY_TICKS {
+            return false;
+        }
+        self.0.pop_front();
+        let (Some(min), Some(max)) = (self.0.iter().min(), self.0.iter().max()) else { return false };
+        // Twice the coarsest step of an AMT ECU's rpm.
+        max - min <= (max / 64).max(1000)
     }
 }
 

@@ -164,7 +164,7 @@ impl Faults {
                 name(cut.engine)
             ));
         }
-        for &(engine, failure) in &self.failures {
+        for (i, &(engine, failure)) in self.failures.iter().enumerate() {
             if plan.standby_only {
                 return Err(format!(
                     "--faults: {} cannot act with --standby: no engine is started",
@@ -186,6 +186,23 @@ impl Faults {
                     seconds(at),
                     seconds(lit),
                     seconds(out)
+                ));
+            }
+            // After a flame-out the engine cools, and is started again.
+            let again = times.cooling_takes + (lit - (times.start_at - Instant::MIN));
+            let too_early = self.failures.iter().enumerate().find_map(|(j, &(of, other))| match other {
+                Failure::FlameOut(first) if j != i && of == engine => {
+                    (first..first + again).contains(&at).then_some(first)
+                }
+                _ => None,
+            });
+            if let Some(first) = too_early {
+                return Err(format!(
+                    "--faults: flame-out of {} at {} s: after the one at {} s its flame burns again from about {:.0} s",
+                    name(engine),
+                    seconds(at),
+                    seconds(first),
+                    seconds(first + again)
                 ));
             }
         }

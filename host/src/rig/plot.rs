@@ -14,7 +14,13 @@ use super::output::Whole;
 use super::record::thinned;
 
 const WIDTH: f64 = 1300.0;
+/// The title's first line and the legend.
 const HEAD: f64 = 78.0;
+/// Each further line of the title.
+const TITLE_LINE: f64 = 28.0;
+/// The left end of the title, and the room to its right, in pixels.
+const TITLE_SIDE: f64 = 20.0;
+const TITLE_SIZE: u32 = 23;
 const FOOT: f64 = 44.0;
 /// The left and the right end of the time axis.
 const SIDES: (f64, f64) = (100.0, 1220.0);
@@ -54,7 +60,9 @@ impl Picture<'_> {
     fn draw(&self) -> String {
         let palette = Palette::of(self.dark);
         let Chronicle { record, subjects, happened, first_mark, .. } = self.chronicle;
-        let height = HEAD + panel::HEIGHT * subjects.len() as f64 + FOOT;
+        let title = lines(&self.chronicle.title, TITLE_SIZE, WIDTH - 2.0 * TITLE_SIDE);
+        let head = HEAD + TITLE_LINE * title.len().saturating_sub(1) as f64;
+        let height = head + panel::HEIGHT * subjects.len() as f64 + FOOT;
         let mut svg = Svg::new(WIDTH, height, palette.ground);
         // A scenario's way to its first event is not what it is about.
         let begin = first_mark.map_or(0.0, |t| (t - BEFORE_FIRST_MARK).max(0.0));
@@ -76,9 +84,9 @@ impl Picture<'_> {
                 bands: points.len() < all.len() || record.samples_a_point() > 1,
                 palette,
             };
-            panel.draw(&mut svg, HEAD + panel::HEIGHT * i as f64);
+            panel.draw(&mut svg, head + panel::HEIGHT * i as f64);
         }
-        self.head(&mut svg, palette, each);
+        self.head(&mut svg, palette, each, &title);
         let y = height - FOOT;
         for mark in time.marks(12) {
             let x = time.at(mark);
@@ -90,8 +98,14 @@ impl Picture<'_> {
     }
 
     /// The title and the legend, which holds for all panels. `each`: samples that the points stand for.
-    fn head(&self, svg: &mut Svg, palette: Palette, each: usize) {
-        svg.text((20.0, 30.0), 23, Anchor::Start, palette.ink, &self.chronicle.title);
+    fn head(&self, svg: &mut Svg, palette: Palette, each: usize, title: &[String]) {
+        let mut y = 30.0;
+        for line in title {
+            svg.text((TITLE_SIDE, y), TITLE_SIZE, Anchor::Start, palette.ink, line);
+            y += TITLE_LINE;
+        }
+        // The legend, below the last line.
+        let y = y - TITLE_LINE + 26.0;
         let mut x = 20.0;
         for (name, color, wide) in [
             ("rpm", palette.rpm, 2.0),
@@ -99,16 +113,44 @@ impl Picture<'_> {
             ("demand of the source", palette.commanded, 4.0),
             ("demand on the wire", palette.sent, 2.0),
         ] {
-            svg.line((x, 56.0), (x + 34.0, 56.0), color, wide);
-            svg.text((x + 42.0, 61.0), 16, Anchor::Start, palette.ink, name);
+            svg.line((x, y), (x + 34.0, y), color, wide);
+            svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, name);
             x += 70.0 + width(name, 16);
         }
-        svg.path(&[(x, 56.0), (x + 34.0, 56.0)], palette.ink, 2.0, true);
-        svg.text((x + 42.0, 61.0), 16, Anchor::Start, palette.ink, "no new value");
+        svg.path(&[(x, y), (x + 34.0, y)], palette.ink, 2.0, true);
+        svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, "no new value");
         if each > 1 {
             let text =
                 format!("long run: each point is {:.1} s, a band from least to most", each as f64 / 10.0);
-            svg.text((SIDES.1, 30.0), 14, Anchor::End, palette.ink, &text);
+            svg.text((SIDES.1, y + 5.0), 14, Anchor::End, palette.ink, &text);
         }
+    }
+}
+
+/// A text in lines that are no wider than this, broken between words.
+fn lines(text: &str, size: u32, most: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if width(&format!("{line} {word}"), size) <= most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_is_broken_between_words_before_it_runs_out_of_the_picture() {
+        let text = "one two three four";
+        assert_eq!(lines(text, 10, width("one two three", 10)), ["one two three", "four"]);
+        assert_eq!(lines(text, 10, width(text, 10)), [text]);
+        assert_eq!(lines("", 10, 100.0), Vec::<String>::new());
     }
 }

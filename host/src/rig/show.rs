@@ -7,8 +7,8 @@ use super::csv::Csv;
 use super::lines::Lines;
 use super::message::Message;
 use super::plot::Plot;
+use super::unshown::ShowError;
 use super::view::terminal::Screen;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Receiver;
 
@@ -37,7 +37,7 @@ pub struct Files {
 }
 
 impl Files {
-    fn message(&mut self, message: &Message) -> Result<(), String> {
+    fn message(&mut self, message: &Message) -> Result<(), ShowError> {
         match message {
             Message::Note(note) => {
                 if let Some(csv) = &mut self.csv {
@@ -60,7 +60,7 @@ impl Files {
                     chronicle.samples(*at, samples);
                 }
                 if let Some(capture) = &mut self.capture {
-                    capture.samples(details)?;
+                    capture.samples(details).map_err(ShowError::File)?;
                 }
             }
             Message::Passing(_) | Message::Complete(_) => {}
@@ -69,14 +69,14 @@ impl Files {
     }
 
     /// Completes all of them. A file that could not be written before cannot be completed either: the first error is the one.
-    fn finish(self) -> (Result<(), String>, Option<Chronicle>) {
+    fn finish(self) -> (Result<(), ShowError>, Option<Chronicle>) {
         let csv = self.csv.map_or(Ok(()), Csv::finish);
         let plot = match (self.plot, &self.chronicle) {
             (Some(plot), Some(chronicle)) => plot.finish(chronicle),
             _ => Ok(()),
         };
         let capture = self.capture.map_or(Ok(()), Capture::finish);
-        (csv.and(plot).and(capture), self.chronicle)
+        (csv.and(plot.and(capture).map_err(ShowError::File)), self.chronicle)
     }
 }
 
@@ -87,17 +87,6 @@ pub struct Show {
     pub shown: Shown,
     /// The files.
     pub files: Files,
-}
-
-/// Why a run could not be shown.
-#[derive(Debug)]
-pub enum ShowError {
-    /// What text goes to takes nothing.
-    Screen(io::Error),
-    /// A file takes nothing.
-    File(String),
-    /// A panic, whose message has been printed.
-    Panicked,
 }
 
 impl Show {
@@ -113,7 +102,7 @@ impl Show {
         // The terminal is put back before anything else can be printed.
         drop(self.shown);
         let (files, chronicle) = self.files.finish();
-        (shown.and(files.map_err(ShowError::File)).map(|()| events), chronicle)
+        (shown.and(files).map(|()| events), chronicle)
     }
 
     fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {
@@ -121,7 +110,7 @@ impl Show {
         match shown {
             Shown::Lines(lines) => {
                 while let Ok(message) = messages.recv() {
-                    files.message(&message).map_err(ShowError::File)?;
+                    files.message(&message)?;
                     match &message {
                         Message::Note(note) => lines.note(note),
                         Message::Samples { at, samples, .. } => lines.samples(*at, samples),
@@ -132,10 +121,9 @@ impl Show {
                 }
                 Ok(())
             }
-            Shown::Screen(screen) => screen
-                .run(messages, |message| files.message(message))
-                .map_err(ShowError::File)?
-                .map_err(ShowError::Screen),
+            Shown::Screen(screen) => {
+                screen.run(messages, |message| files.message(message))?.map_err(ShowError::Screen)
+            }
         }
     }
 }

@@ -9,13 +9,13 @@
 //! ```
 
 use super::super::engines::Engine;
-use super::action::Action;
+use super::action::{Act, Action};
 use embassy_time::{Duration, Instant};
 
 const HEAD: &str = "jetlink rig script, version ";
 
 /// What a run is made of besides what is done in it: as on the command line.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Header {
     /// `--seed`.
     pub seed: u64,
@@ -27,6 +27,15 @@ pub struct Header {
     pub standby: bool,
     /// `--faults`.
     pub faults: Option<String>,
+}
+
+/// Where no seed is given.
+pub const USUAL_SEED: u64 = 1;
+
+impl Default for Header {
+    fn default() -> Self {
+        Self { seed: USUAL_SEED, engines: Vec::new(), duration: None, standby: false, faults: None }
+    }
 }
 
 /// A script file before its actions are read: these need the engines.
@@ -53,11 +62,18 @@ impl Script {
         let mut script =
             Self { header: Header::default(), actions: Vec::new(), end: None, version: version.to_owned() };
         let mut last = Duration::MIN;
+        let mut given: Vec<&str> = Vec::new();
         for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
             let wrong = |what: &str| format!("line {number}, `{line}`: {what}");
             let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
             if script.end.is_some() {
                 return Err(wrong("nothing follows `end`"));
+            }
+            if matches!(first, "seed" | "duration" | "standby" | "faults") {
+                if given.contains(&first) {
+                    return Err(wrong(&format!("`{first}` is given twice")));
+                }
+                given.push(first);
             }
             match first {
                 "seed" => {
@@ -89,14 +105,29 @@ impl Script {
         Ok(script)
     }
 
-    /// Its actions on these engines.
+    /// Its actions on these engines. They have to leave the run an end.
     pub fn actions(&self, engines: &[Engine]) -> Result<Vec<(Instant, Action)>, String> {
         let read = |(at, number, text): &(Duration, usize, String)| {
             let action =
                 Action::parse(text, engines).map_err(|what| format!("line {number}, `{text}`: {what}"))?;
             Ok((Instant::MIN + *at, action))
         };
-        self.actions.iter().map(read).collect()
+        let actions = self.actions.iter().map(read).collect::<Result<Vec<(Instant, Action)>, String>>()?;
+        // An engine that was taken from its own script, and not given back, flies on.
+        let is_played = |engine: usize| {
+            let of_it = |action: &&Action| {
+                action.engine.is_none_or(|of| of == engine) && !matches!(action.act, Act::Fault(..))
+            };
+            actions.iter().map(|(_, action)| action).rfind(of_it).is_some_and(|last| last.act != Act::Script)
+        };
+        match engines.iter().enumerate().find(|(engine, _)| is_played(*engine)) {
+            Some((_, engine)) if self.end.is_none() => Err(format!(
+                "{} is played until the run ends: add `end` with its time, for example `{} end`",
+                engine.name(),
+                time(actions.last().map_or(Instant::MIN, |(at, _)| *at) + Duration::from_secs(10))
+            )),
+            _ => Ok(actions),
+        }
     }
 }
 
@@ -144,7 +175,7 @@ fn time(at: Instant) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::super::engines::engines;
-    use super::super::action::{Act, Fault};
+    use super::super::action::Fault;
     use super::*;
 
     #[test]
@@ -182,6 +213,7 @@ mod tests {
             (format!("{head}soon left arm"), "line 2"),
             (format!("{head}seed x"), "whole number"),
             (format!("{head}2 left arm\n1 left start"), "line 3"),
+            (format!("{head}seed 1\nseed 2"), "line 3, `seed 2`: `seed` is given twice"),
             (format!("{head}2 end\n3 left arm"), "nothing follows"),
         ] {
             let error = Script::parse(&text).unwrap_err();

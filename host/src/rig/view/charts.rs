@@ -17,8 +17,19 @@ const SPAN: f64 = 120.0;
 const BESIDE: usize = 4;
 /// Lines of the strip of the throttle.
 const STRIP: u16 = 6;
-/// Room above the highest value.
+/// Least room above the highest speed and above the limit of the EGT.
 const HEADROOM: f64 = 1.08;
+/// An axis ends at a multiple of this, so that its label is no rounded number.
+const RPM_STEP: f64 = 10_000.0;
+/// The same of the EGT, in °C.
+const EGT_STEP: f64 = 50.0;
+/// The upper end of the throttle's axis, in percent: there is nothing above.
+const THROTTLE_TOP: f64 = 100.0;
+
+/// Where the axis ends above this value.
+fn top(most: f64, step: f64) -> f64 {
+    (most * HEADROOM / step).ceil() * step
+}
 
 /// Draws one for each engine.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
@@ -53,9 +64,10 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
         };
         known.map(piece).filter(|piece| !piece.is_empty()).collect()
     };
-    let egt_full = subject.egt_limit.unwrap_or(800.0);
-    // Both have one axis: the EGT is drawn so that its limit is at the highest speed.
-    let to_rpm = subject.max_rpm / egt_full;
+    let (top_rpm, top_egt) =
+        (top(subject.max_rpm, RPM_STEP), top(subject.egt_limit.unwrap_or(800.0), EGT_STEP));
+    // Both have one axis, which ends at `top_rpm` and at `top_egt`.
+    let to_rpm = top_rpm / top_egt;
     let by_rpm = subject.engine.by_rpm();
     let mut speeds = vec![
         ("EGT", Tone::Bad, curve(&|point| point.egt, to_rpm)),
@@ -67,13 +79,13 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
     let title = vec![
         Span::styled(format!(" {}: ", model.name(engine)), theme.style(Tone::Head)),
         Span::styled("rpm", theme.style(Tone::Good)),
-        Span::styled(theme.text(&format!(", EGT (top: {egt_full:.0} °C)")), theme.style(Tone::Bad)),
+        Span::styled(theme.text(&format!(", EGT (top: {top_egt:.0} °C)")), theme.style(Tone::Bad)),
         Span::styled(if by_rpm { ", demand " } else { " " }, theme.style(Tone::Warn)),
     ];
-    let top = format!("{:.0}k", subject.max_rpm / 1000.0);
+    let name = format!("{:.0}k", top_rpm / 1000.0);
     let strip = if by_rpm { 0 } else { STRIP.min(area.height / 3) };
     let [upper, lower] = Layout::vertical([Constraint::Fill(1), Constraint::Length(strip)]).areas(area);
-    chart(theme, frame, upper, title.into(), &speeds, subject.max_rpm * HEADROOM, &top);
+    chart(theme, frame, upper, title.into(), &speeds, top_rpm, &name);
     if strip > 0 {
         let throttles = [
             ("sent", Tone::Busy, curve(&|point| point.sent_throttle, 1.0)),
@@ -85,7 +97,7 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
             Span::raw(" and "),
             Span::styled("sent ", theme.style(Tone::Busy)),
         ];
-        chart(theme, frame, lower, title.into(), &throttles, 100.0 * HEADROOM, "100 %");
+        chart(theme, frame, lower, title.into(), &throttles, THROTTLE_TOP, &format!("{THROTTLE_TOP:.0} %"));
     }
 }
 

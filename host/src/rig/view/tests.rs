@@ -2,6 +2,7 @@
 
 use super::super::context::Stage;
 use super::super::control::{Control, Scripted, Situation, Turn};
+use super::super::message::Message;
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
 use super::super::play::script;
@@ -135,7 +136,7 @@ fn char(c: char) -> KeyEvent {
 #[test]
 fn the_tour_says_what_happens_and_why() {
     let mut seen: Vec<String> = Vec::new();
-    for end in [40.0, 121.0, 124.0, 128.0, 130.0, 145.0] {
+    for end in [40.0, 129.5, 132.0, 135.3, 138.5, 145.0] {
         let played = play("tour", HEAD, &[], end);
         let screen = text(&buffer(&played.model, COLOUR, 80, 24));
         seen.push(screen.lines().nth(1).unwrap().to_owned());
@@ -209,6 +210,33 @@ fn larger_screens_show_more() {
     assert!(small.contains("The keys still work") && !small.contains("left"), "{small}");
     assert!(at(80, 15).contains("the rig needs 60 and 16"));
     assert!(at(60, 16).contains("events"));
+}
+
+/// A curve at the value that the upper label names is at the height of that label.
+#[test]
+fn labels_of_the_charts_are_at_their_values() {
+    let mut played = pair(45.0, &[], "labels");
+    let screen = text(&buffer(&played.model, COLOUR, 200, 50));
+    let words = || screen.split(|c: char| !c.is_ascii_alphanumeric());
+    let label: Option<u32> = words().find_map(|word| word.strip_suffix('k')?.parse().ok());
+    let top = label.expect("a label in thousands") * 1000;
+    // The screen's last two minutes are at that speed.
+    let mut samples = played.model.samples.clone();
+    for sample in &mut samples {
+        (sample.rpm, sample.egt) = (Some(top), None);
+    }
+    for i in 1..=1300_u64 {
+        played.model.message(Message::Samples {
+            at: Instant::MIN + Duration::from_millis(45_000 + i * 100),
+            samples: samples.clone(),
+            details: Vec::new(),
+        });
+    }
+    let screen = text(&buffer(&played.model, COLOUR, 200, 50));
+    let name = format!("{}k", top / 1000);
+    let line = screen.lines().find(|line| line.contains(&name)).expect("the label");
+    let curve = line.chars().filter(|c| ('\u{2801}'..='\u{28ff}').contains(c)).count();
+    assert!(curve > 20, "no curve at {name}:\n{screen}");
 }
 
 #[test]
