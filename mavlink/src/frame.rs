@@ -4,12 +4,11 @@
 //! skipped as a whole: what it carries may look like a frame.
 
 use crate::dialect::MavMessage;
+pub use crate::ids::{Address, MAX_FRAME};
 use crate::signing::{Key, SIGNATURE, Signature};
 use heapless::Vec;
 use mavlink_core::{MavlinkVersion, Message, MessageData};
 
-/// Largest frame: header, payload, checksum and signature.
-pub const MAX_FRAME: usize = 10 + 255 + 2 + 13;
 /// Largest frame that is sent here: `EFI_STATUS`, signed.
 pub const MAX_SENT: usize = 10 + 73 + 2 + SIGNATURE;
 
@@ -18,16 +17,6 @@ const START_V2: u8 = 0xFD;
 const SIGNED: u8 = 0x01;
 
 const CHECKSUM: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
-
-/// Component of a system on the network.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Address {
-    /// System: a vehicle or a ground station.
-    pub system: u8,
-    /// Component of the system.
-    pub component: u8,
-}
 
 /// A message with its sender.
 #[derive(Clone, PartialEq)]

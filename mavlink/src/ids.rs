@@ -1,5 +1,18 @@
-//! Numbers of MAVLink that jetlink uses, as the MAVLink documents have them. Received numbers stay numbers: an unknown one is
+//! Numbers and addresses of MAVLink that jetlink uses, as the MAVLink documents have them. Received numbers stay numbers: an unknown one is
 //! answered, not dropped.
+
+/// Largest frame: header, payload, checksum and signature.
+pub const MAX_FRAME: usize = 10 + 255 + 2 + 13;
+
+/// Component of a system on the network.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Address {
+    /// System: a vehicle or a ground station.
+    pub system: u8,
+    /// Component of the system.
+    pub component: u8,
+}
 
 /// `COMMAND_*`: `MAV_CMD_DO_FLIGHTTERMINATION`.
 pub const CMD_DO_FLIGHTTERMINATION: u16 = 185;

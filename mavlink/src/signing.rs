@@ -4,7 +4,7 @@
 //! Every sender (system, component, link) counts its stamps up, so that a frame which was recorded and is sent again is known.
 //! A node has no clock of the day: its stamps continue from the last one that was kept, and follow those that it accepts.
 
-use crate::frame::{Address, MAX_FRAME};
+use crate::ids::{Address, MAX_FRAME};
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use sha2::{Digest, Sha256};
