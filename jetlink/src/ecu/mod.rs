@@ -24,6 +24,28 @@ macro_rules! protocols {
 }
 use protocols;
 
+/// The text of an enumeration of protocols is the text of the protocol's own type.
+macro_rules! text_of_vendor {
+    ($type:ident { $($name:ident)+ }) => {
+        impl core::fmt::Display for $type {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                match self {
+                    $(Self::$name(vendor) => vendor.fmt(f),)+
+                }
+            }
+        }
+
+        #[cfg(feature = "defmt")]
+        impl defmt::Format for $type {
+            fn format(&self, f: defmt::Formatter<'_>) {
+                match self {
+                    $(Self::$name(vendor) => defmt::Format::format(vendor, f),)+
+                }
+            }
+        }
+    };
+}
+
 macro_rules! vendor_types {
     ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
         /// The ECU on a port, with its settings.
@@ -148,39 +170,9 @@ macro_rules! vendor_types {
             }
         }
 
-        impl core::fmt::Display for Service {
-            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                match self {
-                    $(Self::$name(service) => service.fmt(f),)+
-                }
-            }
-        }
+        text_of_vendor!(Service { $($name)+ });
 
-        #[cfg(feature = "defmt")]
-        impl defmt::Format for Service {
-            fn format(&self, f: defmt::Formatter<'_>) {
-                match self {
-                    $(Self::$name(service) => defmt::Format::format(service, f),)+
-                }
-            }
-        }
-
-        impl core::fmt::Display for Faults {
-            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                match self {
-                    $(Self::$name(faults) => faults.fmt(f),)+
-                }
-            }
-        }
-
-        #[cfg(feature = "defmt")]
-        impl defmt::Format for Faults {
-            fn format(&self, f: defmt::Formatter<'_>) {
-                match self {
-                    $(Self::$name(faults) => defmt::Format::format(faults, f),)+
-                }
-            }
-        }
+        text_of_vendor!(Faults { $($name)+ });
     };
 }
 protocols!(vendor_types);

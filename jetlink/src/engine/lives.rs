@@ -103,10 +103,8 @@ impl Engine {
                     Some(end) => self.life_over(now, end),
                     None => {
                         self.report_doubt(doubted, true);
-                        if let Mode::Run(run) = &mut self.mode
-                            && let Some(sent) = run.sent
-                        {
-                            run.shaper.fall_back(now, sent);
+                        if let Mode::Run(run) = &mut self.mode {
+                            run.shaper.fall_back(now, run.sent);
                         }
                     }
                 }

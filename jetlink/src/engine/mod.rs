@@ -269,7 +269,7 @@ impl Engine {
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);
         if let Mode::Run(run) = &mut self.mode {
-            run.sent = run.handed_out.take().or(run.sent);
+            run.sent = run.handed_out.take().unwrap_or(run.sent);
         }
         self.touch();
         self.transmitter = None;
@@ -286,10 +286,8 @@ impl Engine {
             return;
         }
         // What has not reached the ECU must not jump when the transmitter works again.
-        if let Mode::Run(run) = &mut self.mode
-            && let Some(sent) = run.sent
-        {
-            run.shaper.fall_back(now, sent);
+        if let Mode::Run(run) = &mut self.mode {
+            run.shaper.fall_back(now, run.sent);
             run.shaper.rise();
         }
         let since = *self.transmitter.get_or_insert(now);
@@ -547,7 +545,7 @@ impl Engine {
             shaped: demand,
             handed_out: None,
             // What the ECU has, until this run sends its own: idle, or what was in force before a reset.
-            sent: Some(demand),
+            sent: demand,
             taking_over: None,
             fail_safe_at,
             stage,

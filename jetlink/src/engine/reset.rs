@@ -245,7 +245,7 @@ impl Engine {
         let shaped = run.stage != LossStage::None || run.limited || behind;
         let demand = if shaped { run.shaped } else { run.demand };
         // What was not sent yet has to be commanded again: after a reset a demand rises and does not jump.
-        Order::Run(run.sent.filter(|sent| sent.is_below(demand)).unwrap_or(demand))
+        Order::Run(if run.sent.is_below(demand) { run.sent } else { demand })
     }
 
     /// Acts on the result of a search for a running engine.

@@ -33,7 +33,7 @@ pub(super) struct Run {
     /// The shaped demand: the latest, the last handed to the transmitter, and the last sent completely.
     pub shaped: Demand,
     pub handed_out: Option<Demand>,
-    pub sent: Option<Demand>,
+    pub sent: Demand,
     /// Another source that waits to take over, and the end of its wait.
     pub taking_over: Option<(Origin, Instant)>,
     /// Begin of the fail-safe stage, while no source is fresh.
