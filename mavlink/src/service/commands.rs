@@ -43,11 +43,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         params: [f32; 7],
     ) {
         // Component 0 is everybody: nobody obeys that.
-        let (true, Some(place)) =
-            (self.system(now, port) == Some(target.system), self.place(target.component))
-        else {
-            return;
-        };
+        let Some(place) = self.addressed(now, port, target) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         let answer = if self.may_command(from.system) {
             self.obey(now, port, from, place, command, confirmation, params)
@@ -165,11 +161,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
 
     /// `COMMAND_CANCEL` of a start is a stop.
     pub(super) fn cancel(&mut self, now: Instant, port: usize, from: Address, target: Address, command: u16) {
-        let (true, Some(place)) =
-            (self.system(now, port) == Some(target.system), self.place(target.component))
-        else {
-            return;
-        };
+        let Some(place) = self.addressed(now, port, target) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         let answer = match (command, place) {
             _ if !self.may_command(from.system) => refuse(Refusal::NotAllowed(from.system)),

@@ -227,13 +227,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         };
         let refused = engine.take_demand(Self::situation(now, &self.vehicle, &self.heard), demand);
         if let Some(why) = refused {
-            self.say(
-                now,
-                Place::Engine(place),
-                Severity::Warning,
-                None,
-                format_args!("start refused: {why}"),
-            );
+            self.say_not_started(now, place, why);
         }
     }
 }

@@ -10,6 +10,7 @@ use crate::engine::{Engine, Situation};
 use crate::frame::Address;
 use crate::ids::Severity;
 use crate::port::{Class, Port, PortConfig, PortCounters};
+use crate::refusal::Refusal;
 use crate::report::Fleet;
 use crate::request::RateRequest;
 use crate::servo::FrameClock;
@@ -286,6 +287,16 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
         self.ports
             .get_mut(port)
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
+    }
+
+    /// Which component of ours a message is for. Component 0, which is everybody, is none.
+    fn addressed(&self, now: Instant, port: usize, target: Address) -> Option<Place> {
+        (self.system(now, port) == Some(target.system)).then(|| self.place(target.component))?
+    }
+
+    /// Says on all ports why an engine was not started.
+    fn say_not_started(&mut self, now: Instant, engine: usize, why: Refusal) {
+        self.say(now, Place::Engine(engine), Severity::Warning, None, format_args!("start refused: {why}"));
     }
 
     /// Sends a text, on one port or on all.

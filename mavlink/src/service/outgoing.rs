@@ -26,13 +26,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
             if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.heard)) {
-                self.say(
-                    now,
-                    Place::Engine(place),
-                    Severity::Warning,
-                    None,
-                    format_args!("start refused: {why}"),
-                );
+                self.say_not_started(now, place, why);
             }
             self.report_events(now, place);
         }

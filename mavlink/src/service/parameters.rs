@@ -142,11 +142,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         name: &CharArray<16>,
         index: i16,
     ) {
-        let (true, Some(place)) =
-            (self.system(now, port) == Some(target.system), self.place(target.component))
-        else {
-            return;
-        };
+        let Some(place) = self.addressed(now, port, target) else { return };
         let index = match usize::try_from(index) {
             Ok(index) => Some(index),
             Err(_) => name.to_str().ok().and_then(|name| self.position(place, name)),
@@ -165,11 +161,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         name: &CharArray<16>,
         value: f32,
     ) {
-        let (true, Some(place)) =
-            (self.system(now, port) == Some(target.system), self.place(target.component))
-        else {
-            return;
-        };
+        let Some(place) = self.addressed(now, port, target) else { return };
         let name = name.to_str().unwrap_or_default();
         let result = if self.may_command(from.system) {
             self.set(place, name, value)

@@ -40,9 +40,8 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         from: Address,
         setup: &SETUP_SIGNING_DATA,
     ) {
-        if self.system(now, port) != Some(setup.target_system)
-            || self.place(setup.target_component) != Some(Place::Node)
-        {
+        let target = Address { system: setup.target_system, component: setup.target_component };
+        if self.addressed(now, port, target) != Some(Place::Node) {
             return;
         }
         let result = self.set_key(now, port, from, setup);
