@@ -36,6 +36,7 @@ fn main() {
             let id = board.bootloader.map_or(0, |bootloader| bootloader.board_id);
             write("apj_board_id.rs", &id.to_string());
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
+            println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
             let flash = board.flash(behind_bootloader);
             map(board, flash.unwrap_or_else(|| panic!("{} has no bootloader to keep", board.title)))
         }
@@ -88,15 +89,14 @@ fn code(board: &Board) -> String {
             assert!(gpio <= "GPIOE".into(), "{pin}: only GPIO A to E have their clock early (`clock_gpio`)");
             (gpio, number)
         });
-        let name = format!("{}, {}, {}", port.name, port.uart, port.label);
-        line(format!(
-            "    {name:?} {} {} {} {gpio} {number} {rx_gpio} {rx_number},",
-            port.uart, port.rx, port.tx
-        ));
+        line(format!("    {:?} {} {gpio} {number} {rx_gpio} {rx_number},", title(port), port.uart));
     }
     line("],".into());
-    let telemetry = &board.telemetry;
-    line(format!("telemetry: {:?},", format!("{}, {}, {}", telemetry.name, telemetry.uart, telemetry.label)));
+    line(format!("telemetry: {:?} {},", title(&board.telemetry), board.telemetry.uart));
+    line(format!("inverts: {},", board.chip.family.inverts()));
+    let uarts = board.ports.iter().chain([&board.telemetry]);
+    let uarts = uarts.map(|port| format!("{} {} {},", port.uart, port.rx, port.tx));
+    line(format!("uarts: [{}],", uarts.collect::<Vec<_>>().join(" ")));
     let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
     line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
     let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));
@@ -109,6 +109,11 @@ fn code(board: &Board) -> String {
         }
     ));
     code + "}\n"
+}
+
+/// A port in the log.
+fn title(port: &boards::Port) -> String {
+    format!("{}, {}, {}", port.name, port.uart, port.label)
 }
 
 /// `PA9` as `GPIOA` and `9`.

@@ -1,11 +1,12 @@
-//! Which engine sits on which port. Change [`ENGINES`], build, flash.
+//! Which engine sits on which port, and where a receiver of radio control is. Change [`ENGINES`] and [`RADIO`], build, flash.
 //!
-//! The table is checked while it is compiled (`jetlink::config::check`).
+//! Both are checked while they are compiled (`jetlink::config::check`).
 
-use jetlink::config::{EngineConfig, check};
+use jetlink::config::{EngineConfig, check, check_port_is_free};
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
+use jetlink_rc::config::RadioConfig;
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see
 /// `docs/boards.md` for their names and pins.
@@ -44,4 +45,38 @@ const fn ports() -> usize {
     }
 }
 
+/// Line of the telemetry port, which carries MAVLink.
+pub const TELEMETRY: Line = Line::new(57_600);
+
+/// Receiver of radio control, on an ECU port without an engine, and what its channels do for each engine, in the order of
+/// [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
+#[cfg(not(any(feature = "radio-sbus", feature = "radio-crsf")))]
+pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = None;
+
+/// Test images only (features `radio-sbus` and `radio-crsf`): a receiver on the board's port for it.
+#[cfg(any(feature = "radio-sbus", feature = "radio-crsf"))]
+pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
+    use jetlink_rc::settings::EngineSettings;
+    let engines = [EngineSettings::DEFAULT; ENGINES.len()];
+    Some(if cfg!(feature = "radio-crsf") {
+        RadioConfig::crsf(radio_port(), engines)
+    } else {
+        // Where the UARTs do not invert, an inverter is in the line.
+        RadioConfig { inverted: cfg!(feature = "stm32h7"), ..RadioConfig::sbus(radio_port(), engines) }
+    })
+};
+
+/// Port of the board for a receiver (build.rs); without a board, one that no engine has.
+#[cfg(any(feature = "radio-sbus", feature = "radio-crsf"))]
+const fn radio_port() -> u8 {
+    match option_env!("JETLINK_RADIO_PORT") {
+        Some(port) => port.as_bytes()[0] - b'0',
+        None => 9,
+    }
+}
+
 const _: () = check(&ENGINES);
+const _: () = if let Some(radio) = RADIO {
+    radio.check();
+    check_port_is_free(&ENGINES, radio.port, "the receiver of radio control");
+};

@@ -5,55 +5,71 @@
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
 //! | `events`, one for each ECU | thread mode | logs events |
 //! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives the LED |
+//! | `mavlink` | thread mode | MAVLink on the telemetry port: commands, throttle, telemetry, parameters |
+//! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
-//! After a reset a running engine resumes, and any other stays in standby. Nothing here commands an engine, except the
-//! demonstration (feature `demo`) and the trial (feature `trial`).
+//! After a reset a running engine resumes, and any other stays in standby. Engines are commanded by MAVLink, by
+//! radio control, by the demonstration (feature `demo`) and by the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
-use crate::board::{self, EcuPort, Executor, Led, Oscillator, PORTS, Watchdog};
+use crate::board::{self, EcuPort, Executor, Format, Led, Oscillator, PORTS, Watchdog};
+use crate::mavlink::{Mavlink, Settings};
+use crate::radio::Radio;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channel::Events;
-use jetlink::config::check_ports;
+use jetlink::config::{EngineConfig, check_ports};
 use jetlink::engine::retained::Reset;
 use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
-use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::Telemetry;
-use jetlink_fw::config::ENGINES;
+use jetlink::watch::RunnerWatch;
+use jetlink_fw::config::{ENGINES, RADIO, TELEMETRY};
 use static_cell::{ConstStaticCell, StaticCell};
+// The sentences that MAVLink sends are in the image: the log takes the same, and not their formats for defmt beside them.
+use defmt::Display2Format as Text;
 
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
 
-/// Line of each port that has an engine. An engine on a port that the board lacks does not build.
-const LINES: [Option<Line>; PORTS.len()] = {
-    // With the feature play-ecu the last port is not for an engine.
-    check_ports(&ENGINES, PORTS.len() - cfg!(feature = "play-ecu") as usize);
-    let mut lines = [None; PORTS.len()];
+/// Ports that an engine or a receiver may be on: with the feature play-ecu, all but the last.
+const FOR_USE: usize = PORTS.len() - cfg!(feature = "play-ecu") as usize;
+
+/// Format of each port that has an engine or a receiver. One on a port that the board lacks does not build.
+const FORMATS: [Option<Format>; PORTS.len()] = {
+    check_ports(&ENGINES, FOR_USE);
+    let mut formats = [None; PORTS.len()];
     let mut i = 0;
     while i < N {
-        lines[ENGINES[i].port as usize] = Some(ENGINES[i].line);
+        formats[ENGINES[i].port as usize] = Some(Format::of_line(ENGINES[i].line));
         i += 1;
+    }
+    if let Some(radio) = &RADIO {
+        assert!(
+            (radio.port as usize) < FOR_USE,
+            "this board has no such port for the receiver of radio control"
+        );
+        assert!(
+            !radio.inverted || board::INVERTS_RX,
+            "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
+        );
+        formats[radio.port as usize] = Some(Format::of_radio(radio));
     }
     #[cfg(feature = "play-ecu")]
     {
-        lines[PORTS.len() - 1] = Some(crate::play_ecu::LINE);
+        formats[PORTS.len() - 1] = Some(Format::of_line(crate::play_ecu::LINE));
     }
-    lines
+    formats
 };
-
-/// Interval of the supervisor, 250 ms. A runner shows progress every 100 ms; the watchdog resets after 1 s.
-const SUPERVISION: Duration = Duration::from_millis(250);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     board::guard::arm();
-    let mut board = board::init(LINES);
+    let mut board = board::init(FORMATS, Format::of_line(TELEMETRY));
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {}",
         env!("CARGO_PKG_VERSION"),
@@ -71,11 +87,7 @@ fn main() -> ! {
         board::selftest::count_cycles();
     }
 
-    let node = node(board.reset_cause.retained());
-    node.set_clock(match board.oscillator {
-        Oscillator::Crystal => ClockSource::Crystal,
-        Oscillator::Internal => ClockSource::Internal,
-    });
+    let (node, service, radio) = build(board.reset_cause.retained(), board.oscillator);
     // Building the node takes much more stack than the rest of the firmware, so the two are measured apart.
     let starting = board::stack::deepest();
     board::stack::paint();
@@ -89,6 +101,16 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(status(node, board.led, starting)));
         #[cfg(all(feature = "selftest", feature = "stm32"))]
         spawner.spawn(defmt::unwrap!(self_test(starting, board.oscillator)));
+        #[cfg(feature = "count")]
+        let _telemetry = (service, board.telemetry);
+        #[cfg(not(feature = "count"))]
+        if let Some(service) = service {
+            spawner.spawn(defmt::unwrap!(mavlink(service, board.telemetry)));
+        }
+        if let (Some(radio), Some(config)) = (radio, RADIO) {
+            let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
+            spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
+        }
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
         #[cfg(feature = "trial")]
@@ -108,11 +130,31 @@ fn main() -> ! {
     })
 }
 
+/// Sets up all engines, MAVLink and radio control with the settings that are stored. Not inlined: the settings are on the stack until
+/// all have them, and `main` never returns its stack.
+#[inline(never)]
+fn build(
+    reset: Reset,
+    oscillator: Oscillator,
+) -> (&'static Node<N>, Option<Mavlink>, Option<&'static Radio>) {
+    let mut settings = Settings::new();
+    crate::mavlink::load(&mut settings);
+    let node = node(&settings.engines, reset);
+    node.set_clock(match oscillator {
+        Oscillator::Crystal => ClockSource::Crystal,
+        Oscillator::Internal => ClockSource::Internal,
+    });
+    let radio = crate::radio::build(node, &settings.engines);
+    // Not with `count`: its instructions would be counted, too.
+    let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, settings));
+    (node, mavlink, radio)
+}
+
 /// Sets up all engines. Not inlined: a channel is built on the stack, and `main` never returns its stack.
 #[inline(never)]
-fn node(reset: Reset) -> &'static Node<N> {
+fn node(engines: &[EngineConfig; N], reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
-    defmt::unwrap!(NODE.take().build(&ENGINES, Some((&board::engines::RETAINED.0, reset))))
+    defmt::unwrap!(NODE.take().build(engines, Some((&board::engines::RETAINED.0, reset))))
 }
 
 /// Logs the use of each port.
@@ -122,10 +164,13 @@ fn log_ports() {
             Some(engine) => {
                 defmt::info!("port {=usize}, {=str}: {=str}, {}", port, name, engine.name, engine.line)
             }
+            None if RADIO.is_some_and(|radio| usize::from(radio.port) == port) => {
+                defmt::info!("port {=usize}, {=str}: radio control", port, name)
+            }
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
     }
-    defmt::info!("reserved for MAVLink: {=str}", board::TELEMETRY_PORT);
+    defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, TELEMETRY);
 }
 
 #[embassy_executor::task(pool_size = N)]
@@ -153,7 +198,7 @@ async fn wedged<R: Future>(run: R) -> R::Output {
 async fn events(name: &'static str, mut events: Events<'static>) {
     loop {
         match events.next_message().await {
-            WaitResult::Message(event) => defmt::info!("{=str}: {}", name, event),
+            WaitResult::Message(event) => defmt::info!("{=str}: {}", name, Text(&event)),
             WaitResult::Lagged(lost) => defmt::warn!("{=str}: {=u64} events lost", name, lost),
         }
     }
@@ -215,7 +260,7 @@ impl defmt::Format for StatusLine<'_> {
         if let Some(faults) = self.0.current(report.faults)
             && !faults.is_empty()
         {
-            defmt::write!(f, ", faults {}", faults);
+            defmt::write!(f, ", faults {}", Text(&faults));
         }
         if in_doubt.is_some() {
             defmt::write!(f, ", IN DOUBT whether it runs: the demand is withheld");
@@ -223,12 +268,12 @@ impl defmt::Format for StatusLine<'_> {
         if *transmitter_failed {
             defmt::write!(f, ", TRANSMITTER FAILED: nothing is sent");
         }
-        defmt::write!(f, "; order: {}; {} in control", ordered, active_source);
+        defmt::write!(f, "; order: {}; {} in control", Text(ordered), Text(active_source));
         if *loss != LossStage::None {
-            defmt::write!(f, ", source lost: {}", loss);
+            defmt::write!(f, ", source lost: {}", Text(loss));
         }
         if let Some(waiting) = waiting {
-            defmt::write!(f, ", {} waits to take over", waiting);
+            defmt::write!(f, ", {} waits to take over", Text(waiting));
         }
         if *limited {
             defmt::write!(f, ", limited to the fail-safe throttle");
@@ -251,6 +296,17 @@ impl defmt::Format for StatusLine<'_> {
             );
         }
     }
+}
+
+#[cfg(not(feature = "count"))]
+#[embassy_executor::task]
+async fn mavlink(service: crate::mavlink::Mavlink, port: EcuPort) {
+    crate::mavlink::serve(service, port).await
+}
+
+#[embassy_executor::task]
+async fn radio_control(radio: &'static Radio, port: EcuPort) {
+    crate::radio::serve(radio, port).await
 }
 
 #[cfg(feature = "play-ecu")]
@@ -283,23 +339,18 @@ async fn count() {
     board::count::run().await
 }
 
+/// Feeds the watchdog, which resets after 1 s, while every engine's runner works.
 #[embassy_executor::task]
 async fn supervisor(node: &'static Node<N>, mut watchdog: Watchdog) {
-    let mut at_last_feed = node.handles().map(|handle| handle.progress());
+    let mut watch = RunnerWatch::new(node.handles());
     watchdog.start();
     loop {
-        // Not a ticker: after a stall it would catch up, and report runners as stuck that had no time to progress.
-        Timer::after(SUPERVISION).await;
-        let mut all_progressed = true;
-        for (handle, before) in node.handles().iter().zip(at_last_feed) {
-            if handle.progress() == before {
-                defmt::error!("{=str}: its runner is stuck", handle.name());
-                all_progressed = false;
-            }
+        let stuck = watch.check().await;
+        for name in &stuck {
+            defmt::error!("{=str}: its runner is stuck", name);
         }
-        if all_progressed {
+        if stuck.is_empty() {
             watchdog.feed();
-            at_last_feed = node.handles().map(|handle| handle.progress());
         }
     }
 }

@@ -10,10 +10,14 @@ mod board;
 mod demo;
 #[cfg(target_os = "none")]
 mod firmware;
+#[cfg(target_os = "none")]
+mod mavlink;
 #[cfg(all(target_os = "none", any(feature = "demo", feature = "trial")))]
 mod pilot;
 #[cfg(all(target_os = "none", feature = "play-ecu"))]
 mod play_ecu;
+#[cfg(target_os = "none")]
+mod radio;
 #[cfg(all(target_os = "none", feature = "trial"))]
 mod trial;
 

@@ -3,6 +3,8 @@
 //! A node is a file. An edge is every `use`, every re-export and every inline path, outside `#[cfg(test)]`, that names
 //! something in another file of the same package. A `mod` line is none: it says where a file is, not what its parent
 //! needs.
+//!
+//! In a test program a node is a module of its root with all files of its folder, which are parts of one text.
 
 use proc_macro2::{TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,6 +64,22 @@ impl Crate {
             }
         }
         self.items.entry(path.into()).or_default().push((module, own));
+    }
+
+    /// The same, with each module of the root as one node: its file, and those of its folder.
+    fn edges_of_modules(&self) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
+        let node = |file: &PathBuf| {
+            let module = self.files.iter().find(|(_, other)| *other == file).map(|(module, _)| module);
+            let top = module.and_then(|module| self.files.get(module.get(..1)?));
+            top.unwrap_or(file).clone()
+        };
+        let mut edges: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
+        for (from, targets) in self.edges() {
+            let from = node(&from);
+            let targets = targets.iter().map(node).filter(|target| *target != from).collect::<Vec<_>>();
+            edges.entry(from).or_default().extend(targets);
+        }
+        edges
     }
 
     /// Which files import which.
@@ -293,24 +311,76 @@ fn root(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(file)
 }
 
+/// The roots of every package's test programs: `tests/name.rs` and `tests/name/main.rs`.
+fn test_programs() -> Vec<String> {
+    let mut found = Vec::new();
+    for package in [
+        "",
+        "jetlink/",
+        "mavlink/",
+        "rc/",
+        "boards/",
+        "sim/",
+        "host/",
+        "image/",
+        "qemu/",
+        "xtask/",
+        "emulation/",
+    ] {
+        let folder = format!("{package}tests");
+        for entry in std::fs::read_dir(root(&folder)).into_iter().flatten().flatten() {
+            let name = format!("{folder}/{}", entry.file_name().display());
+            let main = format!("{name}/main.rs");
+            if name.ends_with(".rs") {
+                found.push(name);
+            } else if root(&main).exists() {
+                found.push(main);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn circles_are_sought_in_test_programs_too() {
+    let found = test_programs();
+    for program in [
+        "jetlink/tests/it/main.rs",
+        "tests/truth/main.rs",
+        "tests/wire_zk.rs",
+        "emulation/tests/board/main.rs",
+    ] {
+        assert!(found.iter().any(|name| name == program), "{program}: {found:?}");
+    }
+}
+
 #[test]
 fn no_package_has_a_circle_of_imports() {
     let roots = [
         "jetlink/src/lib.rs",
         "mavlink/src/lib.rs",
+        "rc/src/lib.rs",
         "src/lib.rs",
         "src/main.rs",
         "boards/src/lib.rs",
+        "pages/src/lib.rs",
         "sim/src/lib.rs",
+        "wired/src/lib.rs",
         "host/src/main.rs",
+        "image/src/main.rs",
         "qemu/src/main.rs",
         "xtask/src/main.rs",
         "emulation/src/lib.rs",
     ];
-    let found: Vec<String> = roots
-        .iter()
-        .filter_map(|file| {
-            let edges = Crate::read(&root(file)).edges();
+    let packages = roots.map(|file| (String::from(file), Crate::read(&root(file)).edges()));
+    let tests = test_programs().into_iter().map(|file| {
+        let edges = Crate::read(&root(&file)).edges_of_modules();
+        (file, edges)
+    });
+    let found: Vec<String> = packages
+        .into_iter()
+        .chain(tests)
+        .filter_map(|(file, edges)| {
             let circle = circle(&edges)?;
             let files: Vec<String> = circle.iter().map(|file| file.display().to_string()).collect();
             Some(format!("{file}:\n  {}", files.join("\n  imports ")))
@@ -359,6 +429,24 @@ fn planted_circle_is_found() {
         std::fs::remove_dir_all(&folder).unwrap();
         assert!(found.is_err(), "{what}");
     }
+}
+
+/// In a test program the files of a folder may use each other, and two modules of the root may not.
+#[test]
+fn planted_circle_of_a_test_program_is_found() {
+    let folder = std::env::temp_dir().join(format!("jetlink-imports-{}-program", std::process::id()));
+    std::fs::create_dir_all(folder.join("a")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("main.rs", "mod a;\nmod b;\n");
+    write("a.rs", "mod c; use c::C; pub struct A(C);");
+    write("a/c.rs", "use super::A; pub struct C(Option<Box<A>>);");
+    write("b.rs", "use crate::a::A; pub struct B(A);");
+    let edges = || Crate::read(&folder.join("main.rs")).edges_of_modules();
+    assert_eq!(circle(&edges()), None);
+    write("a/c.rs", "use crate::b::B; pub struct C(Option<Box<B>>);");
+    let found = circle(&edges());
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(found, Some(vec![folder.join("a.rs"), folder.join("b.rs")]));
 }
 
 #[test]

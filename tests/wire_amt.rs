@@ -4,7 +4,7 @@
 
 mod bench;
 
-use bench::{Bench, LONG, heard, throttle};
+use bench::{Bench, LONG, received, throttle};
 use embassy_futures::join::join;
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Order, Ordered, Origin, Rejected};
@@ -113,7 +113,7 @@ fn amt_11_a_silent_ecu_hears_nothing() {
     bench.play(LONG, async {
         bench.command_for(Command::Standby, Duration::from_secs(10)).await;
         bench.command_for(Command::EmergencyStop, Duration::from_secs(10)).await;
-        assert_eq!(bench.plug.log().len(), 0, "bytes to an ECU that said nothing");
+        assert_eq!(bench.plug.log().len(), 0, "bytes to an ECU that sent nothing");
         bench.plug.power(true);
         Timer::after(Duration::from_secs(2)).await;
     });
@@ -141,7 +141,7 @@ fn amt_14_start_run_and_shut_down() {
         let shown = report.rpm.expect("an Olympus has a scale").value.get();
         assert!((f64::from(shown) - rpm).abs() <= 500.0, "{shown} shown, {rpm} true");
         assert_eq!(report.throttle.expect("reported").value.tenths(), 500);
-        assert_eq!(report.amt_engine.expect("told by the set-up set").value, EngineModel::Olympus);
+        assert_eq!(report.amt_engine.expect("reported by the set-up set").value, EngineModel::Olympus);
         let after: Vec<_> = messages(&bench.plug.log())
             .into_iter()
             .filter(|(at, _)| *at > running_from + 200_000_000)
@@ -155,8 +155,8 @@ fn amt_14_start_run_and_shut_down() {
     assert_eq!(stats(&bench).serial_delay_stops, 0);
 }
 
-/// AMT-12: an ECU that hears nothing stops the engine by itself. The node says that the link is lost, withdraws
-/// the order to run, and a source that goes on sending `Run` does not start the engine again.
+/// AMT-12: an ECU that receives nothing stops the engine by itself. The node says that the link is lost, cancels
+/// the order to run, and a source that keeps sending `Run` does not start the engine again.
 #[test]
 fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
     let bench = bench(2400, 6);
@@ -164,7 +164,7 @@ fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
     bench.play(LONG, async {
         bench.start().await;
         bench.command_for(throttle(30), Duration::from_secs(5)).await;
-        heard(&mut events);
+        received(&mut events);
 
         bench.plug.cut(true);
         // The last frame came up to two periods of 125 ms before the cut.
@@ -172,12 +172,12 @@ fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
         assert_eq!(bench.handle().telemetry().link, LinkState::Up);
         bench.command_for(throttle(30), Duration::from_secs(9)).await;
         assert_eq!(bench.handle().telemetry().link, LinkState::Lost);
-        assert_eq!(heard(&mut events).iter().filter(|event| **event == Event::LinkLost).count(), 1);
+        assert_eq!(received(&mut events).iter().filter(|event| **event == Event::LinkLost).count(), 1);
         assert_eq!(stats(&bench).serial_delay_stops, 1);
 
         bench.plug.cut(false);
         bench.command_for(throttle(30), Duration::from_secs(60)).await;
-        let events = heard(&mut events);
+        let events = received(&mut events);
         let standby = Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node });
         assert!(events.contains(&Event::LinkUp) && events.contains(&standby), "{events:?}");
         assert!(events.contains(&Event::CommandRejected(Rejected::StandbyFirst, Origin::Bench)));
@@ -202,7 +202,7 @@ fn a_silent_source_brings_the_throttle_to_idle_on_the_wire() {
         bench.plug.take_log();
         Timer::after(Duration::from_secs(5)).await;
         let messages = messages(&bench.plug.log());
-        // The age limit of 0.5 s, held for 1 s, then to idle at 50 % a second; never a stop.
+        // The timeout of 0.5 s, held for 1 s, then to idle at 50 % a second; never a stop.
         for (at, message) in messages {
             let ms = (at - silent_from) / 1_000_000;
             let lowered = ms.saturating_sub(1_500) / 20;
@@ -279,11 +279,11 @@ fn a_babbling_ecu_does_not_hide_the_loss_of_the_link() {
         Timer::after(Duration::from_secs(2)).await;
         assert_eq!(bench.handle().telemetry().link, LinkState::Up);
     });
-    let lost = heard(&mut events).iter().filter(|event| **event == Event::LinkLost).count();
+    let lost = received(&mut events).iter().filter(|event| **event == Event::LinkLost).count();
     assert_eq!(lost, 1);
 }
 
-/// A transmitter that hangs costs replies, which are counted; reception goes on as if nothing were.
+/// A transmitter that hangs costs replies, which are counted; reception continues as if nothing were.
 #[test]
 fn a_hanging_transmitter_does_not_stall_reception() {
     let bench = bench(2400, 11);
@@ -295,13 +295,13 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         for _ in 0..50 {
             Timer::after(Duration::from_millis(100)).await;
             let telemetry = bench.handle().telemetry();
-            let age = telemetry.last_rx.expect("heard").elapsed();
+            let age = telemetry.last_rx.expect("received").elapsed();
             assert!(age <= Duration::from_millis(150), "the last frame is {} ms old", age.as_millis());
         }
         let counters = bench.handle().telemetry().counters;
         assert!(counters.write_timeouts - before.write_timeouts >= 30, "{counters:?}");
         assert_eq!(counters.sent, before.sent);
-        assert!(heard(&mut events).contains(&Event::NotSent(NotSent::TimedOut)));
+        assert!(received(&mut events).contains(&Event::NotSent(NotSent::TimedOut)));
 
         // Healed: at most what hung in the UART comes out late, and from then on every frame is answered.
         bench.plug.stall_tx(false);
@@ -359,7 +359,7 @@ fn amt_10_noise_never_makes_a_command_that_nobody_gave() {
             bench.command_for(throttle(40), Duration::from_secs(60)).await;
             let log = bench.plug.take_log();
             for (_, message) in messages(&log) {
-                // A healthy engine goes on, at what is commanded.
+                // A healthy engine continues, at what is commanded.
                 let expected = (Ops::Run, 80);
                 assert_eq!((message.ops, message.throttle_half_percent), expected, "seed {seed}");
             }
@@ -377,7 +377,7 @@ fn amt_10_noise_never_makes_a_command_that_nobody_gave() {
     }
 }
 
-/// A node that hears its own bytes (half-duplex wiring) does not answer itself.
+/// A node that receives its own bytes (half-duplex wiring) does not answer itself.
 #[test]
 fn an_echo_is_not_answered() {
     let bench = bench(2400, 13);
@@ -396,20 +396,20 @@ fn amt_9_a_restart_of_the_ecu_is_an_event() {
     let mut events = bench.handle().events().expect("a free place");
     bench.play(LONG, async {
         Timer::after(Duration::from_secs(3)).await;
-        let first = heard(&mut events);
+        let first = received(&mut events);
         assert_eq!(first.iter().filter(|event| **event == Event::EcuStarted).count(), 1);
         bench.plug.power(false);
         Timer::after(Duration::from_millis(300)).await;
         bench.plug.power(true);
         Timer::after(Duration::from_secs(3)).await;
-        let second = heard(&mut events);
+        let second = received(&mut events);
         assert_eq!(second.iter().filter(|event| **event == Event::EcuStarted).count(), 1);
     });
 }
 
-/// AMT-8: errors are told, several at once, and told again when they are gone.
+/// AMT-8: errors are reported, several at once, and reported again when they are gone.
 #[test]
-fn amt_8_errors_are_told_and_cleared() {
+fn amt_8_errors_are_reported_and_cleared() {
     let bench = bench(2400, 15);
     let mut events = bench.handle().events().expect("a free place");
     bench.play(LONG, async {
@@ -419,7 +419,7 @@ fn amt_8_errors_are_told_and_cleared() {
         bench.plug.ecu(|ecu| ecu.set_errors(0));
         Timer::after(Duration::from_secs(2)).await;
     });
-    let faults: Vec<_> = heard(&mut events)
+    let faults: Vec<_> = received(&mut events)
         .into_iter()
         .filter_map(|event| match event {
             Event::Faults(Faults::Amt(bits)) => Some(bits.0),

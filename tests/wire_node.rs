@@ -3,7 +3,7 @@
 
 mod bench;
 
-use bench::{LONG, command_as, heard, sim_line, throttle};
+use bench::{LONG, command_as, received, sim_line, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -100,10 +100,10 @@ async fn live_two<A: Ecu, B: Ecu>(
     join(engines, join(left.2.run(), right.2.run())).await;
 }
 
-/// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine goes on, and the
+/// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine continues, and the
 /// throttle does not move. With its order in the record the first whole frame is answered, without it the second that agrees.
 #[test]
-fn a_reset_in_flight_goes_on() {
+fn an_engine_resumes_after_a_reset_in_flight() {
     // A frame every 125 ms at any baud rate.
     const PERIOD: u64 = 125;
     for baud in [2400, 9600] {
@@ -205,7 +205,7 @@ fn a_latched_stop_survives_a_reset_in_flight() {
     }
 }
 
-/// One command to all engines: they start one after the other; one of two is lost: the other is told, and left alone
+/// One command to all engines: they start one after the other; one of two is lost: the other is informed, and left alone
 /// or reduced; and its timing is not touched.
 #[test]
 fn a_group_of_two() {
@@ -263,16 +263,16 @@ fn a_group_of_two() {
                 say(throttle(60));
                 Timer::after(Duration::from_millis(100)).await;
             }
-            let events = heard(&mut events);
+            let events = received(&mut events);
             let (l, r) = (l.telemetry(), r.telemetry());
-            // Its ECU says nothing but its error; the exhaust says that it is out, and its source does not start it again.
-            let of_left = heard(&mut of_left);
+            // Its ECU reports nothing but its error; the exhaust shows that it is out, and its source does not start it again.
+            let of_left = received(&mut of_left);
             assert!(of_left.contains(&Event::RunCancelled(End::NotBurning)), "{of_left:?}");
             assert_eq!((l.failed, l.ordered.order), (true, Order::Standby));
             assert!(events.contains(&Event::OtherFailed(1)), "{events:?}");
             assert_eq!(r.state, EngineState::Running);
             assert_eq!(r.report.throttle.expect("reported").value.tenths(), expected, "{option:?}");
-            // 20 turns a second, none missed, each on its beat.
+            // 20 slots a second, none missed, each on its beat.
             let counters = r.counters;
             assert_eq!(
                 (counters.send_slots_missed, counters.write_timeouts),
@@ -353,9 +353,9 @@ fn an_emergency_stop_gets_through() {
     }
 }
 
-/// That an engine has failed is known after a reset, too: the others of its group are told again.
+/// That an engine has failed is known after a reset, too: the others of its group are informed again.
 #[test]
-fn a_failure_is_told_again_after_a_reset() {
+fn a_failure_is_reported_again_after_a_reset() {
     for failed in [false, true] {
         clock::reset();
         let (left, left_ecu) = amt(2400);
@@ -373,7 +373,7 @@ fn a_failure_is_told_again_after_a_reset() {
             Timer::after(Duration::from_secs(3)).await;
             assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (failed, u8::from(failed)));
             // Until it is commanded to standby.
-            command_as(&l, Command::Standby, Origin::Rc).expect("nobody else rules");
+            command_as(&l, Command::Standby, Origin::Rc).expect("no other source holds it");
             Timer::after(Duration::from_secs(1)).await;
             assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (false, 0));
         };
@@ -381,11 +381,11 @@ fn a_failure_is_told_again_after_a_reset() {
     }
 }
 
-/// A transmitter that stands still for 1 s: the runner gives the port back to be opened anew, and the engine goes on at its
-/// demand. One that stands still for less is left alone.
+/// A transmitter that hangs for 1 s: the runner gives the port back to be opened anew, and the engine continues at its
+/// demand. One that hangs for less is left alone.
 #[test]
 fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
-    for (stands, reopened) in [(Duration::from_millis(900), false), (Duration::from_secs(3), true)] {
+    for (pause, reopened) in [(Duration::from_millis(900), false), (Duration::from_secs(3), true)] {
         clock::reset();
         let (config, ecu) = zk();
         let (rx, tx, plug) = wire(&config, ecu, 1);
@@ -408,8 +408,8 @@ fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
             start(&handle).await;
             fly_for(&handle, throttle(60), Duration::from_secs(5)).await;
             plug.stall_tx(true);
-            // What is asked meanwhile, is old when the transmitter goes on.
-            fly_for(&handle, throttle(80), stands).await;
+            // What is commanded meanwhile is old when the transmitter continues.
+            fly_for(&handle, throttle(80), pause).await;
             plug.take_log();
             if !reopened {
                 plug.stall_tx(false);
@@ -423,6 +423,6 @@ fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
         };
         let all = select(join(plug.run(), port), pilot);
         clock::run(all);
-        assert_eq!(opened.get(), usize::from(reopened), "{stands:?}");
+        assert_eq!(opened.get(), usize::from(reopened), "{pause:?}");
     }
 }

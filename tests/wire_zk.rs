@@ -4,7 +4,7 @@
 
 mod bench;
 
-use bench::{Bench, LONG, heard, rpm, throttle};
+use bench::{Bench, LONG, received, rpm, throttle};
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Interlock, Origin, Rejected};
 use jetlink::config::EngineConfig;
@@ -44,7 +44,7 @@ fn commands(record: &[Entry]) -> Vec<(u64, ZkCommand)> {
     bench::control_frames(Protocol::Zk, record).into_iter().map(zk).collect()
 }
 
-/// ZK-10, ZK-11, ZK-12: a command at every turn and a status for it, at every baud rate, with one stop bit and
+/// ZK-10, ZK-11, ZK-12: a command in every slot and a status for it, at every baud rate, with one stop bit and
 /// with two, at every rate that the line carries, for every protocol version.
 #[test]
 fn zk_10_the_cadence_holds_on_every_line_rate_and_version() {
@@ -102,7 +102,7 @@ fn zk_11_the_rate_is_set_and_confirmed() {
     assert_eq!(sent.len(), 1, "{sent:?}");
     assert_eq!(sent[0].1, ZkCommand::Action(SimAction::Rate100));
     assert_eq!(bench.plug.ecu(|ecu| ecu.rate()), SimRate::Hz100);
-    assert!(heard(&mut events).contains(&Event::RateConfirmed(Rate::Hz100)));
+    assert!(received(&mut events).contains(&Event::RateConfirmed(Rate::Hz100)));
 }
 
 /// ZK-7, ZK-6: while the version is not known only version 1 commands go out and there is no voltage; a known
@@ -197,7 +197,7 @@ fn zk_9_mode_2_the_switch_goes_by_id_6() {
     });
 }
 
-/// ZK-9 mode 3: ID 6 carries switch and RPM_X, ID 7 the rpm. The engine reaches what is asked, the finest step is
+/// ZK-9 mode 3: ID 6 carries switch and RPM_X, ID 7 the rpm. The engine reaches what is commanded, the finest step is
 /// chosen, a throttle takes over again without a stop, and an emergency stop gets through.
 #[test]
 fn zk_9_mode_3_the_engine_reaches_the_rpm() {
@@ -217,8 +217,8 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
                         // A 160 000 rpm engine needs RPM_X 4.
                         ZkCommand::Switch { sw: Sw::Run, factor: 4 } => {}
                         ZkCommand::Rpm(code) => {
-                            let asked = u32::from(code) * 40;
-                            assert!(asked <= target && asked > target - 40, "{asked} for {target}");
+                            let wanted = u32::from(code) * 40;
+                            assert!(wanted <= target && wanted > target - 40, "{wanted} for {target}");
                         }
                         other => panic!("{other:?}"),
                     }
@@ -229,7 +229,7 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
             bench.plug.take_log();
             bench.command_for(rpm(160_100), Duration::from_secs(15)).await;
             let clamped = Event::Clamped(jetlink::units::Rpm::new(160_000));
-            assert_eq!(heard(&mut events).iter().filter(|event| **event == clamped).count(), 1);
+            assert_eq!(received(&mut events).iter().filter(|event| **event == clamped).count(), 1);
             let codes: Vec<_> = commands(&bench.plug.take_log())
                 .into_iter()
                 .filter_map(|(_, command)| if let ZkCommand::Rpm(code) = command { Some(code) } else { None })
@@ -247,14 +247,14 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
     }
 }
 
-/// An emergency stop goes out of turn: at once, also at 20 Hz.
+/// An emergency stop goes out of slot: at once, also at 20 Hz.
 #[test]
-fn an_emergency_stop_does_not_wait_for_its_turn() {
+fn an_emergency_stop_does_not_wait_for_its_slot() {
     for after_turn_ms in [1, 5, 10, 20, 30, 49] {
         let bench = bench_on(Line::new(9600), Rate::Hz20, 4, |_| {});
         bench.play(LONG, async {
             bench.start().await;
-            // From one turn to a chosen place before the next: a command of 4 bytes takes 4.2 ms.
+            // From one slot to a chosen place before the next: a command of 4 bytes takes 4.2 ms.
             bench.plug.record(true);
             bench.until(|bench| !bench.plug.log().is_empty()).await;
             let turn = bench.plug.take_log()[0].start;
@@ -265,7 +265,7 @@ fn an_emergency_stop_does_not_wait_for_its_turn() {
                 Timer::after(Duration::from_millis(10)).await;
             }
             Timer::at(place).await;
-            let asked = sim::clock::now_ns();
+            let wanted = sim::clock::now_ns();
             bench.command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
             Timer::after(Duration::from_millis(20)).await;
             let stop = commands(&bench.plug.take_log())
@@ -273,7 +273,7 @@ fn an_emergency_stop_does_not_wait_for_its_turn() {
                 .find(|(_, command)| *command == ZkCommand::Control { sw: Sw::Stop, throttle: 0 })
                 .expect("on the wire within 20 ms");
             // At once, or behind the command that was going out.
-            assert!(stop.0 - asked <= 4_200_000, "{} µs after it was asked", (stop.0 - asked) / 1000);
+            assert!(stop.0 - wanted <= 4_200_000, "{} µs after it was commanded", (stop.0 - wanted) / 1000);
         });
     }
 }
@@ -294,7 +294,7 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
             bench
                 .until(|bench| bench.command(Command::Service(service), Origin::Bench) != Err(Rejected::Busy))
                 .await;
-            bench.until(|_| heard(&mut events).contains(&Event::ServiceConfirmed(service))).await;
+            bench.until(|_| received(&mut events).contains(&Event::ServiceConfirmed(service))).await;
         }
         assert_eq!(bench.plug.ecu(|ecu| (ecu.curve(), ecu.ignition_voltage())), (55, 120));
     });
@@ -308,7 +308,7 @@ fn zk_13_settings_are_unlocked_set_and_confirmed() {
     assert_eq!(stats(&bench).ignored.locked, 0);
 }
 
-/// Service commands are refused while the engine runs. The control for it: standing still they go out.
+/// Service commands are refused while the engine runs. The control for it: at rest they go out.
 #[test]
 fn service_needs_a_stopped_engine() {
     let test = Command::Service(Service::Zk(zk::config::Service::Action(Action::TestStarter)));
@@ -318,12 +318,12 @@ fn service_needs_a_stopped_engine() {
         bench.start().await;
         assert_eq!(bench.command(test, Origin::Bench), Err(Rejected::NotStopped));
         bench.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
-        bench.command(test, Origin::Bench).expect("it stands still");
-        bench.until(|_| heard(&mut events).contains(&Event::Phase(Phase::Service))).await;
+        bench.command(test, Origin::Bench).expect("it hangs");
+        bench.until(|_| received(&mut events).contains(&Event::Phase(Phase::Service))).await;
     });
 }
 
-/// ZK-14: pressure once a second while the ECU asks, and only a fresh one.
+/// ZK-14: pressure once a second while the ECU requests it, and only a fresh one.
 #[test]
 fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
     let bench = bench_on(Line::new(9600), Rate::Hz50, 4, |ecu| ecu.esr = true);
@@ -354,7 +354,7 @@ fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
     assert_eq!(stats(&never_asks).pressures, 0);
 }
 
-/// ZK-8: SW 0 goes out when the hand-over is asked for by name, and then it does. It counts as a start: it needs the source's
+/// ZK-8: SW 0 goes out when the hand-over is commanded by name, and then it does. It counts as a start: it needs the source's
 /// own standby right before it.
 #[test]
 fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
@@ -371,13 +371,13 @@ fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
         assert_eq!(hand_over(), Err(Rejected::Start(Interlock::NotArmed)));
         bench.command(Command::Arm, Origin::Bench).expect("no stop is latched");
         assert_eq!(hand_over(), Err(Rejected::StandbyFirst), "the refusal used up the permission");
-        bench.command(Command::Standby, Origin::Bench).expect("nobody else rules");
+        bench.command(Command::Standby, Origin::Bench).expect("no other source holds it");
         hand_over().expect("a ZK ECU has it");
         Timer::after(Duration::from_secs(1)).await;
     });
     let sent = commands(&bench.plug.log());
     let handed = |command: &ZkCommand| matches!(command, ZkCommand::Control { sw: Sw::None, .. });
-    let first = sent.iter().position(|(_, command)| handed(command)).expect("it was asked for");
+    let first = sent.iter().position(|(_, command)| handed(command)).expect("it was commanded");
     assert!(sent[first..].iter().all(|(_, command)| handed(command)));
     assert_eq!(bench.plug.ecu(|ecu| ecu.controlled_by()), sim::zk::ControlledBy::Pwm);
 }
@@ -401,7 +401,7 @@ fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
         bench.plug.record(true);
         Timer::after(Duration::from_secs(25)).await;
         assert!(bench.plug.ecu(|ecu| ecu.turbine().load()) > 0.85);
-        // In doubt no run goes out. When the stages of loss have run out, standby does: 0.5 s age limit, 1 s hold, 10 s.
+        // In doubt no run goes out. When the stages of loss have run out, standby does: 0.5 s timeout, 1 s hold, 10 s.
         let sent = commands(&bench.plug.take_log());
         let standby = sent
             .iter()
@@ -416,16 +416,16 @@ fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
     });
 }
 
-/// Loss is found by the timer after 0.5 s, told once, and the link comes back by itself; up to version 4 the ECU
-/// speaks only when spoken to, so the turns have to go on.
+/// Loss is found by the timer after 0.5 s, reported once, and the link comes back by itself; up to version 4 the ECU
+/// sends only when it receives, so the slots have to continue.
 #[test]
-fn a_cut_line_is_told_once_and_comes_back() {
+fn a_cut_line_is_reported_once_and_comes_back() {
     for version in [1, 4, 5] {
         let bench = bench(version);
         let mut events = bench.handle().events().expect("a free place");
         bench.play(LONG, async {
             bench.until(|bench| bench.handle().telemetry().link == LinkState::Up).await;
-            heard(&mut events);
+            received(&mut events);
             bench.plug.cut(true);
             Timer::after(Duration::from_millis(450)).await;
             assert_eq!(bench.handle().telemetry().link, LinkState::Up);
@@ -436,7 +436,7 @@ fn a_cut_line_is_told_once_and_comes_back() {
             Timer::after(Duration::from_millis(100)).await;
             assert_eq!(bench.handle().telemetry().link, LinkState::Up);
         });
-        let events = heard(&mut events);
+        let events = received(&mut events);
         assert_eq!(events.iter().filter(|event| **event == Event::LinkLost).count(), 1, "{events:?}");
         assert_eq!(events.iter().filter(|event| **event == Event::LinkUp).count(), 1, "{events:?}");
     }
@@ -474,7 +474,7 @@ fn zk_16_noise_never_makes_a_command_that_nobody_gave() {
                     other => panic!("seed {seed}: {other:?}"),
                 }
             }
-            // 7 % to 15 % of the turns; the engine runs on.
+            // 7 % to 15 % of the slots; the engine runs on.
             assert!(doubts * 4 < runs, "seed {seed}: {runs} run, {doubts} in doubt");
             assert!(bench.plug.ecu(|ecu| ecu.turbine().phase().is_live()), "seed {seed}");
             bench.plug.set_faults(Noise::default(), Noise::default());
@@ -490,7 +490,7 @@ fn zk_16_noise_never_makes_a_command_that_nobody_gave() {
     }
 }
 
-/// Bytes without end: the turns go on to the tick, the loss of the link is found, and the link recovers.
+/// Bytes without end: the slots continue to the tick, the loss of the link is found, and the link recovers.
 #[test]
 fn a_babbling_ecu_does_not_put_off_the_keep_alive() {
     let bench = bench_on(Line::new(115_200), Rate::Hz100, 5, |_| {});
@@ -511,7 +511,7 @@ fn a_babbling_ecu_does_not_put_off_the_keep_alive() {
     });
 }
 
-/// A transmitter that hangs costs turns, which are counted; reception goes on.
+/// A transmitter that hangs costs slots, which are counted; reception continues.
 #[test]
 fn a_hanging_transmitter_does_not_stall_reception() {
     let bench = bench(5);
@@ -521,12 +521,12 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         bench.plug.stall_tx(true);
         for _ in 0..50 {
             Timer::after(Duration::from_millis(100)).await;
-            let age = bench.handle().telemetry().last_rx.expect("heard").elapsed();
+            let age = bench.handle().telemetry().last_rx.expect("received").elapsed();
             assert!(age <= Duration::from_millis(25), "the last frame is {} ms old", age.as_millis());
         }
         let counters = bench.handle().telemetry().counters;
         assert!(counters.write_timeouts >= 50 && counters.send_slots_missed > 0, "{counters:?}");
-        assert!(heard(&mut events).contains(&Event::NotSent(NotSent::TimedOut)));
+        assert!(received(&mut events).contains(&Event::NotSent(NotSent::TimedOut)));
         bench.plug.stall_tx(false);
         Timer::after(Duration::from_millis(500)).await;
         let healed = stats(&bench).accepted;
@@ -535,9 +535,9 @@ fn a_hanging_transmitter_does_not_stall_reception() {
     });
 }
 
-/// ZK-15: an unknown status ID is a frame; its bytes are kept and the link goes on.
+/// ZK-15: an unknown status ID is a frame; its bytes are kept and the link continues.
 #[test]
-fn zk_15_an_unknown_status_id_is_kept() {
+fn zk_15_an_unknown_status_id_is_preserved() {
     let bench = bench_on(Line::new(9600), Rate::Hz50, 5, |ecu| ecu.ids.push(10));
     bench.play(LONG, async { Timer::after(Duration::from_secs(3)).await });
     let telemetry = bench.handle().telemetry();

@@ -17,8 +17,10 @@ pub struct Board {
     pub bootloader: Option<Bootloader>,
     /// ECU ports by number, from 0.
     pub ports: &'static [Port],
-    /// Port reserved for MAVLink, with no ECU on it.
+    /// Port of MAVLink, with no ECU on it.
     pub telemetry: Port,
+    /// ECU port on which a receiver of radio control belongs. With a receiver there is no ECU on it.
+    pub radio: u8,
     /// Status LED.
     pub led: Led,
     /// Pins that are driven from the start on.
@@ -38,6 +40,8 @@ pub struct Chip {
     pub family: Family,
     /// Flash, in one piece.
     pub flash: Region,
+    /// Flash for code, from its beginning, in KiB. What comes after it is for settings, or not used.
+    pub code_kib: u32,
     /// RAM for statics and stack.
     pub ram: Region,
     /// RAM that is retained over a reset, left alone by start-up and by bootloaders.
@@ -53,6 +57,13 @@ pub enum Family {
     H7,
 }
 
+impl Family {
+    /// Whether its UARTs can invert what they receive, as SBUS needs it (RXINV; RM0433, 48.8.3; RM0090 has no such bit).
+    pub const fn inverts(self) -> bool {
+        matches!(self, Self::H7)
+    }
+}
+
 /// A piece of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
@@ -66,7 +77,7 @@ pub struct Region {
 ///
 /// Not used: ITCM 64K at 0x00000000, DTCM 128K at 0x20000000 (no DMA reaches them), SRAM1 to SRAM4. `retained` is where
 /// bootloaders have nothing: ArduPilot's have their RAM in DTCM (0x20000000), formerly in SRAM1 (0x30000000); PX4's begins at
-/// the start of the AXI SRAM and probably ends its heap in its last 1 KiB; so the last 7 KiB are left free, too.
+/// the start of the AXI SRAM, allocates from below and ends its heap at the end; so the last 7 KiB are left free, too.
 ///
 /// Its core has an LDO regulator and no SMPS, so there is no supply to choose; embassy-stm32 turns the LDO on
 /// (`rcc/h.rs` of 0.6.0, `pwr_h7rm0433`).
@@ -76,6 +87,8 @@ pub(crate) const STM32H743VI: Chip = Chip {
     probe_rs: "STM32H743VITx",
     family: Family::H7,
     flash: Region { start: 0x0800_0000, kib: 2048 },
+    // Bank 1. Settings are in the last two sectors of bank 2: while that is written or erased, bank 1 is read on.
+    code_kib: 1024,
     ram: Region { start: 0x2400_0000, kib: 504 },
     retained: Region { start: 0x2407_E000, kib: 1 },
 };
@@ -95,6 +108,7 @@ pub(crate) const STM32F427VI: Chip = Chip {
     probe_rs: "STM32F427VITx",
     family: Family::F4,
     flash: Region { start: 0x0800_0000, kib: 2048 },
+    code_kib: 2048,
     ram: Region { start: 0x2000_0000, kib: 184 },
     retained: Region { start: 0x2002_E000, kib: 1 },
 };
@@ -102,9 +116,9 @@ pub(crate) const STM32F427VI: Chip = Chip {
 /// What clocks a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// A crystal of so many MHz.
+    /// A crystal; its frequency in MHz.
     Crystal(u32),
-    /// A clock of so many MHz that comes from elsewhere; the chip's oscillator is bypassed.
+    /// A clock that comes from elsewhere, in MHz; the chip's oscillator is bypassed.
     External(u32),
 }
 
@@ -197,6 +211,9 @@ pub(crate) const fn high(pin: &'static str, why: &'static str) -> Hold {
     Hold { pin, level: Level::High, why }
 }
 
+/// RTS of the port of MAVLink. CTS is not used: the other end may send at any time.
+pub(crate) const TELEMETRY_RTS: &str = "RTS of the port of MAVLink: ready";
+
 /// A level of a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "they say it")]
@@ -219,16 +236,17 @@ pub struct Led {
 }
 
 impl Board {
-    /// The flash of an image: all of it, or what the bootloader leaves.
+    /// The flash of an image: all that is for code, or what the bootloader leaves of it.
     ///
     /// Nothing if there is no bootloader to link behind.
     pub fn flash(&self, behind_bootloader: bool) -> Option<Region> {
         let Region { start, kib } = self.chip.flash;
+        let code_kib = self.chip.code_kib;
         if !behind_bootloader {
-            return Some(self.chip.flash);
+            return Some(Region { start, kib: code_kib });
         }
         let Bootloader { load_kib, reserved_kib, .. } = self.bootloader?;
-        Some(Region { start: start + load_kib * 1024, kib: kib - load_kib - reserved_kib })
+        Some(Region { start: start + load_kib * 1024, kib: code_kib.min(kib - reserved_kib) - load_kib })
     }
 
     /// All pins that are driven from the start on, those of inverters among them.

@@ -4,7 +4,7 @@
 //! (`hwdef-bl.dat` of 2019) listen on UART7 only, and leave the other TX pins floating.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
 
 pub static BOARD: Board = Board {
     name: "cube-orange",
@@ -19,11 +19,14 @@ pub static BOARD: Board = Board {
         Port::new("SERIAL4", "UART8", ["PE1", "PE0"], "GPS2", Floats),
         Port::new("SERIAL5", "UART7", ["PE8", "PE7"], "CONS (ADS-B carriers: their receiver)", Listens),
     ],
-    // CTS is PD3, RTS is PD4.
+    // CTS is PD3.
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
+    // Its sockets for receivers hang on the IO processor. GPS2: the bootloader does not listen there.
+    radio: 2,
     led: Led { pin: "PE12", lit: Level::Low, open_drain: true, label: "amber, on the cube" },
     hold: &[
         low("PA8", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),
         low("PE3", "VDD_3V3_SENSORS_EN: the sensors are off"),
+        low("PD4", TELEMETRY_RTS),
     ],
 };

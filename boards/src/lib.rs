@@ -1,7 +1,7 @@
 //! The boards as data: one file each, one list.
 //!
 //! This is the only description of a board in the project. The firmware's build script expands it into typed code and a
-//! memory map (`build.rs`, `src/board/table.rs`), `cargo image` and `cargo flash-…` read it, CI asks it for its list, and
+//! memory map (`build.rs`, `src/board/table.rs`), `cargo image` and `cargo flash-…` read it, CI gets its list from it, and
 //! the tables in the README and in `docs/boards.md` are compared with it. Only the emulator has a copy of its own, as the
 //! check of this one.
 #![no_std]

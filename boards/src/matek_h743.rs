@@ -5,7 +5,7 @@
 //! (`boards/matek/h743*/nuttx-config/include/board.h`; that of -MINI was not at hand). The pads bear the number of the UART.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
 
 pub static BOARD: Board = Board {
     name: "matek-h743",
@@ -23,8 +23,10 @@ pub static BOARD: Board = Board {
         Port::new("SERIAL6", "UART4", ["PB9", "PB8"], "pads TX4 RX4", Floats),
         Port::new("SERIAL7", "USART6", ["PC6", "PC7"], "pads TX6 RX6 (RC input)", Floats),
     ],
-    // CTS is PE10, RTS is PE9.
+    // CTS is PE10.
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "pads TX7 RX7 CTS7 RTS7", Listens),
+    // ArduPilot gives RX6 to a timer, and to the UART with BRD_ALT_CONFIG 1: no inverter is in between.
+    radio: 5,
     led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
-    hold: &[],
+    hold: &[low("PE9", TELEMETRY_RTS)],
 };

@@ -12,7 +12,7 @@ pub static BOARD: Board = Board {
     title: "Nucleo-H743ZI2",
     also: &[],
     chip: &STM32H743ZI,
-    clock: Clock::External(8), // the ST-Link's MCO: it stands still when the ST-Link has no power
+    clock: Clock::External(8), // the ST-Link's MCO: it stops when the ST-Link has no power
     bootloader: None,
     ports: &[
         Port::new("D1 D0", "USART1", ["PB6", "PB7"], "TX on D1, RX on D0", Floats),
@@ -23,6 +23,7 @@ pub static BOARD: Board = Board {
         Port::new("D42 D41", "UART7", ["PE8", "PE7"], "TX on D42, RX on D41", Floats),
     ],
     telemetry: Port::new("USB", "USART3", ["PD8", "PD9"], "the ST-Link's virtual COM port", Floats),
+    radio: 4,
     led: Led { pin: "PB0", lit: Level::High, open_drain: false, label: "green, LD1" },
     hold: &[],
 };

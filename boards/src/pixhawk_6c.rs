@@ -2,10 +2,10 @@
 //!
 //! Pins: ArduPilot, `libraries/AP_HAL_ChibiOS/hwdef/Pixhawk6C/hwdef.dat` and `hwdef-bl.dat`. Many are sold with PX4's
 //! bootloader: the same place for the application and the same number (PX4, `boards/px4/fmu-v6c/src/hw_config.h`). It listens
-//! on TELEM1 and leaves the other TX pins floating; what stands here is ArduPilot's, which is the worse one.
+//! on TELEM1 and leaves the other TX pins floating; this table describes ArduPilot's, which is the worse one.
 
 use crate::board::Before::{DrivenLow, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
 
 pub static BOARD: Board = Board {
     name: "pixhawk-6c",
@@ -22,12 +22,15 @@ pub static BOARD: Board = Board {
         Port::new("SERIAL5", "USART2", ["PD5", "PA3"], "TELEM3", DrivenLow),
         Port::new("SERIAL6", "USART3", ["PD8", "PD9"], "FMU debug", Listens),
     ],
-    // CTS is PE10, RTS is PE9.
+    // CTS is PE10.
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "TELEM1", Listens),
+    // Its sockets for receivers hang on the IO processor. TELEM3: the bootloader does not listen there.
+    radio: 3,
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10
     hold: &[
         low("PC10", "nVDD_5V_HIPOWER_EN: 5 V on the sockets"),
         low("PE2", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),
         low("PB9", "HEATER_EN: the heater of the IMU is off"),
+        low("PE9", TELEMETRY_RTS),
     ],
 };

@@ -8,7 +8,7 @@
 //! where they should be off.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, high, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, TELEMETRY_RTS, high, low};
 
 pub static BOARD: Board = Board {
     name: "pixracer",
@@ -25,12 +25,16 @@ pub static BOARD: Board = Board {
         Port::new("SERIAL5", "USART1", ["PB6", "PB7"], "WiFi (ESP8266)", Floats),
         Port::new("SERIAL6", "UART7", ["PE8", "PE7"], "debug", Floats),
     ],
-    // CTS is PD3, RTS is PD4.
+    // CTS is PD3.
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
+    // Not its socket for receivers (PC7, RX of USART6, with an inverter that PC13 turns on): TX of USART6 is PC6, which switches a
+    // heater (PX4, GPIO_HEATER_OUTPUT of `boards/px4/fmu-v4/src/board_config.h`), and the UART's driver takes both.
+    radio: 4,
     led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),
         low("PE5", "8266_PD: a WiFi module is off"),
         low("PE6", "8266_RST: it stays off its port's RX"),
+        low("PD4", TELEMETRY_RTS),
     ],
 };

@@ -1,4 +1,4 @@
-//! What the rest of the repository says of the boards, compared with the table.
+//! The boards in the rest of the repository, compared with the table.
 
 use boards::{BOARDS, Before, Board, Clock};
 
@@ -56,6 +56,15 @@ fn names_ports_and_pins_are_there_once() {
     }
 }
 
+/// What a receiver sends must not be taken for an upload.
+#[test]
+fn a_receiver_is_on_an_ecu_port_where_no_bootloader_listens() {
+    for board in BOARDS {
+        let port = board.ports.get(usize::from(board.radio)).expect("a port");
+        assert!(port.before != Before::Listens, "{}: {}", board.name, port.name);
+    }
+}
+
 #[test]
 fn without_a_bootloader_no_port_is_one_of_its() {
     for board in BOARDS.iter().filter(|board| board.bootloader.is_none()) {
@@ -79,8 +88,7 @@ fn retained_memory_lies_behind_the_ram() {
 
 #[test]
 fn the_readme_has_every_board() {
-    let mut rows =
-        String::from("| board | chip | ECU ports | reserved for MAVLink | build | flash and run |\n");
+    let mut rows = String::from("| board | chip | ECU ports | MAVLink | build | flash and run |\n");
     rows += "|---|---|---|---|---|---|\n";
     for board in BOARDS {
         let clock = match board.clock {
@@ -137,6 +145,9 @@ fn section(board: &Board) -> String {
         );
         rows += &if bootloader { format!(" {tx} | {ecu} |\n") } else { "\n".into() };
     }
+    let radio = board.ports[usize::from(board.radio)];
+    let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
+    rows += &format!("\nReceiver of radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
     if board.held().next().is_some() {
         rows += "\nDriven from the start on:\n\n";
         for hold in board.held() {

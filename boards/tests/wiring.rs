@@ -5,7 +5,7 @@ use boards::{BOARDS, Board};
 use std::fmt::Write;
 use std::path::Path;
 
-/// What stands in the drawing whatever the boards are.
+/// The part of the drawing that does not depend on the boards.
 const TITLE: &str = "Wiring: signals, not connectors. Not tried on hardware.";
 const MANUAL: &str = "pins: your ECU's manual";
 

@@ -9,14 +9,15 @@
 use crate::board::{Board, Pin};
 use crate::report::Report;
 use crate::wire::{Fate, Tx, Wire};
+use rigless::device::ResetCause;
 
-/// What belongs to a run.
+/// What a run expects.
 pub(crate) struct Expected {
     pub resets: usize,
     pub errors: bool,
 }
 
-/// Everything that is not in order.
+/// Everything that is wrong.
 pub(crate) fn of(report: &mut Report, expected: &Expected) -> Vec<String> {
     let mut complaints = unmodelled(report);
     complaints.extend(crashes(report, expected));
@@ -31,27 +32,55 @@ fn unmodelled(report: &Report) -> Vec<String> {
     let session = &report.session;
     let mut complaints: Vec<String> =
         session.unmapped().iter().map(|access| format!("nothing is there: {access}")).collect();
-    complaints
-        .extend(session.refused().iter().map(|(at, fault)| format!("refused at {at:#010x}: {fault:?}")));
+    complaints.extend(session.refused().iter().map(|(at, fault)| format!("refused at {at:#010x}: {fault}")));
     let missing =
         session.unimplemented().iter().filter(|(address, _)| !report.board.not_modelled.contains(address));
-    complaints.extend(missing.map(|(_, access)| format!("not modelled: {access:?}")));
-    complaints.extend(session.undefined().values().map(|access| format!("not defined: {access:?}")));
-    complaints.extend(session.unrouted().iter().map(|interrupt| format!("not routed: {interrupt:?}")));
+    complaints.extend(missing.map(|(_, access)| {
+        format!(
+            "not modelled: {}.{}, {} reads and {} writes, the first at pc {:#010x}",
+            access.instance, access.register, access.reads, access.writes, access.program_counter
+        )
+    }));
+    complaints.extend(session.undefined().values().map(|access| {
+        format!(
+            "not defined: a register of {}, {} reads and {} writes, the first at pc {:#010x}",
+            access.instance, access.reads, access.writes, access.program_counter
+        )
+    }));
+    complaints.extend(
+        session
+            .unrouted()
+            .iter()
+            .map(|(instance, line)| format!("not routed: interrupt {line} of {instance}")),
+    );
     complaints
+}
+
+/// The cause of a reset, for people.
+const fn text_of(cause: ResetCause) -> &'static str {
+    match cause {
+        ResetCause::Core => "the core's own request",
+        ResetCause::Model(instance) => instance,
+        ResetCause::Pin => "the reset pin",
+        ResetCause::PowerOn => "a power-up",
+        _ => "another cause",
+    }
 }
 
 fn crashes(report: &Report, expected: &Expected) -> Vec<String> {
     let mut complaints = Vec::new();
     let resets = expected.resets;
     if report.resets.len() != resets {
-        complaints.push(format!("{resets} resets are right here, not {:?}", report.resets));
+        let found: Vec<String> =
+            report.resets.iter().map(|(at, cause)| format!("at {at} ns by {}", text_of(*cause))).collect();
+        let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+        complaints.push(format!("{resets} resets expected, found {found}"));
     }
     complaints.extend(report.faults.iter().map(|at| format!("a hard fault at {at} ns")));
     let hello = format!("on {}, last reset", report.board.title);
     let boots = report.lines(&hello).count();
     if boots != resets + 1 {
-        complaints.push(format!("the firmware said \"{hello}\" {boots} times"));
+        complaints.push(format!("the firmware logged \"{hello}\" {boots} times"));
     }
     if !expected.errors {
         let bad = report.logs.iter().filter(|log| log.level == "error" || log.level == "warn");
@@ -73,17 +102,19 @@ fn byte_times(board: &Board, port: &str, wire: &Wire) -> Vec<String> {
         complaints.push(format!("{port}: its clock cannot make {} baud", line.baud));
     }
     let wrong = |took: f64| (took - byte).abs() > ROUNDING;
-    let received = wire.rx.iter().filter(|rx| rx.fate == Fate::Heard);
+    let received = wire.rx.iter().filter(|rx| rx.fate == Fate::Received);
     if let Some(rx) = received.clone().find(|rx| wrong((rx.end - rx.start) as f64)) {
         let took = rx.end - rx.start;
         complaints
             .push(format!("{port}: the byte received at {} ns took {took} ns, not {byte:.0}", rx.start));
     }
-    // Bytes of one frame follow each other without a gap; the head of another one may come at any later time.
+    // Bytes of one frame follow each other without a gap; the next frame may begin at any later time.
     let head = 0xFF;
     let together = |gap: f64| gap < 1.5 * byte;
     let gap = |pair: &[Tx]| (pair[1].end - pair[0].end) as f64;
-    let later = |pair: &[Tx]| pair[1].byte == head && gap(pair) > byte;
+    // On the telemetry port any byte may come later: the driver gets a frame in pieces.
+    let telemetry = port == board.telemetry.name;
+    let later = |pair: &[Tx]| (telemetry || pair[1].byte == head) && gap(pair) > byte;
     let frames = wire.tx.windows(2).filter(|pair| together(gap(pair)));
     if let Some(pair) = frames.clone().find(|pair| wrong(gap(pair)) && !later(pair)) {
         let (at, took) = (pair[0].end, gap(pair));
@@ -104,15 +135,23 @@ fn pins(report: &mut Report) -> Vec<String> {
         let word = report.session.board_mut().peek(at, gpio + offset);
         word.map(|word| word >> (bits * of) & ((1 << bits) - 1))
     };
-    for port in board.ports.iter().filter(|port| used.contains(&port.name)) {
+    let ports = board.ports.iter().chain([&board.telemetry]);
+    for port in ports.filter(|port| used.contains(&port.name)) {
         for pin in [port.rx, port.tx] {
             let number = u64::from(pin.number);
             let mode = read(pin, 0x00, 2, number); // MODER: 2 is "alternate function"
             let function = read(pin, 0x20 + 4 * (number / 8), 4, number % 8); // AFRL, AFRH
             if mode != Some(2) || function != Some(pin.function.into()) {
+                let number_of =
+                    |field: Option<u64>| field.map_or("unknown".to_owned(), |field| field.to_string());
                 complaints.push(format!(
-                    "{}: P{}{} is in mode {mode:?} with function {function:?}, not 2 with {}",
-                    port.name, pin.port, pin.number, pin.function
+                    "{}: P{}{} is in mode {} with function {}, not 2 with {}",
+                    port.name,
+                    pin.port,
+                    pin.number,
+                    number_of(mode),
+                    number_of(function),
+                    pin.function
                 ));
             }
         }

@@ -1,5 +1,5 @@
 //! The boards as their drawings have them: ports, pins and clocks. Written from the boards' documents and not
-//! from the project's table in `boards/`, so that one mistake cannot stand on both sides; a test compares the two.
+//! from the project's table in `boards/`, so that one mistake is not on both sides; a test compares the two.
 
 use core::ops::Range;
 use sim::line::Line;
@@ -108,8 +108,12 @@ pub struct Board {
     pub core_hz: u64,
     /// The ECU ports, in the order of the firmware's table of engines.
     pub ports: &'static [Port],
-    /// The port reserved for MAVLink.
+    /// The port of MAVLink.
     pub telemetry: Port,
+    /// Name of the ECU port that a receiver of radio control is on.
+    pub radio: &'static str,
+    /// The UARTs can invert what they receive.
+    pub inverts: bool,
     /// The status LED.
     pub led: Led,
     /// Pins that the firmware drives from the start on, and their levels.
@@ -121,7 +125,7 @@ pub struct Board {
     pub behind_bootloader: Option<u64>,
     /// The RAM that the firmware uses.
     pub ram: Range<u64>,
-    /// The RAM above it, of which 1 KiB is kept over a reset.
+    /// The RAM above it, of which 1 KiB is retained over a reset.
     pub above: Range<u64>,
     /// Registers of GPIO port A; 0x400 for each further one.
     pub gpio: u64,
@@ -204,8 +208,10 @@ const H743: Board = Board {
         port("SERIAL7", Uart::Usart6, 100 * MHZ, pin('C', 7, 7), pin('C', 6, 7)),
     ],
     telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
+    radio: "SERIAL7",
+    inverts: true,
     led: led('E', 3, false, false),
-    held: &[],
+    held: &[('E', 9, false)], // RTS of SERIAL1
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: Some(0x0802_0000),
     ram: 0x2400_0000..0x2407_E000,
@@ -239,9 +245,11 @@ pub static PIXRACER: Board = Board {
         port("SERIAL6", Uart::Uart7, 42 * MHZ, pin('E', 7, 8), pin('E', 8, 8)),
     ],
     telemetry: own(port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
+    radio: "SERIAL6",
+    inverts: false,
     led: led('B', 1, false, true),
-    // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST
-    held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false)],
+    // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST, RTS of SERIAL1
+    held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false), ('D', 4, false)],
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: Some(0x0800_4000),
     ram: 0x2000_0000..0x2002_E000,
@@ -269,9 +277,10 @@ pub static PIXHAWK_6C: Board = Board {
         own(port("SERIAL6", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7))),
     ],
     telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
+    radio: "SERIAL5",
     led: led('D', 11, false, true),
-    // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN
-    held: &[('C', 10, false), ('E', 2, false), ('B', 9, false)],
+    // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN, RTS of SERIAL1
+    held: &[('C', 10, false), ('E', 2, false), ('B', 9, false), ('E', 9, false)],
     ..H743
 };
 
@@ -287,9 +296,10 @@ pub static CUBE_ORANGE: Board = Board {
         own(port("SERIAL5", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
     ],
     telemetry: own(port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
+    radio: "SERIAL4",
     led: led('E', 12, false, true),
-    // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN
-    held: &[('A', 8, false), ('E', 3, false)],
+    // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN, RTS of SERIAL1
+    held: &[('A', 8, false), ('E', 3, false), ('D', 4, false)],
     ..H743
 };
 
@@ -298,6 +308,7 @@ pub static NUCLEO_H743ZI2: Board = Board {
     name: "nucleo-h743zi2",
     title: "Nucleo-H743ZI2",
     bypass: true,
+    held: &[],
     ports: &[
         port("D1 D0", Uart::Usart1, 100 * MHZ, pin('B', 7, 7), pin('B', 6, 7)),
         port("D53 D52", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7)),
@@ -307,6 +318,7 @@ pub static NUCLEO_H743ZI2: Board = Board {
         port("D42 D41", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7)),
     ],
     telemetry: port("USB", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
+    radio: "D16 D21",
     led: led('B', 0, true, false),
     behind_bootloader: None,
     ..H743

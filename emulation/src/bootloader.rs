@@ -20,7 +20,7 @@ pub enum Jump {
     New,
 }
 
-/// What a bootloader leaves behind.
+/// The state that a bootloader leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leftover {
     /// `port_disable()`: PRIMASK is 1.
@@ -41,7 +41,7 @@ pub enum Leftover {
     Priorities,
     /// A timer's interrupt is enabled, and the timer runs out a few milliseconds after the jump.
     LiveTimer,
-    /// Region 6 of the MPU is on, over the beginning of the application's RAM, and lets nobody in.
+    /// Region 6 of the MPU is on, over the beginning of the application's RAM, and allows no access.
     Mpu,
     /// The data cache is on, as ChibiOS turns it on (H743).
     DataCache,
@@ -59,8 +59,11 @@ pub enum Leftover {
     /// PX4's: AHB1ENR is 0, or what a reset leaves there; on an F427 no GPIO port has a clock (`board_deinit`).
     BusClocksOff,
     /// PX4's: the floating-point unit is on and in use, and an interrupt does not save its registers: NuttX, which does that
-    /// itself, clears ASPEN and LSPEN.
+    /// itself, clears ASPEN and LSPEN (`stm32_fpuconfig` in NuttX's stm32h7/stm32_start.c).
     Fpu,
+    /// The floating-point unit was used and is off again, with its state still to be saved (CONTROL.FPCA is 1). No bootloader is
+    /// known to leave it so; a start must not depend on that.
+    FpuOff,
     /// PX4's: the instruction cache is on (H743).
     InstructionCache,
     /// PX4's: the interrupt of USB is enabled.
@@ -89,7 +92,7 @@ impl Default for Bootloader {
 
 impl Leftover {
     /// What the present bootloader leaves, and more: all that goes together.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Primask,
         Self::Basepri,
         Self::Faultmask,
@@ -103,6 +106,7 @@ impl Leftover {
         Self::DataCache,
         Self::Pll,
         Self::Watchdog,
+        Self::FpuOff,
     ];
 
     /// What PX4's leaves. NuttX sets all priorities to 0x80; the lowest are worse. Whether its threads run on the process
@@ -165,6 +169,15 @@ impl Bootloader {
             code.push(&ISB);
             code.push(&[0xEE00, 0x0A10]); // vmov s0, r0
             code.modify(FPCCR, 0, 0b11 << 30);
+        }
+        if leaves(Leftover::FpuOff) {
+            code.modify(CPACR, 0xF << 20, 0);
+            code.push(&DSB);
+            code.push(&ISB);
+            code.push(&[0xEE00, 0x0A10]); // vmov s0, r0
+            code.modify(CPACR, 0, 0xF << 20);
+            code.push(&DSB);
+            code.push(&ISB);
         }
         if leaves(Leftover::InstructionCache) && board.part == Part::H743 {
             code.modify(CCR, 1 << 17, 0);

@@ -1,4 +1,4 @@
-//! The emulated part with what hangs on its UARTs: rigless's bench of the part, our ECUs in place of its own
+//! The emulated part with what is connected to its UARTs: rigless's bench of the part, our ECUs in place of its own
 //! far ends, and the watchdog that one part lacks.
 
 use rigless::chip::Placed;
@@ -51,7 +51,7 @@ pub struct Chip {
     rtc: Rtc,
     /// The same of the real-time clock.
     rtc_slot: Option<usize>,
-    /// Where the power controller is, in whose place a dead one may stand.
+    /// Index of the power controller, which a dead one may replace.
     pwr_slot: usize,
     dead_regulator: DeadRegulator,
     /// What never gets ready until the next reset.
@@ -136,17 +136,17 @@ impl Rig {
         Self { chip, kind: board.part, instructions_per_second, wired: Vec::new(), dead_crystal: false }
     }
 
-    /// Hangs a wire on a UART.
+    /// Connects a wire to a UART.
     pub fn attach(&mut self, uart: Uart, mut wire: Wire) {
         if self.kind == Part::H743 {
-            wire.asked_early();
+            wire.requested_early();
         }
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].attach(wire));
         self.wired.push(uart);
     }
 
-    /// Hangs a TCP port on a UART.
+    /// Connects a TCP port to a UART.
     pub fn attach_tcp(&mut self, uart: Uart, peer: TcpPeer) {
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].attach(peer));
@@ -167,7 +167,7 @@ impl Rig {
         }
     }
 
-    /// The run stands at `now`: what is due on the far ends happens.
+    /// Advances the far ends to `now`.
     pub fn reached(&mut self, now: u64) {
         self.wires(|wire| wire.reached(now));
     }
@@ -179,7 +179,7 @@ impl Rig {
         next
     }
 
-    /// Cuts a wire, or joins it.
+    /// Cuts a wire, or mends it.
     pub fn cut(&mut self, uart: Uart, cut: bool) {
         let at = place_of(self.kind, uart);
         let _ = each!(&mut self.chip.part, b => b.mcu.usart[at].silence(cut));
@@ -209,7 +209,7 @@ impl Rig {
         }
     }
 
-    /// The supply is at so many millivolts.
+    /// The voltage of the supply, in mV.
     pub fn supply(&mut self, millivolts: u32) {
         each!(&mut self.chip.part, b => b.mcu.set_supply(millivolts));
     }

@@ -1,5 +1,5 @@
-//! The ECUs that belong to the firmware's tables of engines (`src/config.rs`), with their lines. Said once
-//! more and not read from there: what the firmware does not agree with shows.
+//! The ECUs that belong to the firmware's tables of engines (`src/config.rs`), with their lines. Written down again
+//! and not read from there, so that a difference is found.
 
 use crate::board::Board;
 use crate::image::Image;
@@ -10,12 +10,12 @@ use sim::line::Line;
 use sim::turbine::Parameters;
 use sim::zk::Rate;
 
-/// Which protocol an ECU speaks.
+/// The protocol of an ECU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// AMT.
     Amt(amt::EngineModel),
-    /// ZK, with the rate that the firmware asks for and the version of the protocol.
+    /// ZK, with the rate that the firmware sets and the version of the protocol.
     Zk(Rate, u8),
 }
 
@@ -33,7 +33,7 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Its ECU. A ZK ECU comes up at 20 Hz, whatever the firmware wants.
+    /// Its ECU. A ZK ECU starts at 20 Hz, whatever rate the firmware sets.
     pub fn ecu(&self) -> Box<dyn Far> {
         Box::new(self.config().ecu())
     }
@@ -46,7 +46,8 @@ impl Engine {
         Box::new(config.ecu())
     }
 
-    fn config(&self) -> AnyConfig {
+    /// The configuration of its simulated ECU.
+    pub fn config(&self) -> AnyConfig {
         match self.protocol {
             Protocol::Amt(engine) => AnyConfig::amt(engine),
             Protocol::Zk(_, version) => AnyConfig::zk(version),

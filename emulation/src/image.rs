@@ -1,4 +1,4 @@
-//! Which firmware images there are, where they lie, and what a missing one says.
+//! The firmware images: which there are, where their files are, and the message for a missing one.
 
 use crate::board::{Board, NUCLEO_H743ZI2};
 use std::io::Write;
@@ -13,7 +13,7 @@ pub enum Image {
     Demo,
     /// With an engine on every port (feature `all-ports`).
     AllPorts,
-    /// With a task that stands still after 5 s (feature `wedge`).
+    /// With a task that hangs after 5 s (feature `wedge`).
     Wedge,
     /// With an ECU that the last port plays (feature `play-ecu`); for the Nucleo only.
     PlayEcu,
@@ -21,11 +21,15 @@ pub enum Image {
     Ardupilot,
     /// Measures its oscillators and reports on the board (feature `selftest`).
     SelfTest,
+    /// With an SBUS receiver (feature `radio-sbus`).
+    RadioSbus,
+    /// With a CRSF receiver (feature `radio-crsf`).
+    RadioCrsf,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -33,6 +37,8 @@ impl Image {
         Self::PlayEcu,
         Self::Ardupilot,
         Self::SelfTest,
+        Self::RadioSbus,
+        Self::RadioCrsf,
     ];
 
     /// The feature that makes it, besides the board's.
@@ -45,6 +51,8 @@ impl Image {
             Self::PlayEcu => Some("play-ecu"),
             Self::Ardupilot => Some("ardupilot-bootloader"),
             Self::SelfTest => Some("selftest"),
+            Self::RadioSbus => Some("radio-sbus"),
+            Self::RadioCrsf => Some("radio-crsf"),
         }
     }
 
@@ -83,7 +91,7 @@ impl Image {
     /// Its bytes.
     ///
     /// # Errors
-    /// A sentence.
+    /// A sentence for people.
     pub fn read(self, board: &Board) -> Result<Vec<u8>, String> {
         let path = self.path(board);
         std::fs::read(&path).map_err(|error| {
@@ -95,10 +103,10 @@ impl Image {
         })
     }
 
-    /// Its bytes; without them the whole program ends with one sentence, since no test can do anything.
+    /// Its bytes. Without them the whole program ends with one sentence, because no test can run.
     pub(crate) fn read_or_exit(self, board: &Board) -> Vec<u8> {
         self.read(board).unwrap_or_else(|sentence| {
-            // Not `eprintln`, which a test keeps to itself.
+            // Not `eprintln`, which the test harness captures.
             let _ = writeln!(std::io::stderr(), "\n{sentence}");
             std::process::exit(2);
         })
@@ -133,7 +141,7 @@ pub fn symbol_ending(image: &[u8], end: &str) -> Option<u64> {
         .map(|at| word(at + 4) as u64)
 }
 
-/// Other instructions at an address of an image's flash.
+/// Replaces the instructions at an address of an image's flash.
 ///
 /// # Panics
 /// If nothing of the image lies there.

@@ -1,6 +1,6 @@
 //! The firmware image, unmodified, on an emulated board, with the simulated ECUs of `sim` on its UARTs.
 //!
-//! A test says which board and image, what hangs on which port, what happens when, and for how long:
+//! A test states the board and the image, what is connected to each port, what happens when, and for how long:
 //!
 //! ```no_run
 //! use emulation::{Image, MATEK_H743, Run};
@@ -14,15 +14,16 @@
 //! assert!(report.logged("left: ECU link lost"));
 //! ```
 //!
-//! The image runs instruction by instruction, in virtual time, and the same at every run. [`Run::go`] panics
-//! unless the run passes every check of [`audit`], which no test has to ask for.
+//! The image runs instruction by instruction, in virtual time, and every run is the same. [`Run::go`] panics
+//! unless the run passes every check of [`audit`].
 //!
 //! - [`board`]: the boards, their ports, pins and clocks.
-//! - [`bootloader`]: what stands before an image that keeps its board's bootloader.
+//! - [`bootloader`]: a substitute for the board's bootloader, for images that are linked behind one.
 //! - [`image`]: which images there are, and where.
-//! - [`run`]: one run, from what it is made of to how it goes.
-//! - [`report`]: what it leaves behind.
+//! - [`run`]: one run: its setup, and its course.
+//! - [`report`]: the record of a run.
 //! - [`audit`]: what is checked at every run.
+//! - [`receiver`]: a receiver of radio control, in place of an ECU.
 //! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
 //! - `wire`, `chip`, `quirks`, `log`: the far end of a UART, the emulated part, what the emulator needs help
@@ -38,6 +39,7 @@ pub mod engines;
 pub mod image;
 mod log;
 mod quirks;
+pub mod receiver;
 pub mod recording;
 pub mod report;
 pub mod run;
@@ -49,6 +51,7 @@ pub use bootloader::{Bootloader, Jump, Leftover};
 pub use image::Image;
 pub use log::Log;
 pub use quirks::Stuck;
+pub use receiver::Receiver;
 pub use report::{Report, Tap, Written};
 pub use run::{Bench, Run};
 pub use wire::{Far, Fate, Rx, Tx, Wire};

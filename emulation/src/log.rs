@@ -40,7 +40,7 @@ pub fn drain(block: u64, host: &mut dyn Host) -> Vec<u8> {
     bytes
 }
 
-/// Turns bytes into lines. What a reset cut off is skipped.
+/// Decodes bytes to lines. Skips what a reset has cut off.
 pub fn decode(table: &Table, chunks: &[(u64, Vec<u8>)]) -> Vec<Log> {
     let mut logs = Vec::new();
     let mut decoder = table.new_stream_decoder();

@@ -1,5 +1,4 @@
-//! What the emulator (rigless 0.4.0) needs help with to run this firmware. All of it is here; the firmware
-//! does not know.
+//! Where the emulator (rigless 0.4.0) needs help to run this firmware. All of it is here, none in the firmware.
 //!
 //! 1. **Timers flag a match that the parts do not flag.** A write of 0 to the counter of a stopped timer, and
 //!    a software update (`EGR.UG`), flag every compare channel whose register holds that value too, and after
@@ -10,7 +9,7 @@
 //! 2. **The H743 has no watchdog.** Its clock and its reset flag are there, the peripheral is not.
 //!    [`Iwdg`] is the smallest one that bites: start, reload, prescaler, reset at zero (RM0433, chapter 45).
 //!    Left out: the write lock and the window. A new prescaler and a new reload value cross over at once (its status reads
-//!    0, that is: done), unless a test asks for the slowest. The F427's own watchdog model is used as it is.
+//!    0, that is: done), unless a test requests the slowest. The F427's own watchdog model is used as it is.
 //! 3. **The H743 has no real-time clock**, so no backup registers. [`Rtc`] holds what is written, over a reset
 //!    too, as the backup domain does, and does nothing else. [`BackupDomain`] empties it when `RCC_BDCR.BDRST` is set.
 //!    That writes need `PWR_CR1.DBP`, and that `RTCSEL` is written once until then, rigless knows by itself. The
@@ -190,7 +189,7 @@ impl BackupDomain {
     }
 }
 
-/// What a part waits for in vain, until it is reset.
+/// What never gets ready, until the part is reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stuck {
     /// PLLRDY.

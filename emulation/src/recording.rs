@@ -21,7 +21,7 @@ pub const MOST_SHIFT: u64 = 100;
 pub struct NamedRun {
     /// Its name, and that of its file.
     pub name: &'static str,
-    /// What happens in it.
+    /// The events of the run.
     pub text: &'static str,
     /// The board.
     pub board: &'static Board,
@@ -113,7 +113,7 @@ fn resets(run: Run) -> Run {
         // In the middle of a start.
         .at(90 * SECOND, |bench| bench.watchdog_runs_out())
         .at(91 * SECOND, |bench| bench.stop_transmitter(BOOSTER))
-        // The supply of everything dips, shortly.
+        // The supply of everything dips for a short time.
         .at(112 * SECOND, |bench| {
             ALL.iter().for_each(|port| bench.power(port, false));
             bench.press_reset();
@@ -164,10 +164,10 @@ impl NamedRun {
     /// The text of a recording of it.
     pub fn text_of(&self, recording: &Recording) -> String {
         format!(
-            "# {}: {}, {:?} image. {}\n{}",
+            "# {}: {}, {} image. {}\n{}",
             self.name,
             self.board.name,
-            self.image,
+            self.image.feature().unwrap_or("release"),
             self.text,
             recording.text()
         )

@@ -1,4 +1,4 @@
-//! What a run leaves behind.
+//! The record of a run.
 
 use crate::board::Board;
 use crate::chip::Rig;
@@ -16,11 +16,11 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 pub struct Tap {
     /// When.
     pub at: Nanos,
-    /// After how many instructions.
+    /// Number of instructions before it.
     pub instructions: u64,
     /// The port.
     pub port: &'static str,
-    /// Whether a byte was written, to be sent; else it was read.
+    /// Whether the access wrote a byte, to send it, or read one.
     pub write: bool,
 }
 
@@ -35,31 +35,31 @@ pub struct Written {
     pub value: u64,
 }
 
-/// What a run leaves behind.
+/// The record of a run.
 pub struct Report {
     /// The board.
     pub board: &'static Board,
     /// The image.
     pub image: Image,
-    /// How many instructions a second the core did.
+    /// Instructions per second of the core.
     pub instructions_per_second: u64,
     pub(crate) session: Session<Rig>,
     pub(crate) wires: BTreeMap<&'static str, Wire>,
     /// The firmware's log, over all resets.
     pub logs: Vec<Log>,
-    /// What the core did with the tapped UARTs.
+    /// The core's accesses to the tapped UARTs.
     pub taps: Vec<Tap>,
     /// What the core wrote to the recorded registers.
     pub written: Vec<Written>,
-    /// When the core came by which of the watched labels.
+    /// When the core passed each watched label.
     pub passed: Vec<(Nanos, &'static str)>,
     /// When and why the part was reset.
     pub resets: Vec<(Nanos, ResetCause)>,
     /// When the core took a fault.
     pub faults: Vec<Nanos>,
-    /// The end.
+    /// When the run ended.
     pub at: Nanos,
-    /// Instructions in all; a core that sleeps does none.
+    /// Instructions in all. A core that sleeps executes none.
     pub instructions: u64,
 }
 
@@ -89,12 +89,12 @@ impl Report {
 
     /// The events of an engine, as the firmware logs them, with their times.
     pub fn events(&self, engine: &str) -> Vec<(Nanos, &str)> {
-        let told = self.logs.iter().filter_map(|log| {
+        let sent = self.logs.iter().filter_map(|log| {
             let text = log.text.strip_prefix(engine)?.strip_prefix(": ")?;
-            // A status line, once a second, begins so too.
+            // A status line, once a second, has the same beginning.
             (!text.starts_with("link ")).then_some((log.at, text))
         });
-        told.collect()
+        sent.collect()
     }
 
     /// Whether a log line contains this text.
@@ -122,7 +122,7 @@ impl Report {
         self.instructions as f64 * 1e11 / (self.instructions_per_second as f64 * self.at as f64)
     }
 
-    /// A number that is the same for two runs only if they were the same: every byte, log line, tap, reset and
+    /// A hash of everything that two equal runs share: every byte, log line, tap, reset and
     /// instruction.
     pub fn fingerprint(&self) -> u64 {
         let mut hasher = DefaultHasher::new();

@@ -1,4 +1,4 @@
-//! One run of an image: what it is made of, and how it goes.
+//! One run of an image: its setup, and its course.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
@@ -20,11 +20,12 @@ use crate::chip::Rig;
 use crate::image::Image;
 use crate::log;
 use crate::quirks::{BackupDomain, DeadEnable, Stuck, TimerFlags};
+use crate::receiver::Receiver;
 use crate::report::{Report, Tap, Written};
 use crate::wire::{Far, Wire};
 use crate::{audit, bootloader, engines, image};
 
-/// After so many resets a run is given up.
+/// Number of resets after which a run is given up.
 const MOST_RESETS: usize = 6;
 
 type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
@@ -88,12 +89,24 @@ impl Run {
         self
     }
 
+    /// Nothing but on these ports.
+    pub fn only(mut self, ports: &[&str]) -> Self {
+        self.wires.retain(|port, _| ports.contains(port));
+        self
+    }
+
+    /// This receiver of radio control on the board's port for it.
+    pub fn radio(self, receiver: Receiver) -> Self {
+        let (port, line) = (self.board.radio, receiver.line());
+        self.ecu(port, line, receiver)
+    }
+
     /// This ECU on this port, in place of any other.
     pub fn ecu(self, port: &'static str, line: Line, ecu: impl Far) -> Self {
         self.ecu_since(port, line, ecu, 0)
     }
 
-    /// This ECU on this port, switched on so long before the board.
+    /// This ECU on this port, switched on this long before the board.
     pub fn ecu_since(mut self, port: &'static str, line: Line, ecu: impl Far, before: Nanos) -> Self {
         self.wires.insert(port, Wire::new(Box::new(ecu), line, before));
         self
@@ -124,31 +137,31 @@ impl Run {
         self
     }
 
-    /// Records every time that the core comes by this label of the image.
+    /// Records every time that the core passes this label of the image.
     pub fn watch(mut self, label: &'static str) -> Self {
         self.labels.push(label);
         self
     }
 
-    /// How many instructions the core does in a second; unless told, one in each cycle of its clock.
+    /// How many instructions the core does in a second; by default one in each cycle of its clock.
     pub fn instructions_per_second(mut self, rate: u64) -> Self {
         self.instructions_per_second = rate;
         self
     }
 
-    /// Ends then.
+    /// Ends the run at this time.
     pub fn until(mut self, until: Nanos) -> Self {
         self.until = until;
         self
     }
 
-    /// So many resets belong to this run. Any other number fails it.
+    /// Expects this number of resets. Any other number fails the run.
     pub fn resets(mut self, count: usize) -> Self {
         self.resets_expected = count;
         self
     }
 
-    /// Errors in the firmware's log belong to this run.
+    /// Allows errors in the firmware's log.
     pub fn with_errors(mut self) -> Self {
         self.errors_expected = true;
         self
@@ -166,17 +179,17 @@ impl Run {
         self
     }
 
-    /// What starts the image in place of a reset. Unless told, an image that is linked behind a bootloader has one that
+    /// What starts the image in place of a reset. By default, an image that is linked behind a bootloader has one that
     /// leaves nothing, and any other has none.
     pub fn bootloader(mut self, bootloader: Bootloader) -> Self {
         self.bootloader = Some(bootloader);
         self
     }
 
-    /// Runs, and panics unless everything that [`audit`] checks is in order.
+    /// Runs, and panics unless every check of [`audit`] passes.
     ///
     /// # Panics
-    /// With everything that is not.
+    /// With every check that fails.
     pub fn go(self) -> Report {
         let (report, complaints) = self.go_unchecked();
         if !complaints.is_empty() {
@@ -188,7 +201,7 @@ impl Run {
         report
     }
 
-    /// Runs; gives what is not in order.
+    /// Runs, and returns the checks that fail.
     pub fn go_unchecked(self) -> (Report, Vec<String>) {
         let expected = audit::Expected { resets: self.resets_expected, errors: self.errors_expected };
         let mut report = self.emulate();
@@ -316,7 +329,7 @@ impl Run {
     }
 }
 
-/// The bench while a run stands still.
+/// The bench while a run is paused.
 pub struct Bench<'a> {
     now: Nanos,
     instructions: u64,
@@ -340,7 +353,12 @@ impl Bench<'_> {
         self.wire(port).ecu_mut()
     }
 
-    /// Cuts the wire of a port, both ways, or joins it.
+    /// The receiver of radio control.
+    pub fn radio(&mut self) -> &mut Receiver {
+        self.ecu(self.board.radio)
+    }
+
+    /// Cuts the wire of a port, both ways, or mends it.
     pub fn cut(&mut self, port: &str, cut: bool) {
         let uart = self.uart(port);
         self.session.board_mut().cut(uart, cut);
@@ -358,14 +376,14 @@ impl Bench<'_> {
         self.wire(port).babble(now, bytes);
     }
 
-    /// So many bytes in a million reach the board with noise on them, with other bits than they had.
+    /// Flips bits of this number of bytes per million on their way to the board, with the UART's noise flag.
     pub fn noise(&mut self, port: &str, per_million: u32) {
         let uart = self.uart(port);
         let errors = self.session.board_mut().errors(uart);
         (errors.seed, errors.noise.name, errors.noise.per_million) = (uart as u64 + 1, "noise", per_million);
     }
 
-    /// So many bytes in a million reach the board without their stop bit, with other bits than they had.
+    /// Flips bits of this number of bytes per million on their way to the board, and takes their stop bit away.
     pub fn framing(&mut self, port: &str, per_million: u32) {
         let uart = self.uart(port);
         let errors = self.session.board_mut().errors(uart);
@@ -373,7 +391,7 @@ impl Bench<'_> {
             (uart as u64 + 1, "framing", per_million);
     }
 
-    /// So many bytes in a million reach the ECU broken.
+    /// Damages this number of bytes per million on their way to the ECU.
     pub fn garble(&mut self, port: &str, per_million: u32) {
         self.wire(port).garble(per_million, 1);
     }
@@ -385,7 +403,7 @@ impl Bench<'_> {
         place.drop_next();
     }
 
-    /// The transmitter of a port's UART goes off, in the middle of what it sends. It is whole again when its UART is set up anew.
+    /// Switches the transmitter of a port's UART off while it sends. It works again once the firmware sets the UART up anew.
     pub fn stop_transmitter(&mut self, port: &str) {
         // CR1; its bit TE is the same on both parts.
         let control = self.board.port(port).registers() + self.board.control_register;
@@ -394,12 +412,12 @@ impl Bench<'_> {
         chip.write(now, control, Width::W32, enabled & !(1 << 3)).expect("a UART");
     }
 
-    /// The crystal starts no more from here on; one that runs is not stopped.
+    /// From here on the crystal does not start. A running one is not stopped.
     pub fn break_crystal(&mut self) {
         self.session.board_mut().dead_crystal = true;
     }
 
-    /// The crystal starts again, from the next time on that it is turned on.
+    /// The crystal starts again when it is turned on next.
     pub fn mend_crystal(&mut self) {
         self.session.board_mut().dead_crystal = false;
     }
@@ -409,12 +427,12 @@ impl Bench<'_> {
         self.session.board_mut().chip.stuck = Some(stuck);
     }
 
-    /// The supply is at so many millivolts from here on. The emulator resets at none of them.
+    /// Sets the supply's voltage, in mV. The emulator resets at none.
     pub fn supply(&mut self, millivolts: u32) {
         self.session.board_mut().supply(millivolts);
     }
 
-    /// Somebody presses the reset button.
+    /// Presses the reset button.
     pub fn press_reset(&mut self) {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
     }
@@ -429,12 +447,12 @@ impl Bench<'_> {
         }
     }
 
-    /// A word of memory.
+    /// Reads a word of memory.
     pub fn word(&mut self, address: u64) -> Option<u32> {
         self.host.read(address, Width::W32).ok().map(|word| word as u32)
     }
 
-    /// Another word in memory.
+    /// Overwrites a word of memory.
     pub fn set_word(&mut self, address: u64, word: u32) {
         self.host.write(address, Width::W32, word.into()).expect("there is memory");
     }
@@ -453,7 +471,7 @@ struct Live {
 }
 
 impl Live {
-    /// Prints what is complete.
+    /// Prints the complete lines.
     fn print(&mut self, at: Nanos, bytes: &[u8]) {
         self.bytes.extend(bytes);
         // Frames are closed with a zero byte each; what is behind the last one waits.
@@ -464,14 +482,14 @@ impl Live {
         }
     }
 
-    /// Waits until the wall clock is there.
+    /// Waits until the wall clock has caught up.
     fn pace(&self, at: Nanos) {
         let ahead = std::time::Duration::from_nanos(at).saturating_sub(self.began.elapsed());
         std::thread::sleep(ahead);
     }
 }
 
-/// Leads the run: stops it when a far end or the test has something to do, and takes down what happens.
+/// Steers the run: stops it when a far end or the test has something to do, and records what happens.
 struct Hand {
     board: &'static Board,
     until: Nanos,
@@ -541,7 +559,7 @@ impl Driver<Rig> for Hand {
                 Some(&label) => self.passed.push((hit.at.0, label)),
                 None => self.faults.push(hit.at.0),
             },
-            // What a far end heard at this stop may have it act sooner than it said before.
+            // What a far end received at this stop may make it act sooner than it announced before.
             Settled::Stop(stop) => {
                 let next = self.next(stop.at.0.saturating_sub(1), session);
                 session.run_until(next);

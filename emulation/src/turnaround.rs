@@ -24,7 +24,7 @@ pub fn of(report: &Report, port: &str) -> Vec<Turnaround> {
     let taps: Vec<_> = report.taps.iter().filter(|tap| tap.port == port).collect();
     let mut replies = wire.tx.iter().peekable();
     let mut turnarounds = Vec::new();
-    for frame in wire.rx.iter().filter(|rx| rx.last && rx.fate == Fate::Heard) {
+    for frame in wire.rx.iter().filter(|rx| rx.last && rx.fate == Fate::Received) {
         while replies.next_if(|tx| tx.end < frame.end + byte).is_some() {}
         let Some(first) = replies.peek() else { break };
         let ns = first.end - byte - frame.end;

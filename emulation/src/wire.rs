@@ -1,6 +1,6 @@
 //! The far end of one UART: an ECU of `sim`, virtual time in, timed bytes out, and a record of every byte.
 //!
-//! The emulated UART times every byte itself, at the rate that the firmware has set it to, and asks for the
+//! The emulated UART times every byte itself, at the rate that the firmware has set it to, and requests the
 //! next one when a byte is over. So a wrong rate garbles nothing here; it shows in the record, where
 //! [`audit`](crate::audit) finds it.
 
@@ -15,16 +15,16 @@ use sim::any::AnyEcu;
 use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::line::{Line, StopBits};
 
-/// What can hang on a wire: any ECU of `sim`.
+/// What can be connected to a wire: any ECU of `sim`.
 pub trait Far: Ecu + Any + Debug + Send {}
 
 impl<E: Ecu + Any + Debug + Send> Far for E {}
 
-/// What became of a byte on its way to the board.
+/// The fate of a byte on its way to the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Fate {
-    /// The UART took it in, garbled or not.
-    Heard,
+    /// The UART received it, damaged or not.
+    Received,
     /// The UART was off, or a reset came in between.
     Lost,
     /// The wire was cut.
@@ -40,9 +40,9 @@ pub struct Rx {
     pub end: Nanos,
     /// As the ECU sent it.
     pub byte: u8,
-    /// The last one of what the ECU sent at once.
+    /// The last byte of a burst of the ECU.
     pub last: bool,
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
 }
 
@@ -73,10 +73,10 @@ pub struct Wire {
     free_at: Nanos,
     on_the_line: Option<Rx>,
     pub(crate) cut: bool,
-    /// The part asks for the next byte after the first stop bit (and starts it after the second).
+    /// The part requests the next byte after the first stop bit (and starts it after the second).
     second_stop_bit: Nanos,
     babble: Option<VecDeque<u8>>,
-    /// Bytes in a million that reach the ECU broken, and the state of the draw.
+    /// Bytes per million that are damaged on their way to the ECU, and the state of the random draw.
     garble: (u32, u64),
     recording: bool,
     /// From the ECU, in the order of time.
@@ -103,11 +103,11 @@ impl Wire {
             rx: Vec::new(),
             tx: Vec::new(),
         };
-        // What it said before the board had power, nobody heard.
-        let mut unheard = Vec::new();
-        wire.ecu.advance(0, &mut unheard);
+        // What it sent before the board had power was not received.
+        let mut discarded = Vec::new();
+        wire.ecu.advance(0, &mut discarded);
         while wire.ecu.next_wake() < head_start {
-            wire.ecu.advance(wire.ecu.next_wake(), &mut unheard);
+            wire.ecu.advance(wire.ecu.next_wake(), &mut discarded);
         }
         wire
     }
@@ -118,7 +118,7 @@ impl Wire {
     }
 
     /// This wire hangs on a part that has a byte after its first stop bit.
-    pub(crate) fn asked_early(&mut self) {
+    pub(crate) fn requested_early(&mut self) {
         if self.line.stop_bits == StopBits::Two {
             self.second_stop_bit = 1_000_000_000 / u64::from(self.line.baud);
         }
@@ -166,7 +166,7 @@ impl Wire {
         self.free_at = now;
     }
 
-    /// So many bytes in a million reach the ECU broken.
+    /// Damages this number of bytes per million on their way to the ECU.
     pub(crate) fn garble(&mut self, per_million: u32, seed: u64) {
         self.garble = (per_million, seed);
     }
@@ -176,7 +176,7 @@ impl Wire {
         self.recording = false;
     }
 
-    /// When the run has to stop for this wire, after `now`. A byte that is due needs no stop: the UART asks for
+    /// When the run has to stop for this wire, after `now`. A byte that is due needs no stop: the UART requests
     /// it when its receiver is free.
     pub(crate) fn next(&self, now: Nanos) -> Option<Nanos> {
         let front = self.queue.front().filter(|_| self.on_the_line.is_none());
@@ -186,14 +186,14 @@ impl Wire {
         byte.into_iter().chain(wake).min()
     }
 
-    /// When this end next has something to say.
+    /// When this end next has something to send.
     fn wake(&self) -> Option<Nanos> {
         let ecu = self.ecu.next_wake();
         let ecu = (ecu != Nanos::MAX).then(|| ecu.saturating_sub(self.head_start));
         ecu.into_iter().chain(self.babble.as_ref().map(|_| self.babble_on_at())).min()
     }
 
-    /// When a babbling ECU needs more to say: eight bytes before it would pause.
+    /// When a babbling ECU needs more bytes: eight bytes before it would pause.
     fn babble_on_at(&self) -> Nanos {
         self.free_at.saturating_sub(self.line.byte_ns(8))
     }
@@ -209,8 +209,8 @@ impl Wire {
             None => self.push(now, &bytes),
             Some(babble) if more => {
                 let endless: Vec<u8> = babble.iter().copied().cycle().take(32).collect();
-                let said = endless.len() % babble.len();
-                babble.rotate_left(said);
+                let sent = endless.len() % babble.len();
+                babble.rotate_left(sent);
                 self.push(now, &endless);
             }
             Some(_) => {}
@@ -221,7 +221,7 @@ impl Wire {
     fn push(&mut self, now: Nanos, bytes: &[u8]) {
         let start = self.free_at.max(now);
         for (i, &byte) in bytes.iter().enumerate() {
-            // The UART asks at the end of each byte by its own rate, which may be a trifle faster than the
+            // The UART requests at the end of each byte by its own rate, which may be a trifle faster than the
             // ECU's: 2 % of a byte earlier is due what follows without a gap.
             let early = if i == 0 { 0 } else { self.line.byte_ns(1) / 50 };
             let due = start + self.line.byte_ns(i as u64) - early;
@@ -265,9 +265,9 @@ impl uart::Peer for Wire {
             let fate = match rx.start >= now {
                 _ if self.cut => Fate::Cut,
                 true => Fate::Lost, // taken without any time
-                false => Fate::Heard,
+                false => Fate::Received,
             };
-            let rest = if fate == Fate::Heard { self.second_stop_bit } else { 0 };
+            let rest = if fate == Fate::Received { self.second_stop_bit } else { 0 };
             self.over(now + rest, fate);
         }
         let queued = *self.queue.front().filter(|queued| queued.due <= now)?;

@@ -1,4 +1,4 @@
-//! `cargo emu-run` from outside: what a wrong call says. Nothing is built here.
+//! `cargo emu-run` from outside: the messages for a wrong call. Nothing is built here.
 
 use std::process::{Command, Output};
 
@@ -7,7 +7,7 @@ fn emu(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_wrong_call_says_why_and_what_is_allowed() {
+fn a_wrong_call_prints_the_reason_and_what_is_allowed() {
     for (arguments, why, allowed) in [
         (&["emu-run"][..], "<BOARD>", "cargo emu-run"),
         (&["emu-run", "matek"], "'matek'", "matek-h743, pixracer"),
@@ -24,7 +24,7 @@ fn a_wrong_call_says_why_and_what_is_allowed() {
 }
 
 #[test]
-fn help_is_no_failure() {
+fn help_exits_with_status_0() {
     for (arguments, text) in [
         (&["emu-run", "--help"][..], "5790"),
         (&["emu-run", "pixracer", "-h"], "nucleo-h743zi2"),

@@ -1,36 +1,24 @@
-//! What the other protocol would find in the same bytes, for whoever named the wrong one.
+//! What the other protocol would find in the same bytes, for anyone who named the wrong one.
 
-use jetlink::ecu::amt::codec as amt;
-use jetlink::ecu::zk::codec as zk;
+use crate::telemetry::decoder::Decoder;
 use std::fmt;
 
 /// What the other protocol would find shows in the beginning: a long input is not decoded twice.
 const READS_ALONG: u64 = 1024 * 1024;
 
-#[derive(Debug)]
-enum Decoder {
-    Amt(amt::Decoder),
-    Zk(zk::Decoder),
-}
-
-/// The other protocol, reading along.
+/// Another protocol, reading along.
 #[derive(Debug)]
 pub struct Other {
-    decoder: Decoder,
+    decoder: Box<dyn Decoder>,
     frames: u64,
     bytes: u64,
     in_frames: u64,
 }
 
 impl Other {
-    /// AMT reads along.
-    pub fn amt() -> Self {
-        Self { decoder: Decoder::Amt(amt::Decoder::new()), frames: 0, bytes: 0, in_frames: 0 }
-    }
-
-    /// ZK reads along.
-    pub fn zk() -> Self {
-        Self { decoder: Decoder::Zk(zk::Decoder::new()), frames: 0, bytes: 0, in_frames: 0 }
+    /// This decoder reads along.
+    pub fn new(decoder: Box<dyn Decoder>) -> Self {
+        Self { decoder, frames: 0, bytes: 0, in_frames: 0 }
     }
 
     /// Takes what was read.
@@ -39,35 +27,12 @@ impl Other {
         let mut bytes = &bytes[..bytes.len().min(left)];
         self.bytes += bytes.len() as u64;
         while !bytes.is_empty() {
-            let (taken, frame) = match &mut self.decoder {
-                Decoder::Amt(decoder) => {
-                    let (taken, frame) = decoder.feed(bytes);
-                    (taken, frame.map(|frame| frame.raw().len()))
-                }
-                Decoder::Zk(decoder) => {
-                    let (taken, frame) = decoder.feed(bytes);
-                    (taken, frame.map(|frame| frame.raw().len()))
-                }
-            };
+            let (taken, length) = self.decoder.next_length(bytes);
             bytes = &bytes[taken..];
-            if let Some(length) = frame {
+            if let Some(length) = length {
                 self.frames += 1;
                 self.in_frames += length as u64;
             }
-        }
-    }
-
-    const fn name(&self) -> &'static str {
-        match self.decoder {
-            Decoder::Amt(_) => "amt",
-            Decoder::Zk(_) => "zk",
-        }
-    }
-
-    fn pending(&self) -> u64 {
-        match &self.decoder {
-            Decoder::Amt(decoder) => decoder.pending() as u64,
-            Decoder::Zk(decoder) => decoder.pending() as u64,
         }
     }
 }
@@ -85,16 +50,17 @@ pub struct Hint {
 }
 
 impl Hint {
-    /// Where over half of all bytes lie outside of every frame.
-    pub fn of(bytes: u64, outside: u64, tried: &'static str, other: Other) -> Option<Self> {
+    /// Where over half of all bytes lie outside of every frame. It names the protocol that would find most.
+    pub fn of(bytes: u64, outside: u64, tried: &'static str, others: Vec<Other>) -> Option<Self> {
+        let other = others.into_iter().max_by_key(|other| other.in_frames)?;
         (outside * 2 > bytes).then(|| Self {
             tried,
             bytes,
             outside,
-            other: other.name(),
+            other: other.decoder.name(),
             other_frames: other.frames,
             other_bytes: other.bytes,
-            other_outside: other.bytes - other.in_frames - other.pending(),
+            other_outside: other.bytes - other.in_frames - other.decoder.pending() as u64,
         })
     }
 }

@@ -3,8 +3,9 @@
 
 mod decode;
 mod decode_hint;
-mod image;
+mod json;
 mod rig;
+mod telemetry;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,7 +21,6 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     Decode(decode::Args),
-    Image(image::Args),
     /// Run the firmware's own code against simulated ECUs.
     Rig(Box<rig::Args>),
 }
@@ -34,7 +34,6 @@ fn main() -> ExitCode {
     };
     match cli.command {
         Command::Decode(args) => decode::run(args),
-        Command::Image(args) => image::run(args),
         Command::Rig(args) => rig::run(&args),
     }
 }

@@ -1,10 +1,16 @@
-//! What `jetlink rig` writes into files, and what becomes of it when somebody does not read on.
+//! What `jetlink rig` writes into files, and what happens when the reader stops reading.
 #![cfg(unix)]
 
+#[path = "support/process.rs"]
+mod process;
+#[path = "support/wait.rs"]
+mod wait;
+
+use process::Running;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -40,25 +46,6 @@ fn refused(output: &Output, status: i32) -> String {
     assert_eq!(output.status.code(), Some(status), "{error}");
     assert_eq!((error.lines().count(), text(&output.stdout)), (1, String::new()), "{error}");
     error
-}
-
-/// Ends with the test, however that ends.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended already
-        let _ = self.0.wait();
-    }
-}
-
-#[track_caller]
-fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
-    let began = Instant::now();
-    while !done() {
-        assert!(began.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
-        thread::sleep(Duration::from_millis(10));
-    }
 }
 
 #[test]
@@ -139,9 +126,11 @@ fn the_command_that_plays_a_run_again_is_quoted_for_a_shell() {
     let folder = folder("a folder with spaces");
     let script = folder.join("it's.txt");
     let output = rig(&["--fast", "--standby", "--save-script", script.to_str().unwrap()]);
-    let told = text(&output.stdout);
-    let line =
-        told.lines().find_map(|line| line.strip_prefix("To play it again: cargo rig ")).expect("a command");
+    let printed = text(&output.stdout);
+    let line = printed
+        .lines()
+        .find_map(|line| line.strip_prefix("To play it again: cargo rig "))
+        .expect("a command");
     let words = Command::new("sh").args(["-c", &format!("printf '%s\\n' {line}")]).output().expect("a shell");
     assert_eq!(text(&words.stdout), format!("--script\n{}\n--fast\n", script.display()));
 }
@@ -186,11 +175,11 @@ fn the_csv_file_can_be_followed_and_a_kill_loses_a_second() {
     // What four engines write in these seconds fits the program's own buffer of 8 KiB twice over.
     let rows = || fs::read_to_string(&csv).unwrap_or_default().lines().count();
     let began = Instant::now();
-    wait_until("the first rows", || rows() > 1);
+    wait::wait_until("the first rows", PATIENCE, || rows() > 1);
     assert!(began.elapsed() < Duration::from_secs(30));
     let first = rows();
     let since = Instant::now();
-    wait_until("more rows", || rows() > first);
+    wait::wait_until("more rows", PATIENCE, || rows() > first);
     child.0.kill().expect("SIGKILL");
     child.0.wait().expect("it ends");
     // In steps of about a second, and not of the buffer: 8 KiB of rows take 2.5 s.
@@ -220,14 +209,14 @@ fn the_csv_file_can_be_a_fifo() {
 #[test]
 fn the_csv_file_can_be_the_standard_output() {
     let output = rig(&["--fast", "--standby", "--csv", "/dev/stdout"]);
-    let (rows, told) = (text(&output.stdout), text(&output.stderr));
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let (rows, printed) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{printed}");
     let columns = rows.lines().next().expect("a head").split(',').count();
     assert!(
         rows.lines().count() > 400 && rows.lines().all(|row| row.split(',').count() == columns),
         "{rows}"
     );
-    assert!(told.contains("Summary after"), "{told}");
+    assert!(printed.contains("Summary after"), "{printed}");
 }
 
 #[test]
@@ -263,7 +252,7 @@ fn a_report_is_one_page_with_the_verdict_and_all_events() {
     let verdict = |engine: usize| run["engines"][engine]["verdict"]["text"].as_str().unwrap();
     assert_eq!((verdict(0), verdict(1)), ("FAILED", "PASS: reached its targets, and is shut down"));
     assert_eq!(run["verdict"]["failed"], true);
-    // What the summary says of it, and each event as it was printed.
+    // What the summary has of it, and each event as it was printed.
     let printed = text(&output.stdout);
     let problem = run["engines"][0]["verdict"]["problems"][0].as_str().unwrap();
     assert!(printed.contains(&format!("FAILED  left: {problem}")), "{problem}");
@@ -299,22 +288,22 @@ fn a_reader_that_has_had_enough_is_no_failure() {
 #[test]
 fn a_reader_of_rows_that_has_had_enough_is_no_failure() {
     let args = ["--fast", "--duration", "1h", "--csv", "/dev/stdout"];
-    // What is told goes to the standard error: nobody looks at it.
+    // Messages go to standard error, which the test does not read.
     let mut child =
         Running(command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs"));
     let errors = child.0.stderr.take().expect("piped");
-    let told =
+    let printed =
         thread::spawn(move || BufReader::new(errors).lines().map_while(Result::ok).collect::<Vec<_>>());
     let mut line = String::new();
     let mut reader = BufReader::with_capacity(16, child.0.stdout.take().expect("piped"));
     reader.read_line(&mut line).expect("a line");
     drop(reader);
     let status = child.0.wait().expect("it ends");
-    let told = told.join().expect("its lines");
-    assert_eq!(status.code(), Some(0), "{told:?}");
+    let printed = printed.join().expect("its lines");
+    assert_eq!(status.code(), Some(0), "{printed:?}");
     assert!(
-        line.starts_with("t_s,engine,") && !told.iter().any(|line| line.contains("Broken pipe")),
-        "{told:?}"
+        line.starts_with("t_s,engine,") && !printed.iter().any(|line| line.contains("Broken pipe")),
+        "{printed:?}"
     );
 }
 

@@ -4,16 +4,28 @@
 //! index) it says what was not run, and fails only in CI.
 #![cfg(unix)]
 
+#[path = "support/process.rs"]
+mod process;
+
+use process::Running;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
 
 const PYMAVLINK: &str = "pymavlink==2.4.50";
-/// Engine time passes so many times as fast.
+/// Engine time passes this many times as fast.
 const SPEED: &str = "8";
 
-/// The interpreter with pymavlink, or why there is none.
+/// The interpreter with pymavlink, or why there is none. Tests run side by side: the first that asks makes the environment, the
+/// others wait for it.
 fn python() -> Result<PathBuf, String> {
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    PYTHON.get_or_init(environment).clone()
+}
+
+/// Makes the virtual environment, or finds the whole one of an earlier run. One that was cut short is made anew.
+fn environment() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(PYMAVLINK.replace("==", "-"));
     let python = folder.join("bin/python");
     if folder.join("complete").exists() {
@@ -24,20 +36,10 @@ fn python() -> Result<PathBuf, String> {
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         if output.status.success() { Ok(()) } else { Err(format!("{command:?}: {text}")) }
     };
-    run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
     run(Command::new(&python).args(["-m", "pip", "install", "--quiet", PYMAVLINK]))?;
     std::fs::write(folder.join("complete"), PYMAVLINK).map_err(|error| error.to_string())?;
     Ok(python)
-}
-
-/// Ends a program at the end of a test, however it ends.
-struct Ended(Child);
-
-impl Drop for Ended {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }
 
 /// A port that nobody uses at the moment.
@@ -46,17 +48,18 @@ fn free_port() -> u16 {
     listener.local_addr().expect("its number").port()
 }
 
-fn rig(arguments: &[String]) -> Ended {
+fn rig(arguments: &[String]) -> Running {
     let child = Command::new(env!("CARGO_BIN_EXE_jetlink"))
         .args(["rig", "--engine", "name=left", "--engine", "name=right,ecu=zk,baud=115200"])
         .args(arguments)
         .stdout(Stdio::null())
         .spawn()
         .expect("it starts");
-    Ended(child)
+    Running(child)
 }
 
-/// Runs a script of tests/mavlink, which prints the port that it listens on and gets that of the rig.
+/// Runs a script of tests/mavlink, which prints the port that it listens on, and that of its SBUS output if it has one, and gets
+/// that of the rig.
 fn play(python: &Path, script: &str, variables: &[(&str, &str)]) -> Output {
     let mut pilot = Command::new(python)
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mavlink").join(script))
@@ -70,16 +73,21 @@ fn play(python: &Path, script: &str, variables: &[(&str, &str)]) -> Output {
     let mut out = BufReader::new(pilot.stdout.take().expect("piped"));
     let mut line = String::new();
     out.read_line(&mut line).expect("a line");
-    let autopilot = line.trim().strip_prefix("listening ").unwrap_or_default().to_owned();
+    let ports = line.trim().strip_prefix("listening ").unwrap_or_default();
+    let (autopilot, sbus) = ports.split_once(' ').map_or((ports, None), |(port, sbus)| (port, Some(sbus)));
     let ground = free_port();
-    let _rig = rig(&[
+    let mut arguments = vec![
         "--mavlink".into(),
         format!("tcpout:127.0.0.1:{autopilot}"),
         "--mavlink".into(),
         format!("tcpin:127.0.0.1:{ground}"),
         "--speed".into(),
         variables.iter().find(|(name, _)| *name == "SPEED").map_or(SPEED, |(_, speed)| speed).into(),
-    ]);
+    ];
+    if let Some(port) = sbus {
+        arguments.extend(["--rc".into(), format!("sbus=tcpout:127.0.0.1:{port}")]);
+    }
+    let _rig = rig(&arguments);
     writeln!(pilot.stdin.take().expect("piped"), "{ground}").expect("it reads");
     let mut rest = Vec::new();
     std::io::Read::read_to_end(&mut out, &mut rest).expect("its output");
@@ -112,17 +120,30 @@ const ARDUPLANE: &str = "JETLINK_ARDUPLANE";
 #[test]
 #[ignore = "in real time, and needs an ArduPlane: .ci/mavlink"]
 fn a_real_arduplane_throttles_two_engines() {
+    under_arduplane("arduplane.py", "4", "3", "flown with a real ArduPlane");
+}
+
+#[test]
+#[ignore = "in real time, and needs an ArduPlane: .ci/mavlink"]
+fn a_real_arduplane_flies_two_engines_by_its_sbus_output() {
+    // A frame every 20 ms, of which a busy computer must not delay any by 200 ms.
+    under_arduplane("arduplane_sbus.py", "2", "4", "flown by the SBUS output of a real ArduPlane");
+}
+
+/// Plays a script with a simulated ArduPlane of its own, if there is one.
+fn under_arduplane(script: &str, usual_speed: &str, instance: &str, end: &str) {
     let Ok(arduplane) = std::env::var(ARDUPLANE) else {
-        eprintln!("NOT RUN: the rig under a real ArduPlane: {ARDUPLANE} is not set");
+        eprintln!("NOT RUN: the rig under a real ArduPlane, {script}: {ARDUPLANE} is not set");
         return;
     };
     let python = python().expect("pymavlink");
-    let speed = std::env::var("JETLINK_ARDUPLANE_SPEED").unwrap_or_else(|_| "4".to_owned());
-    let variables = [("VEHICLE", "1"), ("SPEED", speed.as_str()), (ARDUPLANE, arduplane.as_str())];
-    let output = play(&python, "arduplane.py", &variables);
+    let speed = std::env::var("JETLINK_ARDUPLANE_SPEED").unwrap_or_else(|_| usual_speed.to_owned());
+    let variables =
+        [("VEHICLE", "1"), ("SPEED", &speed), ("INSTANCE", instance), (ARDUPLANE, arduplane.as_str())];
+    let output = play(&python, script, &variables);
     let text = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && text.contains("flown with a real ArduPlane"), "{text}{errors}");
+    assert!(output.status.success() && text.contains(end), "{text}{errors}");
     println!("{text}");
 }
 
@@ -130,8 +151,8 @@ fn a_real_arduplane_throttles_two_engines() {
 fn addresses_that_cannot_be_are_refused() {
     for (arguments, part) in [
         (&["--mavlink", "tcp:1"][..], "tcpin:HOST:PORT"),
-        (&["--mavlink", "tcpin:256.0.0.1:1"], "cannot open"),
-        (&["--mavlink", "serial:/dev/nothing-there:57600"], "cannot open"),
+        (&["--mavlink", "tcpin:256.0.0.1:1"], "cannot open tcpin:256.0.0.1:1: "),
+        (&["--mavlink", "serial:/dev/nothing-there:57600"], "cannot open serial:/dev/nothing-there:57600: "),
         (&["--mavlink", "tcpin:127.0.0.1:1", "--fast"], "--fast"),
     ] {
         let output =

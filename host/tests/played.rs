@@ -130,9 +130,9 @@ fn a_script_without_an_end_ends_when_all_engines_have_flown() {
     for actions in ["60.0 all noise\n61.0 all quiet\n", "1.0 all disarm\n2.0 all script\n"] {
         fs::write(&script, format!("{head}{actions}")).unwrap();
         let output = rig(&["--fast", "--script", script.to_str().unwrap()]);
-        let told = text(&output.stdout);
-        assert_eq!(output.status.code(), Some(0), "{told}{}", text(&output.stderr));
-        assert!(told.contains("Summary after 1") || told.contains("Summary after 2"), "{told}");
+        let printed = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{printed}{}", text(&output.stderr));
+        assert!(printed.contains("Summary after 1") || printed.contains("Summary after 2"), "{printed}");
     }
 }
 

@@ -31,7 +31,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_default_engines_do_all_that_is_asked() {
+fn the_default_engines_reach_their_targets() {
     let text = status(&fast(&[]), 0);
     assert!(text.contains(" 0 missed, worst margin 9."), "{text}");
     assert!(text.contains("PASS: all engines reached their targets and are shut down."), "{text}");
@@ -68,12 +68,18 @@ fn what_is_shown_is_for_people() {
     assert!(!text.contains("rejected: the node has just started"), "{text}");
     assert_eq!(summary(&text, "commands rejected"), ["0"; 4], "{text}");
     assert_eq!(summary(&text, "worst cadence error"), ["-", "-", "0.000", "ms", "0.000", "ms"], "{text}");
-    // What matters stands in the first 80 columns behind the time.
+    // What matters is in the first 80 columns behind the time.
     let head = text.lines().find(|line| line.starts_with("      s  engine")).expect("a head");
     let heads: Vec<&str> = head.split_whitespace().collect();
     assert_eq!(heads[..8], ["s", "engine", "state", "rpm", "EGT", "commanded", "sent", "link"]);
     let (_, rest) = head.split_once("link").unwrap();
     assert!(head.len() - rest.len() + "  ".len() <= 9 + 80, "{head}");
+}
+
+#[test]
+fn with_ascii_the_lines_are_ascii_too() {
+    let text = status(&fast(&["--ascii", "--faults", "cut=left@60s+5s"]), 0);
+    assert!(text.is_ascii(), "{text}");
 }
 
 #[test]
@@ -127,8 +133,8 @@ fn noise_gives_no_command_and_links_recover() {
 }
 
 #[test]
-fn a_cut_line_is_told_and_the_engine_comes_back() {
-    // An AMT ECU stops its engine when it is not heard; a ZK ECU from version 5 does not.
+fn a_cut_line_is_reported_and_the_engine_comes_back() {
+    // An AMT ECU stops its engine when it receives nothing; a ZK ECU from version 5 does not.
     let text = status(&fast(&["--faults", "cut=left@60s+5s,cut=booster@60s+5s"]), 0);
     for name in ["left", "booster"] {
         for what in ["the line is cut", "ECU link lost", "the line is joined again", "ECU link up"] {
@@ -167,7 +173,7 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
     assert_eq!(
         heads.join(","),
         "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,sent,\
-         missed,decode_errors,rejected,engine_state,rules,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm,\
+         missed,decode_errors,rejected,engine_state,in_control,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm,\
          faults,events"
     );
     let help = String::from_utf8(rig(&["--help"]).stdout).unwrap();
@@ -187,9 +193,9 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
         assert!(thirds.is_sorted() && thirds[0] < 1000.0 && *start.last().unwrap() > 25_000.0, "{thirds:?}");
         assert!(*of_engine("done").last().unwrap() < 1000.0);
     }
-    // Who rules and what is on the wire, while all goes well.
+    // The active source and what is on the wire, while all goes well.
     for row in rows.iter().filter(|row| ["idle", "steps"].contains(&row[column("phase")])) {
-        let cells = ["engine_state", "rules", "waiting", "loss", "limited", "armed", "order"]
+        let cells = ["engine_state", "in_control", "waiting", "loss", "limited", "armed", "order"]
             .map(|head| row[column(head)]);
         assert_eq!(cells, ["running", "bench", "", "none", "no", "yes", "run"], "{row:?}");
     }
@@ -303,20 +309,64 @@ fn a_picture_marks_what_happened_and_what_is_not_known() {
     has(&texts, "throttle: none, the demand is in rpm");
 }
 
-/// Draw them again with `cargo rig --fast --plot docs/rig.svg` and `... --plot docs/rig-dark.svg --dark`.
-#[test]
-fn the_pictures_of_the_readme_are_what_the_rig_draws() {
-    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    for (name, args) in [("rig.svg", &[][..]), ("rig-dark.svg", &["--dark"])] {
-        let (path, _) = drawn(name, args);
-        let committed = std::fs::read_to_string(docs.join(name)).unwrap();
-        assert!(std::fs::read_to_string(path).unwrap() == committed, "docs/{name} is another picture");
-        assert!(committed.len() < 150_000);
+/// A picture of docs/ is what the rig draws. `JETLINK_WRITE_PICTURES=1 cargo test --package host --test rig` draws them again.
+#[track_caller]
+fn as_committed(name: &str, drawn: &str) {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name);
+    if std::env::var_os("JETLINK_WRITE_PICTURES").is_some() {
+        std::fs::write(&path, drawn).unwrap();
     }
+    let committed = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(committed == drawn, "docs/{name} is not what the rig draws");
+    assert!(committed.len() < 150_000, "docs/{name} has {} bytes", committed.len());
 }
 
 #[test]
-fn a_file_that_cannot_be_written_is_told() {
+fn the_pictures_of_the_readme_are_what_the_rig_draws() {
+    for (name, args) in [("rig.svg", &[][..]), ("rig-dark.svg", &["--dark"])] {
+        let (path, _) = drawn(name, args);
+        as_committed(name, &std::fs::read_to_string(path).unwrap());
+    }
+}
+
+/// A value that is not new is dashed from the moment on when it was received, not from when it is noticed.
+#[test]
+fn no_solid_line_continues_while_the_node_restarts() {
+    let (path, texts) = drawn("restart.svg", &["--scenario", "reset-in-flight"]);
+    assert!(texts.iter().filter(|text| *text == "nothing received").count() >= 2, "{texts:?}");
+    let svg = std::fs::read_to_string(path).unwrap();
+    let xml = roxmltree::Document::parse(&svg).unwrap();
+    let number =
+        |node: &roxmltree::Node<'_, '_>, name| -> f64 { node.attribute(name).unwrap().parse().unwrap() };
+    // Where the node is away: the two ends, and the height in the picture.
+    let gaps: Vec<(f64, f64, f64)> = xml
+        .descendants()
+        .filter(|node| node.attribute("fill") == Some("#c9c9c9"))
+        .map(|node| (number(&node, "x"), number(&node, "x") + number(&node, "width"), number(&node, "y")))
+        .collect();
+    assert_eq!(gaps.len(), 4, "two resets of two engines: {gaps:?}");
+    let solid = |node: &roxmltree::Node<'_, '_>| {
+        node.has_tag_name("polyline")
+            && node.attribute("stroke-dasharray").is_none()
+            && matches!(node.attribute("stroke"), Some("#1f5fb4" | "#c83c1e"))
+            && node.attribute("stroke-width") == Some("1.8")
+    };
+    let (mut seen, sample) = (0, 3.0);
+    for line in xml.descendants().filter(solid) {
+        let points = line.attribute("points").unwrap().split(' ').map(|point| point.split_once(',').unwrap());
+        let points: Vec<[f64; 2]> = points.map(|(x, y)| [x, y].map(|text| text.parse().unwrap())).collect();
+        for (from, to, _) in gaps.iter().filter(|(.., y)| (y - 40.0..y + 170.0).contains(&points[0][1])) {
+            // The link counts as up from its second frame on.
+            let through = points.windows(2).any(|x| x[0][0] < to - 2.0 * sample && x[1][0] > from + sample);
+            assert!(!through, "a solid line continues from {from} to {to}: {points:?}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 12, "{seen}");
+}
+
+#[test]
+fn a_file_that_cannot_be_written_is_reported() {
     for option in ["--csv", "--plot", "--report"] {
         for path in ["/nowhere/at/all", "/dev/full"] {
             if path == "/dev/full" && !PathBuf::from(path).exists() {
@@ -357,7 +407,14 @@ fn a_wrong_option_is_one_sentence_and_status_2() {
         assert!(error.starts_with("jetlink rig: "), "{args:?}: {error}");
     }
     assert_eq!(rig(&["--no-such-option"]).status.code(), Some(2));
-    assert_eq!(rig(&["--scenario", "hot-start", "--faults", "light"]).status.code(), Some(2));
+    // What a file of actions cannot say.
+    for args in [
+        ["--scenario", "hot-start", "--faults", "light"],
+        ["--scenario", "hot-start", "--save-script", "x.txt"],
+        ["--mavlink", "tcpin:127.0.0.1:0", "--save-script", "x.txt"],
+    ] {
+        assert_eq!(rig(&args).status.code(), Some(2), "{args:?}");
+    }
 }
 
 #[test]
@@ -409,7 +466,7 @@ fn scenario(name: &str, least: usize) -> (String, Vec<String>) {
     (text, happened)
 }
 
-/// These were told of this engine, in this order; others may stand between them.
+/// These were reported of this engine, in this order; others may be between them.
 #[track_caller]
 fn reported(text: &str, name: &str, expected: &[&str]) {
     let happened = happened(text, name);
@@ -431,7 +488,7 @@ fn the_source_is_lost_in_flight() {
 fn a_hot_start() {
     let (text, _) = scenario("hot-start", 8);
     assert_ne!(summary(&text, "commands rejected"), ["0"], "{text}");
-    // However much was told before.
+    // However much was reported before.
     let expected = [
         "ECU reports starting",
         "limit violated: exhaust temperature rises too fast: ",
@@ -477,7 +534,7 @@ fn a_reset_in_flight() {
         let (whole, after) = gap(of);
         assert!(whole > away && whole < away + most && after < most, "{of}: {whole} s, {after} s");
     }
-    // Counts and rates go on over both resets.
+    // Counts and rates continue over both resets.
     let rates: Vec<u32> = text
         .lines()
         .filter_map(|line| line.split_once("  up ")?.1.split_once("/s "))
@@ -507,7 +564,7 @@ fn an_emergency_stop_during_a_start() {
             "command from bench rejected: the emergency stop came from emergency: ",
         ],
     );
-    // What is asked for, and what is on the wire.
+    // What is commanded, and what is sent.
     assert!(text.lines().any(|line| line.contains("  right ") && line.contains("  60.0 %        STOP  up ")));
     assert_eq!(summary(&text, "worst cadence error"), ["-", "0.000", "ms"], "{text}");
 }
@@ -539,13 +596,18 @@ fn scenarios_are_listed_drawn_and_the_same_every_time() {
         assert_eq!(out(&fast(&["--scenario", name])), out(&fast(&["--scenario", name])), "{name}");
     }
     for name in DRAWN {
-        let path = file(&format!("{name}.svg"));
-        let args = ["--scenario", name, "--plot", path.to_str().unwrap()];
-        assert_eq!(out(&fast(&args)), out(&fast(&args)), "{name}");
-        let picture = std::fs::read_to_string(&path).unwrap();
-        let committed = std::fs::read_to_string(docs.join(format!("scenarios/{name}.svg"))).unwrap();
-        assert!(page.contains(&format!("scenarios/{name}.svg")), "{name} is not in docs/failsafe.md");
-        for picture in [picture, committed] {
+        let draw = |path: &std::path::Path, more: &[&str]| {
+            let args = [&["--scenario", name, "--plot", path.to_str().unwrap()], more].concat();
+            (out(&fast(&args)), std::fs::read_to_string(path).unwrap())
+        };
+        let (light, dark) = (format!("scenarios/{name}.svg"), format!("scenarios/{name}-dark.svg"));
+        let (text, picture) = draw(&file(&format!("{name}.svg")), &[]);
+        let (text_again, dark_picture) = draw(&file(&format!("{name}-dark.svg")), &["--dark"]);
+        assert_eq!(text, text_again, "{name}");
+        as_committed(&light, &picture);
+        as_committed(&dark, &dark_picture);
+        assert!(page.contains(&light) && page.contains(&dark), "{name} is not in docs/failsafe.md");
+        for picture in [picture, dark_picture] {
             let xml = roxmltree::Document::parse(&picture).expect("well-formed XML");
             titles_fit(&xml);
             let texts: Vec<&str> =

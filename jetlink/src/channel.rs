@@ -5,7 +5,7 @@
 //! follows a new one, and nothing delays a stop.
 
 use crate::command::{Accepted, Command, Origin, Rejected};
-use crate::config::EngineConfig;
+use crate::config::{EngineConfig, LinkSettings, LinkSettingsError};
 use crate::engine::Engine;
 use crate::engine::config::Supervision;
 use crate::engine::retained::{Reset, RetainedMemory};
@@ -29,8 +29,30 @@ pub const LISTENERS: usize = 4;
 
 /// Subscription to one engine's events.
 pub type Events<'a> = Subscriber<'a, CriticalSectionRawMutex, Event, EVENT_CAPACITY, LISTENERS, 0>;
-/// Receiver of one engine's telemetry.
-pub type TelemetryReceiver<'a> = watch::Receiver<'a, CriticalSectionRawMutex, Telemetry, LISTENERS>;
+/// Receiver of one engine's telemetry. It waits for news; the snapshot is of the instant in which they are received.
+pub struct TelemetryReceiver<'a> {
+    handle: Handle<'a>,
+    news: watch::Receiver<'a, CriticalSectionRawMutex, (), LISTENERS>,
+}
+
+impl core::fmt::Debug for TelemetryReceiver<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("TelemetryReceiver").field("handle", &self.handle).finish_non_exhaustive()
+    }
+}
+
+impl TelemetryReceiver<'_> {
+    /// Waits for a frame of the ECU or a change of the order since the last call.
+    pub async fn changed(&mut self) -> Telemetry {
+        self.news.changed().await;
+        self.handle.telemetry()
+    }
+
+    /// The same without waiting.
+    pub fn try_changed(&mut self) -> Option<Telemetry> {
+        self.news.try_changed().map(|()| self.handle.telemetry())
+    }
+}
 
 /// One engine, shared by its runner and its handles.
 pub struct Channel {
@@ -39,7 +61,8 @@ pub struct Channel {
     /// Wakes the runner: the engine may have an output.
     pub(crate) wake: Signal<CriticalSectionRawMutex, ()>,
     pub(crate) events: PubSubChannel<CriticalSectionRawMutex, Event, EVENT_CAPACITY, LISTENERS, 0>,
-    pub(crate) telemetry: Watch<CriticalSectionRawMutex, Telemetry, LISTENERS>,
+    /// Wakes the receivers of telemetry. It has no snapshot: each would be a kilobyte, copied with interrupts off at every frame.
+    pub(crate) news: Watch<CriticalSectionRawMutex, (), LISTENERS>,
     progress: AtomicU32,
     /// Claimed sources, a bit for each priority.
     claimed: AtomicU8,
@@ -80,7 +103,7 @@ impl Channel {
             engine: Mutex::new(RefCell::new(engine)),
             wake: Signal::new(),
             events: PubSubChannel::new(),
-            telemetry: Watch::new(),
+            news: Watch::new(),
             progress: AtomicU32::new(0),
             claimed: AtomicU8::new(0),
             memory,
@@ -112,16 +135,22 @@ impl Channel {
         self.engine.lock(|engine| {
             let engine = &mut *engine.borrow_mut();
             let result = act(engine);
-            if let Some(retained) = &self.memory
-                && let Some(record) = engine.take_retained()
-            {
-                // No atomic addition: the lock is held.
-                let sequence = retained.sequence.load(Ordering::Relaxed);
-                retained.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
-                retained.memory.store_next(&record, retained.fingerprint, sequence);
-            }
+            self.retain(engine);
             result
         })
+    }
+
+    /// Stores what survives a reset, if it has changed. Not a part of `with`, of which there is one for each input.
+    #[inline(never)]
+    fn retain(&self, engine: &mut Engine) {
+        if let Some(retained) = &self.memory
+            && let Some(record) = engine.take_retained()
+        {
+            // No atomic addition: the lock is held.
+            let sequence = retained.sequence.load(Ordering::Relaxed);
+            retained.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
+            retained.memory.store_next(&record, retained.fingerprint, sequence);
+        }
     }
 
     /// Inspects the engine. Interrupts wait meanwhile, so keep it short.
@@ -262,8 +291,8 @@ impl<'a> Handle<'a> {
         answer
     }
 
-    /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on. The
-    /// settings of a link ([`crate::setting::Effect::AtNextStart`]) are given to [`Channel::new`] at the next start.
+    /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on
+    /// ([`crate::setting::Effect::AtOnce`]).
     ///
     /// # Errors
     /// The first setting that is out of its range ([`Supervision::row`]), with nothing changed.
@@ -274,7 +303,27 @@ impl<'a> Handle<'a> {
         done
     }
 
-    /// Sets the atmospheric pressure, for an ECU that asks for it (ZK-14). It is sent for 5 s at most.
+    /// Changes the settings of the link ([`crate::setting::Effect::AtRest`]): as soon as the engine is at rest, that is with
+    /// standby or an emergency stop in force and an ECU that reports a stopped engine. Until then they wait
+    /// ([`Handle::link_settings_wait`]), and later ones replace them. They are lost at a reset: keep them in the
+    /// [`EngineConfig`] that [`Channel::new`] is given.
+    ///
+    /// # Errors
+    /// [`LinkSettingsError`], with nothing changed: a value is out of its range, the line cannot carry the protocol, or it is
+    /// another protocol or engine.
+    pub fn configure_link(&self, settings: &LinkSettings) -> Result<(), LinkSettingsError> {
+        let now = self.now();
+        let done = self.channel.with(|engine| engine.configure_link(now, settings));
+        self.channel.wake.signal(());
+        done
+    }
+
+    /// Whether settings of the link wait until the engine is at rest.
+    pub fn link_settings_wait(&self) -> bool {
+        self.channel.inspect(|engine| engine.link_settings_wait())
+    }
+
+    /// Sets the atmospheric pressure, for an ECU that requests it (ZK-14). It is sent for 5 s at most.
     pub fn pressure(&self, pressure: Hectopascals) {
         let now = self.now();
         self.channel.with(|engine| engine.pressure(now, pressure));
@@ -289,7 +338,7 @@ impl<'a> Handle<'a> {
     /// Receives telemetry: a snapshot for each frame of the ECU or change of the order.
     /// `None` if there are [`LISTENERS`] receivers already.
     pub fn telemetry_receiver(&self) -> Option<TelemetryReceiver<'a>> {
-        self.channel.telemetry.receiver()
+        Some(TelemetryReceiver { handle: *self, news: self.channel.news.receiver()? })
     }
 
     /// Subscribes to events from now on. `None` if there are [`LISTENERS`] subscribers already.
@@ -298,7 +347,7 @@ impl<'a> Handle<'a> {
     }
 
     /// A counter that changes at least every 0.1 s while the engine's runner works, for a watchdog.
-    pub fn progress(&self) -> u32 {
+    pub(crate) fn progress(&self) -> u32 {
         self.channel.progress.load(Ordering::Relaxed)
     }
 

@@ -274,7 +274,7 @@ sentences!(Interlock {
     Self::PumpOpen => "the fuel pump is open and is being closed: command standby again";
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
-    Self::TooHot(egt) => "the exhaust has {} °C: let it cool in standby", egt.tenths() / 10;
+    Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", egt.tenths() / 10;
     Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", supply.get();
     Self::Limit(kind) => "a limit is violated: {}", kind;
 });

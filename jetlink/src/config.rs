@@ -30,30 +30,21 @@ pub struct EngineConfig {
 }
 
 impl EngineConfig {
+    /// An engine with this ECU. Timing and supervision have their defaults.
+    pub const fn new(name: &'static str, port: u8, line: Line, ecu: EcuConfig) -> Self {
+        Self { name, port, line, ecu, timing: ecu.timing(), supervision: Supervision::DEFAULT }
+    }
+
     /// An engine with an AMT ECU and default settings.
     pub const fn amt(name: &'static str, port: u8, line: Line, engine: Option<EngineModel>) -> Self {
         let config = amt::config::Config { engine, ..amt::config::Config::DEFAULT };
-        Self {
-            name,
-            port,
-            line,
-            ecu: EcuConfig::Amt(config),
-            timing: amt::config::Config::TIMING,
-            supervision: Supervision::DEFAULT,
-        }
+        Self::new(name, port, line, EcuConfig::Amt(config))
     }
 
     /// An engine with a ZK ECU and default settings.
     pub const fn zk(name: &'static str, port: u8, line: Line, rate: Rate) -> Self {
         let config = zk::config::Config { rate, ..zk::config::Config::DEFAULT };
-        Self {
-            name,
-            port,
-            line,
-            ecu: EcuConfig::Zk(config),
-            timing: zk::config::Config::TIMING,
-            supervision: Supervision::DEFAULT,
-        }
+        Self::new(name, port, line, EcuConfig::Zk(config))
     }
 }
 
@@ -72,12 +63,12 @@ impl EngineConfig {
 impl EngineConfig {
     /// The table of settings of this engine, in an order that is fixed for each protocol.
     pub fn settings(&self) -> impl Iterator<Item = &'static Setting> {
-        Supervision::TABLE.into_iter().chain([Timing::SETTINGS, self.ecu.settings()]).flatten()
+        Supervision::TABLE.into_iter().chain(self.ecu.settings()).flatten()
     }
 
     /// The same table without its texts, as a firmware offers it as parameters.
-    pub fn rows(&self) -> impl Iterator<Item = &'static Row> {
-        Supervision::TABLE_ROWS.into_iter().chain([Timing::ROWS, self.ecu.rows()]).flatten()
+    pub fn rows(&self) -> impl Iterator<Item = &'static Row> + use<> {
+        Supervision::TABLE_ROWS.into_iter().chain(self.ecu.rows()).flatten()
     }
 
     /// The value of a setting; [`crate::setting::OFF`] where it is off.
@@ -106,6 +97,58 @@ impl EngineConfig {
     }
 }
 
+/// Settings of a link, which a running node may be given ([`crate::channel::Handle::configure_link`]).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LinkSettings {
+    /// Settings of the protocol.
+    pub ecu: EcuConfig,
+    /// Conditions for a link that is up or lost.
+    pub timing: Timing,
+}
+
+impl From<&EngineConfig> for LinkSettings {
+    fn from(config: &EngineConfig) -> Self {
+        Self { ecu: config.ecu, timing: config.timing }
+    }
+}
+
+impl LinkSettings {
+    /// Checks every range, that the line can carry the protocol, and that protocol and engine are the same as `before`.
+    pub(crate) fn check(&self, line: Line, before: &EcuConfig) -> Result<(), LinkSettingsError> {
+        if self.ecu.identity() != before.identity() {
+            return Err(LinkSettingsError::OtherEcu);
+        }
+        self.timing.check().map_err(LinkSettingsError::Timing)?;
+        self.ecu.check(line).map_err(LinkSettingsError::Ecu)
+    }
+}
+
+/// Reason why settings of a link were not taken. Nothing has changed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum LinkSettingsError {
+    /// The protocol, or the engine that an AMT ECU is set to, is another one: that needs a new node.
+    OtherEcu,
+    /// A setting of the link's timing is out of its range.
+    Timing(SettingId),
+    /// A mistake that the protocol knows.
+    Ecu(Mistake),
+}
+
+impl core::fmt::Display for LinkSettingsError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::OtherEcu => "another protocol or engine: build a new node for it",
+            Self::Timing(id) => Timing::message(*id),
+            Self::Ecu(mistake) => mistake.message(),
+        })
+    }
+}
+
+impl core::error::Error for LinkSettingsError {}
+
 const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Mistake in a table of engines, with its row (from 0).
@@ -119,8 +162,8 @@ pub enum ConfigError {
     SamePort(usize, usize),
     /// A mistake that the protocol knows.
     Ecu(usize, Mistake),
-    /// A setting of the link is out of its range.
-    Timing(usize),
+    /// A setting of the link's timing is out of its range.
+    Timing(usize, SettingId),
     /// A setting of the supervision is out of its range.
     Supervision(usize, SettingId),
 }
@@ -133,9 +176,7 @@ impl ConfigError {
             Self::SamePort(..) => "two engines on one port: give each its own",
             Self::Ecu(_, mistake) => mistake.message(),
             Self::Supervision(_, id) => Supervision::row(id).message,
-            Self::Timing(_) => {
-                "invalid link settings: use at least one frame until it is up, and 0.2 s to 60 s of silence until it is lost"
-            }
+            Self::Timing(_, id) => Timing::message(id),
         }
     }
 
@@ -145,7 +186,7 @@ impl ConfigError {
             Self::BaudRate(row)
             | Self::SamePort(_, row)
             | Self::Ecu(row, _)
-            | Self::Timing(row)
+            | Self::Timing(row, _)
             | Self::Supervision(row, _) => row,
         }
     }
@@ -170,8 +211,8 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if !engine.line.is_printed_rate() {
             return Err(ConfigError::BaudRate(row));
         }
-        if engine.timing.check_own().is_err() {
-            return Err(ConfigError::Timing(row));
+        if let Err(setting) = engine.timing.check() {
+            return Err(ConfigError::Timing(row, setting));
         }
         if let Err(setting) = engine.supervision.validate() {
             return Err(ConfigError::Supervision(row, setting));
@@ -254,6 +295,37 @@ pub const fn check_ports(engines: &[EngineConfig], ports: usize) {
                 .text(" for an engine: this board has ")
                 .number(ports)
                 .text(", counted from 0");
+            panic!("{}", sentence.as_str());
+        }
+        row += 1;
+    }
+}
+
+/// Checks at compile time that no engine sits on a port that something else has.
+///
+/// ```
+/// # use jetlink::{config::{check_port_is_free, EngineConfig}, line::Line};
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
+/// const _: () = check_port_is_free(&ENGINES, 5, "a receiver");
+/// ```
+///
+/// ```compile_fail
+/// # use jetlink::{config::{check_port_is_free, EngineConfig}, line::Line};
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
+/// const _: () = check_port_is_free(&ENGINES, 4, "a receiver");
+/// ```
+///
+/// # Panics
+/// With the first engine that does. In a `const` that stops the build.
+pub const fn check_port_is_free(engines: &[EngineConfig], port: u8, user: &str) {
+    let mut row = 0;
+    while row < engines.len() {
+        if engines[row].port == port {
+            let sentence = Sentence::of_engine(row, engines[row].name)
+                .text("port ")
+                .number(port as usize)
+                .text(" is that of ")
+                .text(user);
             panic!("{}", sentence.as_str());
         }
         row += 1;

@@ -15,11 +15,13 @@ use embassy_time::Instant;
 pub(crate) struct Debounced<T> {
     value: Option<T>,
     candidate: Option<T>,
+    /// Consecutive frames with the candidate.
+    agree: u8,
 }
 
 impl<T: Copy + PartialEq> Debounced<T> {
     pub const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None }
+        Self { value, candidate: None, agree: 0 }
     }
 
     pub const fn get(&self) -> Option<T> {
@@ -28,12 +30,19 @@ impl<T: Copy + PartialEq> Debounced<T> {
 
     /// Takes the value from one frame. True if it is the debounced value now.
     pub fn see(&mut self, seen: T) -> bool {
+        self.see_frames(seen, 2)
+    }
+
+    /// The same, if this many consecutive frames have to agree.
+    pub fn see_frames(&mut self, seen: T, frames: u8) -> bool {
         if self.value == Some(seen) {
             self.candidate = None;
-        } else if self.candidate == Some(seen) {
-            self.set(seen);
         } else {
+            self.agree = if self.candidate == Some(seen) { self.agree.saturating_add(1) } else { 1 };
             self.candidate = Some(seen);
+            if self.agree >= frames {
+                self.set(seen);
+            }
         }
         self.value == Some(seen)
     }

@@ -103,3 +103,4 @@ pub mod runner;
 pub mod setting;
 pub mod telemetry;
 pub mod units;
+pub mod watch;

@@ -1,7 +1,7 @@
 //! The serial line: its settings, the time that bytes take, its errors.
 
 use crate::sentence::sentences;
-use crate::setting::settings;
+use crate::setting::{SettingId, settings};
 use embassy_time::Duration;
 
 /// Stop bits after each byte.
@@ -76,17 +76,32 @@ pub enum LineError {
     Noise,
     /// A byte was received before the last one was read.
     Overrun,
-    /// Wrong parity. Not expected: neither protocol uses parity.
+    /// Wrong parity: of a receiver of SBUS; neither protocol of an ECU uses parity.
     Parity,
     /// Any other error of the driver.
     Read,
 }
 
 settings! {
-    /// Conditions for a link that is up, and for one that is lost.
-    pub struct Timing, "timing.", AtNextStart {
-        up_after: frames "LINK_UP_AFTER" = 1 in 1..=255, "Consecutive good frames, each within `lost_after` of the one before, until the link is up. AMT: 2, because its frames carry no checksum.";
-        lost_after: ms "LINK_LOST" = 500 in 200..=60_000, "Silence until the link is lost: ten frames at 20 Hz. AMT: 1000, eight frames at 2400 baud.";
+    /// Conditions for a link that is up, and for one that is lost. Each protocol has its own defaults, `TIMING` of its `Config`.
+    pub struct Timing, "timing.", AtRest, defaults elsewhere {
+        up_after: frames "LINK_UP_AFTER" in 1..=255, "Consecutive good frames, each within `lost_after` of the one before, until the link is up.";
+        lost_after: ms "LINK_LOST" in 200..=60_000, "Silence until the link is lost.";
+    }
+}
+
+impl Timing {
+    /// The field and its range, as the text of an error. It is the same whatever the defaults are.
+    pub(crate) const fn message(id: SettingId) -> &'static str {
+        id.message(const { &Self::table(&Self { up_after: 1, lost_after: Duration::from_millis(500) }) })
+    }
+
+    /// Checks every range.
+    pub(crate) const fn check(&self) -> Result<(), SettingId> {
+        match self.check_own() {
+            Ok(()) => Ok(()),
+            Err(row) => Err(SettingId(row)),
+        }
     }
 }
 

@@ -164,29 +164,67 @@ pub trait Link {
     fn gap_at(&self) -> Option<Instant>;
     /// Whether the ECU expects a reply to each of its frames and is sent nothing else (AMT).
     fn answers_frames(&self) -> bool;
-    /// Time at which a life in doubt since `since` loses its order if nothing confirms it. `None`: not until its sources are
-    /// silent and the stages of loss have run out.
-    fn doubt_ends(&self, since: Instant) -> Option<Instant>;
+    /// Longest time without a reply after which the ECU stops its engine by itself (AMT): a life in doubt for that long loses
+    /// its order. `None`: not until its sources are silent and the stages of loss have run out.
+    fn reply_timeout(&self) -> Option<Duration>;
+    /// Time of the last frame that was replied to, since the node began; `None` without replies.
+    fn last_reply(&self) -> Option<Instant> {
+        None
+    }
     /// The gap announced by [`Link::gap_at`] has begun: nothing sent before it is valid after it.
     fn gap(&mut self);
-    /// Whether the ECU was given its switch by ZK ID 6, so that it ignores the one in ID 1 (ZK-9).
-    fn switch_by_id6(&self) -> bool {
+    /// What the node has to retain for this link.
+    fn record(&self) -> LinkRecord {
+        LinkRecord::EMPTY
+    }
+    /// Restores what was retained before a reset. Called before [`Link::start`].
+    fn restore(&mut self, _record: LinkRecord) {}
+    /// Whether the ECU may hold an rpm by its own speed control, because this conversation, or the one that was restored, has
+    /// sent it what that needs.
+    fn may_hold_rpm(&self) -> bool {
         false
     }
-    /// After a reset: the ECU had been given its switch by ZK ID 6.
-    fn resume_switch_by_id6(&mut self) {}
-    /// Closes a fuel pump that a service command may have opened (ZK ID 2, parameter 13).
+    /// Closes a fuel pump that a service command may have opened, and cancels a service command that was not sent.
     fn close_pump(&mut self) {}
-    /// Whether a service command has not been sent yet.
-    fn service_pending(&self) -> bool {
-        false
-    }
-    /// Whether the fuel pump is being closed.
-    fn closing_pump(&self) -> bool {
-        false
+    /// Service frames that still have to be sent beside the order.
+    fn service_frames(&self) -> ServiceFrames {
+        ServiceFrames::default()
     }
     /// State of the ECU and of the line, as far as it is known.
     fn status(&self) -> &LinkStatus;
+}
+
+/// What a link cannot learn from its ECU again after a reset of the node: a few bits that only the link of the same protocol
+/// reads.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LinkRecord(u8);
+
+impl LinkRecord {
+    /// Number of bits.
+    pub const BITS: u32 = 4;
+    /// Nothing to remember: the conversation is new.
+    pub const EMPTY: Self = Self(0);
+
+    /// From the lower [`LinkRecord::BITS`] bits.
+    pub const fn new(bits: u8) -> Self {
+        Self(bits & ((1 << Self::BITS) - 1))
+    }
+
+    /// The bits.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+}
+
+/// Service frames that a link still has to send.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ServiceFrames {
+    /// A service command was not sent, or is not confirmed yet.
+    pub command: bool,
+    /// The fuel pump is being closed.
+    pub closing_pump: bool,
 }
 
 /// Settings of a protocol, with its link.
@@ -196,6 +234,9 @@ pub trait Speaks: Copy {
 
     /// A link with these settings.
     fn link(self, line: Line, timing: Timing) -> Self::Link;
+
+    /// Changes the settings of a link that is in use, while the engine is at rest. What the ECU has reported stays known.
+    fn configure(self, link: &mut Self::Link, now: Instant, line: Line, timing: Timing);
 }
 
 /// State of an ECU and its line, as known to the link. Every link has one, which its parts update.
@@ -234,6 +275,11 @@ impl LinkMonitor {
     /// Begins the conversation.
     pub fn start(&mut self, now: Instant) {
         self.silent_at = Some(now + self.timing.lost_after);
+    }
+
+    /// Changes the conditions from the next frame on.
+    pub const fn configure(&mut self, timing: Timing) {
+        self.timing = timing;
     }
 
     /// Takes a good frame. True if it brought the link up.

@@ -175,7 +175,7 @@ pub struct Report {
     pub startup: Option<Timed<Duration>>,
     /// ZK: the rpm loop is closed.
     pub closed_loop: Option<Timed<bool>>,
-    /// ZK: the ECU asks for atmospheric pressure.
+    /// ZK: the ECU requests atmospheric pressure.
     pub pressure_requested: Option<Timed<bool>>,
     /// ZK acceleration curve.
     pub curve_increase: Option<Timed<u8>>,

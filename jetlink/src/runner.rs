@@ -60,7 +60,7 @@ impl LineErrors {
     }
 
     /// Takes the errors counted since the last call.
-    fn drain(&self, mut each: impl FnMut(LineError)) {
+    pub fn drain(&self, mut each: impl FnMut(LineError)) {
         for error in [LineError::Framing, LineError::Noise, LineError::Overrun, LineError::Parity] {
             let count = self.counter(error).map_or(0, |counter| counter.swap(0, Ordering::Relaxed));
             for _ in 0..count {
@@ -85,7 +85,7 @@ pub struct Runner<'a> {
     outstanding: Cell<bool>,
     /// The last transmission timed out: its bytes may still wait in the driver, unless the UART was opened again.
     timed_out: Cell<bool>,
-    /// The engine has changed since telemetry was last published.
+    /// The engine has changed since the receivers of telemetry were last woken.
     changed: Cell<bool>,
 }
 
@@ -278,12 +278,9 @@ impl<'a> Runner<'a> {
         }
     }
 
-    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
     fn publish(&self) {
         if self.changed.take() {
-            let now = Instant::now();
-            let telemetry = self.channel.inspect(|engine| engine.telemetry(now));
-            self.channel.telemetry.sender().send(telemetry);
+            self.channel.news.sender().send(());
         }
     }
 }

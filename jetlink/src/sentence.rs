@@ -3,6 +3,22 @@
 /// Implements `Display` and, with the feature `defmt`, `defmt::Format` with the same sentences: first those without values,
 /// then those with. A value needs both traits. `defmt` keeps the texts out of the image.
 macro_rules! sentences {
+    (@display $self:ident $f:ident {} { $( $pattern:pat => $text:literal $(, $value:expr)+; )+ }) => {
+        match *$self {
+            $( $pattern => write!($f, $text $(, $value)+), )+
+        }
+    };
+    (
+        @display $self:ident $f:ident { $( $plain:pat $(if $guard:expr)? => $sentence:literal; )+ }
+        $({ $( $pattern:pat => $text:literal $(, $value:expr)+; )+ })?
+    ) => {{
+        // One write for all plain sentences takes less flash than one each.
+        let sentence = match *$self {
+            $( $plain $(if $guard)? => $sentence, )+
+            $( $( $pattern => return write!($f, $text $(, $value)+), )+ )?
+        };
+        $f.write_str(sentence)
+    }};
     (@format $self:ident $f:ident {} { $( $pattern:pat => $text:literal $(, $value:expr)+; )+ }) => {
         match *$self {
             $( $pattern => defmt::write!($f, $text $(, $value)+), )+
@@ -12,7 +28,6 @@ macro_rules! sentences {
         @format $self:ident $f:ident { $( $plain:pat $(if $guard:expr)? => $sentence:literal; )+ }
         $({ $( $pattern:pat => $text:literal $(, $value:expr)+; )+ })?
     ) => {
-        // One write for all plain sentences takes less flash than one each.
         let sentence = match *$self {
             $( $plain $(if $guard)? => defmt::intern!($sentence), )+
             $( $( $pattern => return defmt::write!($f, $text $(, $value)+), )+ )?
@@ -28,10 +43,9 @@ macro_rules! sentences {
     ) => {
         impl core::fmt::Display for $type {
             fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                match *self {
-                    $( $plain $(if $guard)? => f.write_str($sentence), )*
-                    $( $( $pattern => write!(f, $text $(, $value)+), )+ )?
-                }
+                crate::sentence::sentences!(@display self f { $( $plain $(if $guard)? => $sentence; )* } $({
+                    $( $pattern => $text $(, $value)+; )+
+                })?)
             }
         }
 

@@ -2,7 +2,7 @@
 //!
 //! The macro `settings!` declares a struct of settings. From the same line come the field and its documentation, the
 //! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and, later, parameters
-//! are made from. Every setting has a value as a whole number in its unit, so that one number can stand for any of them.
+//! are made from. Every setting has a value as a whole number in its unit, so that one number can express any of them.
 
 /// Unit of a setting's number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -125,7 +125,10 @@ pub const OFF: i32 = -1;
 pub enum Effect {
     /// With the next frame, command or deadline.
     AtOnce,
-    /// When the link begins again: at the next start of the node.
+    /// When the engine is at rest: standby or an emergency stop is in force, and the ECU reports a stopped engine. So it is in
+    /// effect before the engine's next start, and never changes in flight.
+    AtRest,
+    /// At the next start of the node.
     AtNextStart,
 }
 
@@ -143,7 +146,7 @@ pub struct Setting {
     pub min: i32,
     /// Greatest value.
     pub max: i32,
-    /// Default, [`OFF`] if it is off.
+    /// Default, [`OFF`] if it is off. Of a link, each protocol has its own.
     pub default: i32,
     /// It may also be [`OFF`].
     pub may_be_off: bool,
@@ -202,16 +205,48 @@ pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
     rows
 }
 
+/// The place of a name. Names are compared here alone: an arm for each name is more code.
+#[doc(hidden)]
+#[inline(never)]
+pub fn place_of(name: &str, rows: &[Row]) -> Option<usize> {
+    rows.iter().position(|row| row.name == name)
+}
+
+/// Returns the expression in a place.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! by_place {
+    ($place:ident, { $( $value:expr; )* }, $none:expr) => {{
+        let mut of = 0;
+        $(
+            if $place == of {
+                return $value;
+            }
+            of += 1;
+        )*
+        let _ = of;
+        $none
+    }};
+}
+
 #[doc(hidden)]
 pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
     value >= min && value <= max || may_be_off && value == OFF
 }
 
-/// A row of the table of [`Supervision`](crate::engine::config::Supervision), by its number. Errors carry this, so that a
-/// firmware that never prints them does not contain the texts of the table.
+/// A row of a table of settings, by its number. Errors carry this, so that a firmware that never prints them does not contain
+/// the texts of the table.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SettingId(pub(crate) u8);
+
+impl SettingId {
+    /// The field and its range, from the table that the number belongs to.
+    pub(crate) const fn message(self, table: &'static [Setting]) -> &'static str {
+        let row = self.0 as usize;
+        if row < table.len() { table[row].message } else { "" }
+    }
+}
 
 impl core::fmt::Display for Setting {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
@@ -284,7 +319,7 @@ pub mod kind {
 
     macro_rules! optional_kind {
         ($name:ident, $inner:ident) => {
-            #[allow(dead_code, reason = "limits may always be off, and do not ask")]
+            #[allow(dead_code, reason = "limits may always be off, and do not need it")]
             pub mod $name {
                 use super::{OFF, $inner};
 
@@ -344,6 +379,9 @@ pub mod kind {
 
 /// Declares a struct of settings. See the head of `setting.rs`; in use in `engine/config.rs`. A package with settings of its
 /// own may declare them with it, so that one table serves all; it needs a feature `defmt`, if only an empty one.
+///
+/// A struct whose defaults are stated elsewhere, as of the settings that every protocol has, is declared with `defaults elsewhere`
+/// and without `= default`. It has no `DEFAULT`; its `table` makes the rows from given defaults.
 #[macro_export]
 macro_rules! settings {
     (
@@ -353,6 +391,32 @@ macro_rules! settings {
         }
         $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty = $idefault:expr; )* } )?
     ) => {
+        $crate::settings! {
+            $(#[$meta])*
+            pub struct $group, $prefix, $effect, defaults elsewhere {
+                $( $(#[$more])* $field: $kind $name in $min..=$max, $text, concat!("default ", $default, ", "); )*
+            }
+            $( groups { $( $(#[$gmeta])* $inner: $itype; )* } )?
+        }
+
+        impl $group {
+            /// All as the table has them.
+            pub const DEFAULT: Self = Self {
+                $( $( $inner: $idefault, )* )?
+                $( $field: $crate::setting::kind::$kind::make($default), )*
+            };
+
+            /// The rows of the table of settings.
+            pub const SETTINGS: &'static [$crate::setting::Setting] = &Self::table(&Self::DEFAULT);
+        }
+    };
+    (
+        $(#[$meta:meta])*
+        pub struct $group:ident, $prefix:literal, $effect:ident, defaults elsewhere {
+            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal in $min:literal..=$max:literal, $text:literal $(, $shown:expr)?; )*
+        }
+        $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty; )* } )?
+    ) => {
         $(#[$meta])*
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -361,15 +425,16 @@ macro_rules! settings {
             $(
                 #[doc = $text]
                 #[doc = ""]
-                #[doc = concat!("Setting `", $name, "`: default ", $default, ", ", $min, " to ", $max, " ", $crate::symbol!($kind), ".")]
+                #[doc = concat!("Setting `", $name, "`: ", $($shown,)? $min, " to ", $max, " ", $crate::symbol!($kind), ".")]
                 $(#[$more])*
                 pub $field: $crate::setting::kind::$kind::Type,
             )*
         }
 
         impl $group {
-            /// The rows of the table of settings.
-            pub const SETTINGS: &'static [$crate::setting::Setting] = &[ $(
+            /// The rows of the table of settings with these defaults.
+            #[doc(hidden)]
+            pub const fn table(defaults: &Self) -> [$crate::setting::Setting; [$($name),*].len()] { [ $(
                 $crate::setting::Setting {
                     name: {
                         const { assert!($name.len() <= 16, "a parameter's name has 16 characters at most") };
@@ -379,60 +444,62 @@ macro_rules! settings {
                     unit: $crate::setting::kind::$kind::UNIT,
                     min: $min,
                     max: $max,
-                    default: $default,
+                    default: $crate::setting::kind::$kind::number(&defaults.$field),
                     may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
                     effect: $crate::setting::Effect::$effect,
                     text: $text,
                     symbol: $crate::symbol!($kind),
                     message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
                 },
+            )* ] }
+
+            /// The rows of the table of settings without their texts.
+            pub const ROWS: &'static [$crate::setting::Row] = &[ $(
+                $crate::setting::Row {
+                    name: $name,
+                    min: $min,
+                    max: $max,
+                    may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
+                    effect: $crate::setting::Effect::$effect,
+                },
             )* ];
 
-            /// The same rows without their texts.
-            pub const ROWS: &'static [$crate::setting::Row] =
-                &$crate::setting::rows::<{ Self::SETTINGS.len() }>(Self::SETTINGS);
-
-            /// All as the table has them.
-            pub const DEFAULT: Self = Self {
-                $( $( $inner: $idefault, )* )?
-                $( $field: $crate::setting::kind::$kind::make($default), )*
-            };
+            /// The number of the one in this place of the rows.
+            const fn number_at(&self, place: usize) -> i32 {
+                $crate::setting::by_place!(place, {
+                    $( $crate::setting::kind::$kind::number(&self.$field); )*
+                }, $crate::setting::OFF)
+            }
 
             /// The index of the first of these that is out of its range, from 0.
             #[allow(dead_code, reason = "a yes or no has no range")]
             pub(crate) const fn check_own(&self) -> Result<(), u8> {
-                let mut row = 0;
-                $(
-                    let number = $crate::setting::kind::$kind::number(&self.$field);
-                    if !$crate::setting::allows(number, $min, $max, $crate::setting::kind::$kind::MAY_BE_OFF) {
-                        return Err(row);
+                let mut place = 0;
+                while place < Self::ROWS.len() {
+                    if !Self::ROWS[place].allows(self.number_at(place)) {
+                        return Err(place as u8);
                     }
-                    row += 1;
-                )*
-                let _ = row;
+                    place += 1;
+                }
                 Ok(())
             }
 
             /// The number of one of these.
             pub(crate) fn own(&self, name: &str) -> Option<i32> {
-                match name {
-                    $( $name => Some($crate::setting::kind::$kind::number(&self.$field)), )*
-                    _ => None,
-                }
+                $crate::setting::place_of(name, Self::ROWS).map(|place| self.number_at(place))
             }
 
             /// Changes one of these; the range has been checked. False if it is not one of these.
             pub(crate) fn set_own(&mut self, name: &str, value: i32) -> bool {
-                match name {
-                    $( $name => self.$field = $crate::setting::kind::$kind::make(value), )*
-                    _ => return false,
-                }
-                true
+                let Some(place) = $crate::setting::place_of(name, Self::ROWS) else { return false };
+                $crate::setting::by_place!(place, {
+                    $( { self.$field = $crate::setting::kind::$kind::make(value); true }; )*
+                }, false)
             }
         }
     };
 }
 
 #[doc(hidden)]
-pub use crate::symbol;
+pub use crate::{by_place, symbol};
 pub use settings;

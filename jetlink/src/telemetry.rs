@@ -1,6 +1,6 @@
 //! Snapshot of one engine: the report of its ECU, its order and sources, and the state of its supervision.
 
-use crate::command::{Demand, Ordered, Origin};
+use crate::command::{Demand, Order, Ordered, Origin};
 use crate::engine::state::EngineState;
 use crate::event::LossStage;
 use crate::report::{Counters, LinkState, Report, Timed};
@@ -8,6 +8,8 @@ use embassy_time::{Duration, Instant};
 
 /// Largest age of a current value, 3 s.
 const CURRENT: Duration = Duration::from_secs(3);
+/// Shaft speed below which an engine counts as at rest.
+const REST_RPM: u32 = 1000;
 
 /// A snapshot of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -51,6 +53,8 @@ pub struct Telemetry {
     pub armed: bool,
     /// An emergency stop is latched.
     pub stop_latched: bool,
+    /// A service that moves fuel or heats is permitted: the ECU may have a pump open or a valve.
+    pub fuel_service: bool,
     /// Latest time to reach running, while a start is under way.
     pub start_by: Option<Instant>,
     /// The engine ran, and stopped or fell silent without a command.
@@ -65,6 +69,24 @@ impl Telemetry {
     /// A value, if it was received within the last 3 s: an older one does not describe the engine any more.
     pub fn current<T: Copy>(&self, value: Option<Timed<T>>) -> Option<T> {
         value.filter(|value| value.age(self.at) <= CURRENT).map(|value| value.value)
+    }
+
+    /// Whether a current shaft speed is 1000 rpm or above; `None` without one.
+    pub fn shaft_turns(&self) -> Option<bool> {
+        self.current(self.report.rpm).map(|rpm| rpm.get() >= REST_RPM)
+    }
+
+    /// Whether the engine turns, or is ordered to.
+    pub fn turns(&self) -> bool {
+        let ordered = matches!(self.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+        let state = matches!(
+            self.state,
+            EngineState::StartRequested
+                | EngineState::Starting(_)
+                | EngineState::Running
+                | EngineState::ShuttingDown
+        );
+        ordered || state || self.shaft_turns() == Some(true)
     }
 
     /// Whether the engine needs attention, as the status LED shows it.

@@ -15,7 +15,6 @@ use jetlink::channel::{Events, Source};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
-use jetlink::engine::state::EngineState;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
@@ -29,8 +28,6 @@ const REFRESH: Duration = Duration::from_millis(200);
 const SENDERS: usize = 4;
 /// Longest time in which a demand that was held rises at once.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
-/// Shaft speed below which an engine counts as at rest.
-const REST_RPM: u32 = 1000;
 
 /// Position of the switch.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -76,7 +73,7 @@ pub(crate) struct Engine<'a> {
     last_starts: Vec<LastStart, SENDERS>,
     stopped_at: Option<Instant>,
     refreshed: Option<Instant>,
-    /// The vehicle was disarmed for so long that standby was commanded.
+    /// The vehicle was disarmed for long enough that standby was commanded.
     stood_by: bool,
 }
 
@@ -86,16 +83,16 @@ pub(crate) struct Situation<'a> {
     pub now: Instant,
     pub vehicle: &'a Vehicle,
     /// Systems that may command, with their last heartbeat.
-    pub heard: &'a [(u8, Instant)],
+    pub received: &'a [(u8, Instant)],
 }
 
 impl Situation<'_> {
-    fn is_heard(&self, system: u8) -> bool {
-        self.heard.iter().any(|&(other, at)| other == system && self.now < at + HEARTBEAT_AGE)
+    fn is_received(&self, system: u8) -> bool {
+        self.received.iter().any(|&(other, at)| other == system && self.now < at + HEARTBEAT_AGE)
     }
 
-    fn anybody_is_heard(&self) -> bool {
-        self.heard.iter().any(|&(_, at)| self.now < at + HEARTBEAT_AGE)
+    fn anybody_is_received(&self) -> bool {
+        self.received.iter().any(|&(_, at)| self.now < at + HEARTBEAT_AGE)
     }
 }
 
@@ -176,7 +173,7 @@ impl<'a> Engine<'a> {
             return Throttle::IDLE;
         }
         let Some((from, at)) = self.held else { return throttle };
-        // A gap in the stream is no time to rise in.
+        // The demand does not rise during a gap in the stream.
         let elapsed = now.saturating_duration_since(at).min(LONGEST_STEP).as_micros();
         let rise = elapsed * u64::from(self.config.supervision.rise) / 1_000_000;
         let most = u16::try_from(rise).unwrap_or(u16::MAX).saturating_add(from.tenths());
@@ -239,7 +236,7 @@ impl<'a> Engine<'a> {
             return Err(Refusal::AlreadyRuns);
         }
         if self.settings.demand_source() == DemandSource::None {
-            if !situation.is_heard(from.system) {
+            if !situation.is_received(from.system) {
                 return Err(Refusal::NoHeartbeat);
             }
         } else {
@@ -322,8 +319,10 @@ impl<'a> Engine<'a> {
         self.note_emergency_stop(now);
     }
 
+    /// Disarms while the stop is latched, when no source has armed: a disarm after its release would be against another source, which
+    /// may have armed since.
     fn note_emergency_stop(&mut self, now: Instant) {
-        (self.armed, self.armed_for_start) = (false, false);
+        self.disarm();
         (self.must_disarm, self.stop_noted) = (Some(now), true);
     }
 
@@ -377,9 +376,10 @@ impl<'a> Engine<'a> {
             Switch::Found => None,
             Switch::Waiting | Switch::Run => {
                 let alive = self.settings.demand_source() == DemandSource::None
-                    && self
-                        .ordered_by
-                        .map_or_else(|| situation.anybody_is_heard(), |system| situation.is_heard(system));
+                    && self.ordered_by.map_or_else(
+                        || situation.anybody_is_received(),
+                        |system| situation.is_received(system),
+                    );
                 if alive { self.pass_on(situation, Throttle::IDLE) } else { None }
             }
         }
@@ -430,10 +430,8 @@ impl<'a> Engine<'a> {
             }
             Arming::Disarmed => {
                 // It has to show that after the stop.
-                let shown = self.must_disarm.is_some_and(|stop| vehicle.last_shown() > Some(stop));
-                if shown {
+                if self.must_disarm.is_some_and(|stop| vehicle.last_shown() > Some(stop)) {
                     self.must_disarm = None;
-                    self.disarm();
                 }
                 if self.armed {
                     self.disarm();
@@ -441,26 +439,20 @@ impl<'a> Engine<'a> {
             }
             Arming::Unknown => {
                 // Without a vehicle, the release of the stop is what a person has to do.
-                if self.must_disarm.is_some() && !telemetry.stop_latched {
+                if !telemetry.stop_latched {
                     self.must_disarm = None;
-                    self.disarm();
                 }
             }
         }
     }
 
+    /// Whether its ECU reports that it is at rest, and nothing is ordered. An engine that is not received may turn.
+    pub fn is_known_at_rest(&self) -> bool {
+        self.telemetry().state.is_stopped() && !self.turns()
+    }
+
     /// Whether it turns, or is ordered to, or a start of it waits.
     pub fn turns(&self) -> bool {
-        let telemetry = self.telemetry();
-        let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
-        let state = matches!(
-            telemetry.state,
-            EngineState::StartRequested
-                | EngineState::Starting(_)
-                | EngineState::Running
-                | EngineState::ShuttingDown
-        );
-        let rpm = telemetry.current(telemetry.report.rpm).is_some_and(|rpm| rpm.get() > REST_RPM);
-        ordered || state || rpm || self.is_at_run()
+        self.telemetry().turns() || self.is_at_run()
     }
 }

@@ -3,11 +3,11 @@
 //! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
 //! moves at all.
 
-use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode, encode_to_sign};
+use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode_payload};
+use crate::sent::Payload;
 use crate::signing::{SIGNATURE, Seal};
 use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
-use mavlink_core::MessageData;
 
 /// Bytes that wait for the port.
 const QUEUE: usize = 1024;
@@ -25,7 +25,7 @@ const STAGGER: Duration = Duration::from_millis(130);
 pub struct PortConfig {
     /// Bytes a second that it carries. A UART of 57 600 baud: 5760.
     pub bytes_per_second: u32,
-    /// Whether only who stands at the board is on it. What comes from there needs no signature, and may set the key.
+    /// Whether only a person at the board can use it. What comes from there needs no signature, and may set the key.
     pub usb: bool,
 }
 
@@ -174,13 +174,13 @@ impl<const N: usize> Port<N> {
     }
 
     /// Queues a frame. `engine`: which one sends it; `None`: the node. `seal`: what it is signed with.
-    pub fn send<M: MessageData>(
+    pub fn send(
         &mut self,
         now: Instant,
         from: Address,
         engine: Option<usize>,
         class: Class,
-        message: &M,
+        message: &Payload,
         seal: Option<Seal<'_>>,
     ) -> bool {
         let sequence = match engine {
@@ -190,11 +190,8 @@ impl<const N: usize> Port<N> {
             },
             None => self.sequence,
         };
-        let (mut frame, length) = match seal {
-            None => (encode(from, sequence, message), 0),
-            Some(_) => (encode_to_sign(from, sequence, message), SIGNATURE),
-        };
-        let length = frame.len() + length;
+        let mut frame = encode_payload(from, sequence, message, seal.is_some());
+        let length = frame.len() + if seal.is_some() { SIGNATURE } else { 0 };
         let free = QUEUE - self.queue.len();
         let fits = match class {
             Class::Answer => length <= free,
@@ -273,7 +270,8 @@ mod tests {
     fn telemetry_stays_below_a_quarter_and_answers_go_out() {
         let start = Instant::from_secs(10);
         let mut port: Port<1> = Port::new(start, PortConfig::uart(57_600), 1);
-        let value = NAMED_VALUE_FLOAT_DATA { value: 1.0, time_boot_ms: u32::MAX, ..Default::default() };
+        let value =
+            Payload::of(&NAMED_VALUE_FLOAT_DATA { value: 1.0, time_boot_ms: u32::MAX, ..Default::default() });
         let mut bytes = [0; 64];
         let mut sent = 0;
         for ms in 0..10_000 {
@@ -293,7 +291,7 @@ mod tests {
             port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value, None);
         });
         assert!(port.queue.len() <= TELEMETRY_QUEUE);
-        let ack = COMMAND_ACK_DATA { command: 223, ..Default::default() };
+        let ack = Payload::of(&COMMAND_ACK_DATA { command: 223, ..Default::default() });
         assert!((0..20).all(|_| port.send(now, FROM, None, Class::Answer, &ack, None)));
         assert_eq!(port.counters().answers_dropped, 0);
         (0..100).for_each(|_| {

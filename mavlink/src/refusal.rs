@@ -41,12 +41,24 @@ pub enum Refusal {
     UnknownSetting,
     /// A value is out of its range.
     OutOfRange(&'static Row),
-    /// A setting belongs to something that is off.
-    SettingOff,
+    /// The line has no time for what a setting of the link needs.
+    LineTooSlow,
     /// A setting is a whole number.
     NotWhole,
     /// The end points of a throttle are in the wrong order.
     EndPoints,
+    /// The store has no space left without an erase, and an engine may turn.
+    StoreFull,
+    /// The store does not take it.
+    StoreFails,
+    /// Too many settings wait to be stored.
+    StoreBusy,
+    /// The stored settings are damaged.
+    Damaged,
+    /// They are not.
+    NotDamaged,
+    /// An engine is not seen at rest.
+    NotAtRest,
 }
 
 impl Refusal {
@@ -102,9 +114,17 @@ impl core::fmt::Display for Refusal {
                 let off = if row.may_be_off { ", or -1" } else { "" };
                 write!(f, "use {} to {}{off}", row.min, row.max)
             }
-            Self::SettingOff => f.write_str("turn on what it belongs to first"),
+            Self::LineTooSlow => f.write_str("the baud rate leaves no time for this value"),
             Self::NotWhole => f.write_str("the value has to be a whole number"),
             Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
+            Self::StoreFull => f.write_str("the store is full until all engines are seen at rest"),
+            Self::StoreFails => f.write_str("it cannot be stored"),
+            Self::StoreBusy => f.write_str("others are being stored"),
+            Self::Damaged => {
+                f.write_str("the stored settings are damaged: check them all, then USER_1 service 30")
+            }
+            Self::NotDamaged => f.write_str("the settings are not damaged"),
+            Self::NotAtRest => f.write_str("all engines have to be seen at rest"),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What an engine reports as messages: `HEARTBEAT`, `EFI_STATUS` and named values.
 //!
 //! `EFI_STATUS` has the fields of ArduPilot's own turbine driver. No field is ever NaN, and what a receiver casts to 8 bits is
-//! clamped: 0 stands for "not known" there.
+//! clamped: 0 means "not known" there.
 
 use crate::dialect::{EFI_STATUS_DATA, HEARTBEAT_DATA};
 use crate::ids::{AUTOPILOT_INVALID, MODE_CUSTOM, SystemStatus, TYPE_GENERIC};

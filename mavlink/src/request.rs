@@ -1,8 +1,8 @@
-//! The rate of `SERVO_OUTPUT_RAW`: asked for, measured, and asked for again when the autopilot has forgotten it.
+//! The rate of `SERVO_OUTPUT_RAW`: requested, measured, and requested again when the autopilot has forgotten it.
 
 use embassy_time::{Duration, Instant};
 
-/// Intervals to ask for, the next one when an autopilot denies the one before. ArduPlane grants 25 ms at 50 Hz.
+/// Intervals to request, the next one when an autopilot denies the one before. ArduPlane grants 25 ms at 50 Hz.
 const INTERVALS: [Duration; 3] =
     [Duration::from_millis(25), Duration::from_millis(50), Duration::from_millis(100)];
 /// Time between two requests, unless one was denied.
@@ -10,12 +10,12 @@ const AGAIN: Duration = Duration::from_secs(5);
 /// Time over which the rate is measured.
 const MEASURE: Duration = Duration::from_secs(2);
 
-/// What was asked for and what came.
+/// What was requested and what was received.
 #[derive(Debug)]
 pub(crate) struct RateRequest {
     /// Place in [`INTERVALS`].
     place: usize,
-    asked: Option<Instant>,
+    requested: Option<Instant>,
     granted: bool,
     /// Frames since the measurement began.
     frames: u32,
@@ -26,7 +26,7 @@ pub(crate) struct RateRequest {
 
 impl RateRequest {
     pub const fn new(now: Instant) -> Self {
-        Self { place: 0, asked: None, granted: false, frames: 0, since: now, slow: true }
+        Self { place: 0, requested: None, granted: false, frames: 0, since: now, slow: true }
     }
 
     /// A frame has arrived.
@@ -37,19 +37,19 @@ impl RateRequest {
     /// The autopilot has answered a request.
     pub fn answered(&mut self, now: Instant, accepted: bool) {
         // An answer that nobody waits for is not ours.
-        if self.granted || self.asked.is_none_or(|at| now >= at + AGAIN) {
+        if self.granted || self.requested.is_none_or(|at| now >= at + AGAIN) {
             return;
         }
         if accepted {
             (self.granted, self.frames, self.since, self.slow) = (true, 0, now, false);
         } else if self.place + 1 < INTERVALS.len() {
             self.place += 1;
-            self.asked = None;
+            self.requested = None;
         }
     }
 
-    /// The interval to ask for now, if any. `heard`: the autopilot's heartbeats come.
-    pub fn due(&mut self, now: Instant, heard: bool) -> Option<Duration> {
+    /// The interval to request now, if any. `received`: the autopilot's heartbeats come.
+    pub fn due(&mut self, now: Instant, received: bool) -> Option<Duration> {
         let interval = INTERVALS.get(self.place).copied()?;
         if now >= self.since + MEASURE {
             let expected = MEASURE.as_ticks() / interval.as_ticks();
@@ -57,14 +57,14 @@ impl RateRequest {
             (self.frames, self.since) = (0, now);
         }
         let wanted = !self.granted || self.slow;
-        if !heard || !wanted || self.asked.is_some_and(|at| now < at + AGAIN) {
+        if !received || !wanted || self.requested.is_some_and(|at| now < at + AGAIN) {
             return None;
         }
         if self.granted {
             // It may have restarted: what it denied before it may grant now.
             (self.granted, self.place) = (false, 0);
         }
-        self.asked = Some(now);
+        self.requested = Some(now);
         INTERVALS.get(self.place).copied()
     }
 }
@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn a_denied_rate_falls_back_and_a_granted_one_is_measured() {
         let mut request = RateRequest::new(at(0));
-        assert_eq!(request.due(at(0), false), None, "nobody is there to be asked");
+        assert_eq!(request.due(at(0), false), None, "no autopilot is there");
         assert_eq!(request.due(at(0), true), MS(25));
         assert_eq!(request.due(at(100), true), None);
         request.answered(at(200), false);
@@ -93,17 +93,20 @@ mod tests {
             (0..11).for_each(|_| request.frame());
             assert_eq!(request.due(at(1300 + second * 1000), true), None, "second {second}");
         }
-        let asked: std::vec::Vec<u64> = (20..40)
+        let requested: std::vec::Vec<u64> = (20..40)
             .filter(|second| {
                 (0..9).for_each(|_| request.frame());
                 request.due(at(1300 + second * 1000), true) == MS(25)
             })
             .collect();
-        assert!(asked.len() >= 3 && asked.windows(2).all(|two| two[1] - two[0] >= 5), "{asked:?}");
+        assert!(
+            requested.len() >= 3 && requested.windows(2).all(|two| two[1] - two[0] >= 5),
+            "{requested:?}"
+        );
     }
 
     #[test]
-    fn an_autopilot_that_has_forgotten_is_asked_again() {
+    fn an_autopilot_that_has_forgotten_gets_another_request() {
         let mut request = RateRequest::new(at(0));
         request.due(at(0), true);
         request.answered(at(10), true);

@@ -1,5 +1,5 @@
 //! The table of services: `MAV_CMD_USER_1` with the service in param1. An autopilot that carries a command out itself,
-//! because it has not heard the component yet, does not know this one: so it is harmless there.
+//! because it has not received the component yet, does not know this one: so it is harmless there.
 
 use crate::ids::CMD_USER_1;
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage};
@@ -21,7 +21,7 @@ pub struct Row {
 }
 
 /// The table of services.
-pub const TABLE: [Row; 7] = [
+pub const TABLE: [Row; 8] = [
     Row {
         number: 1,
         params: "param2 = 21196",
@@ -45,6 +45,11 @@ pub const TABLE: [Row; 7] = [
     },
     Row { number: 21, params: "param2 = 0 to 5100", text: "ZK: voltage of the ignition pump, in mV." },
     Row { number: 22, params: "param2 = 10 to 70", text: "ZK: acceleration curve." },
+    Row {
+        number: 30,
+        params: "param2 = 21196",
+        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored.",
+    },
 ];
 
 const _: () = assert!(CMD_USER_1 == 31010);
@@ -55,6 +60,7 @@ pub(crate) enum NodeService {
     EmergencyStop,
     Release,
     Stop,
+    ConfirmSettings,
     Ecu(Service),
 }
 
@@ -65,12 +71,13 @@ pub(crate) fn find(params: [f32; 7]) -> Result<NodeService, &'static str> {
     let unsigned = || whole(second).and_then(|number| u32::try_from(number).ok());
     let zk = |service| NodeService::Ecu(Service::Zk(service));
     match whole(first) {
-        Some(1 | 2) if whole(second) != Some(MAGIC) => {
-            Err("an emergency stop and its release need param2 = 21196")
+        Some(1 | 2 | 30) if whole(second) != Some(MAGIC) => {
+            Err("an emergency stop, its release and service 30 need param2 = 21196")
         }
         Some(1) => Ok(NodeService::EmergencyStop),
         Some(2) => Ok(NodeService::Release),
         Some(3) => Ok(NodeService::Stop),
+        Some(30) => Ok(NodeService::ConfirmSettings),
         Some(10) => Ok(NodeService::Ecu(Service::Amt(amt::config::Service::Ctf))),
         Some(20) => unsigned()
             .and_then(|number| Action::ALL.into_iter().find(|action| u32::from(action.code()) == number))

@@ -13,8 +13,8 @@ const AGREE_WITHIN: i32 = 100_000; // µs
 /// Drift of the two clocks that is followed, µs per second.
 const DRIFT: u64 = 1000;
 
-/// Pulse widths that are believed, in µs. All else is silence: 0 is "no output".
-const BELIEVED: core::ops::RangeInclusive<u16> = 800..=2200;
+/// Pulse widths that are accepted, in µs. All else is silence: 0 is "no output".
+const ACCEPTED: core::ops::RangeInclusive<u16> = 800..=2200;
 
 /// Clock of the frames of one port of outputs: `time_usec`, which wraps after 71 minutes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,9 +70,9 @@ impl FrameClock {
     }
 }
 
-/// The throttle of a pulse width; `None` for one that is not believed.
+/// The throttle of a pulse width; `None` for one that is not accepted.
 pub(crate) fn throttle(settings: &EngineSettings, pulse: u16) -> Option<Throttle> {
-    if !BELIEVED.contains(&pulse) || settings.low >= settings.high {
+    if !ACCEPTED.contains(&pulse) || settings.low >= settings.high {
         return None;
     }
     let range = u32::from(settings.high - settings.low);
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn end_points_and_what_is_not_believed() {
+    fn end_points_and_pulses_that_are_not_accepted() {
         let settings = EngineSettings::DEFAULT;
         for (pulse, expected) in [
             (0, None),

@@ -1,5 +1,6 @@
 //! Settings of MAVLink: of the node, and of each engine beside those of its supervision. All are parameters.
 
+use jetlink::config::EngineConfig;
 use jetlink::setting::Effect;
 use jetlink::setting::{Row, settings};
 
@@ -37,6 +38,61 @@ settings! {
         reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, "The output is reversed: the shorter pulse is full throttle.";
         relight: yes_no "MAV_RELIGHT" = 0 in 0..=1, "A start is accepted with the throttle above idle, for a relight in flight: the engine starts at idle and then rises to it.";
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
+    }
+}
+
+/// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that no board has, for
+/// a governor, which takes rpm demands that MAVLink does not carry, or for numbers that follow from the protocol.
+pub const ONLY_IN_CONFIG: [&str; 22] = [
+    "SRC_EMERG_TOUT",
+    "SRC_RC_TOUT",
+    "SRC_BENCH_TOUT",
+    "SRC_RECOVER",
+    "SRC_RETURN",
+    "TKO_THR_BAND",
+    "TKO_RPM_BAND",
+    "TKO_WAIT",
+    "LOSS_LOW_STBY",
+    "START_LINK",
+    "BURNING_EGT",
+    "SERVICE_TIME",
+    "LIM_JUMP",
+    "LIM_JUMP_ACT",
+    "GOV_ENABLE",
+    "GOV_P",
+    "GOV_I",
+    "GOV_THR_MAX",
+    "GOV_SLEW",
+    "GOV_RPM_MAX",
+    "GOV_RPM_AGE",
+    "LINK_UP_AFTER",
+];
+
+/// Whether a setting of an engine is a parameter.
+pub(crate) fn is_parameter(name: &str) -> bool {
+    !ONLY_IN_CONFIG.contains(&name)
+}
+
+// The tables of parameters without their texts: an image does not hold those.
+
+fn node_rows() -> impl Iterator<Item = &'static Row> {
+    NodeSettings::TABLE_ROWS.into_iter().flatten()
+}
+
+pub(crate) fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'static Row> + use<> {
+    config.rows().filter(|row| is_parameter(row.name)).chain(EngineSettings::ROWS)
+}
+
+/// The first parameter that is the one: of an engine, or of the node without one. All that looks at the tables does it here: each walk of
+/// its own is some 400 bytes of flash.
+#[inline(never)]
+pub(crate) fn find_row(
+    engine: Option<&EngineConfig>,
+    is_it: &mut dyn FnMut(&'static Row) -> bool,
+) -> Option<&'static Row> {
+    match engine {
+        None => node_rows().find(|row| is_it(row)),
+        Some(config) => engine_rows(config).find(|row| is_it(row)),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Signing of MAVLink 2: who has the key may command, whoever else can write on the link.
+//! Signing of MAVLink 2: only a sender with the key may command, whoever else can write on the link.
 //!
 //! A signed frame ends with the number of its link, a time stamp and the first 48 bits of SHA-256 over key, frame, link and stamp.
 //! Every sender (system, component, link) counts its stamps up, so that a frame which was recorded and is sent again is known.
@@ -92,7 +92,7 @@ pub enum Signature {
     Unverified,
     /// It was made with another key, or of another frame.
     Wrong,
-    /// It was made with our key. Whether it is new is not said by this.
+    /// It was made with our key. This does not show whether it is new.
     Right {
         /// Number of the sender's link.
         link: u8,
@@ -155,7 +155,7 @@ struct Stream {
     port: usize,
 }
 
-/// What has to be kept over a restart of the node. Whoever builds the service keeps it, in RAM that survives a reset or in
+/// What has to be retained over a restart of the node. The code that builds the service retains it, in RAM that survives a reset or in
 /// storage, and as secret as the key is.
 ///
 /// Without the key everything is obeyed unsigned. With an old stamp, frames from after it can be sent again; so can those of
@@ -192,7 +192,7 @@ impl SigningState {
 #[derive(Debug)]
 pub(crate) struct Signing {
     state: SigningState,
-    /// A stamp, and the time at which it was right: the clock goes on from there.
+    /// A stamp, and the time at which it was right: the clock continues from there.
     clock: (Stamp, Instant),
 }
 
@@ -364,7 +364,7 @@ mod tests {
         let behind = 60 * SECOND;
         assert_eq!(signing().judge(at(0), 1, FROM, right(0, OURS - behind)), Ok(()));
         assert_eq!(signing().judge(at(0), 1, FROM, right(0, OURS - behind - 1)), Err(Ignored::Behind));
-        // Our clock goes on.
+        // Our clock continues.
         assert_eq!(signing().judge(at(10), 1, FROM, right(0, OURS - 50 * SECOND)), Ok(()));
         assert_eq!(signing().judge(at(10), 1, FROM, right(0, OURS - 50 * SECOND - 1)), Err(Ignored::Behind));
         // It follows a sender that is ahead, and never goes back.
@@ -382,7 +382,7 @@ mod tests {
             assert_eq!(signing.judge(at(0), 1, FROM, right(link, OURS)), Ok(()));
         }
         assert_eq!(signing.judge(at(0), 1, FROM, right(16, OURS + 1)), Err(Ignored::TooMany));
-        // Those that are known go on, all but the first.
+        // Known senders continue, all but the first.
         let later = OURS + 61 * SECOND;
         for link in 1..16 {
             assert_eq!(signing.judge(at(61), 1, FROM, right(link, later)), Ok(()));
@@ -403,7 +403,7 @@ mod tests {
         assert_eq!(stamps, [1, 2, 3, 100, SECOND, SECOND + 1]);
         assert_eq!(signing.judge(at(1), 1, FROM, right(0, 2 * OURS)), Ok(()));
         assert_eq!(signing.seal(at(1), 0).unwrap().stamp.get(), 2 * OURS + 1);
-        // A restart continues from what was kept, and knows what it has seen.
+        // A restart continues from what was retained, and recognises the stamps that it has seen.
         let mut again = Signing::new(at(0), signing.state(at(1)));
         assert_eq!(again.seal(at(0), 0).unwrap().stamp.get(), 2 * OURS + 2);
         assert_eq!(again.judge(at(0), 1, FROM, right(0, 2 * OURS)), Err(Ignored::Replayed));

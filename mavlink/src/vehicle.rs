@@ -1,6 +1,6 @@
 //! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port come here.
 //!
-//! The system id is set, or learnt: the only autopilot heard for 5 s. Whether the vehicle is armed takes two heartbeats that
+//! The system id is set, or learnt: the only autopilot received for 5 s. Whether the vehicle is armed takes two heartbeats that
 //! say so; silence says nothing.
 
 use crate::frame::Address;
@@ -9,8 +9,8 @@ use embassy_time::{Duration, Instant};
 
 /// Time for which the autopilot has to be the only one until its id is learnt.
 const LEARN: Duration = Duration::from_secs(5);
-/// Longest gap between two heartbeats of an autopilot that is heard.
-const HEARD: Duration = Duration::from_secs(5);
+/// Longest gap between two heartbeats of an autopilot that is received.
+const RECEIVED_WITHIN: Duration = Duration::from_secs(5);
 
 /// What the vehicle has shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -28,8 +28,8 @@ pub(crate) enum Arming {
 pub(crate) enum VehicleEvent {
     /// Its id is known.
     Learnt(u8),
-    /// Two autopilots are heard: none is learnt.
-    TwoHeard(u8, u8),
+    /// Two autopilots are received: none is learnt.
+    TwoAutopilots(u8, u8),
     /// It was armed and shows disarmed now.
     Disarmed,
 }
@@ -45,7 +45,7 @@ struct Candidate {
 pub(crate) struct Vehicle {
     id: Option<u8>,
     candidate: Option<Candidate>,
-    /// Another autopilot that is heard, and when last.
+    /// Another autopilot that is received, and when last.
     other: Option<(u8, Instant)>,
     two_reported: bool,
     arming: Arming,
@@ -77,9 +77,9 @@ impl Vehicle {
         self.id
     }
 
-    /// Whether an autopilot is heard that has not been learnt.
+    /// Whether an autopilot is received that has not been learnt.
     pub fn is_learning(&self, now: Instant) -> bool {
-        self.id.is_none() && self.candidate.is_some_and(|candidate| now < candidate.last + HEARD)
+        self.id.is_none() && self.candidate.is_some_and(|candidate| now < candidate.last + RECEIVED_WITHIN)
     }
 
     /// What it has shown.
@@ -88,8 +88,8 @@ impl Vehicle {
     }
 
     /// Whether its heartbeats come.
-    pub fn is_heard(&self, now: Instant) -> bool {
-        self.last.is_some_and(|last| now < last + HEARD)
+    pub fn is_received(&self, now: Instant) -> bool {
+        self.last.is_some_and(|last| now < last + RECEIVED_WITHIN)
     }
 
     /// Time since which it has shown disarmed without a gap.
@@ -130,22 +130,22 @@ impl Vehicle {
     }
 
     fn learn(&mut self, now: Instant, system: u8, may_learn: bool) -> Option<VehicleEvent> {
-        let heard = |last: Instant| now < last + HEARD;
+        let received = |last: Instant| now < last + RECEIVED_WITHIN;
         let candidate = match self.candidate {
-            Some(candidate) if candidate.system == system && heard(candidate.last) => {
+            Some(candidate) if candidate.system == system && received(candidate.last) => {
                 Candidate { last: now, ..candidate }
             }
-            Some(candidate) if candidate.system != system && heard(candidate.last) => {
+            Some(candidate) if candidate.system != system && received(candidate.last) => {
                 self.other = Some((system, now));
                 // Neither is the only one from here on.
                 self.candidate = Some(Candidate { since: now, ..candidate });
                 let first = !core::mem::replace(&mut self.two_reported, true);
-                return first.then_some(VehicleEvent::TwoHeard(candidate.system, system));
+                return first.then_some(VehicleEvent::TwoAutopilots(candidate.system, system));
             }
             _ => Candidate { system, since: now, last: now },
         };
         self.candidate = Some(candidate);
-        let alone = self.other.is_none_or(|(_, last)| !heard(last));
+        let alone = self.other.is_none_or(|(_, last)| !received(last));
         if alone && may_learn && now >= candidate.since + LEARN {
             self.id = Some(system);
             return Some(VehicleEvent::Learnt(system));
@@ -154,7 +154,7 @@ impl Vehicle {
     }
 
     fn own(&mut self, now: Instant, armed: bool) -> Option<VehicleEvent> {
-        let gap = !self.is_heard(now);
+        let gap = !self.is_received(now);
         self.last = Some(now);
         let (before, count) = self.same;
         let count = if before == armed { count.saturating_add(1) } else { 1 };
@@ -214,7 +214,7 @@ mod tests {
     fn of_two_autopilots_none_is_learnt_until_one_is_gone() {
         let mut vehicle = Vehicle::new(0);
         beat(&mut vehicle, 0, 3, 0);
-        assert_eq!(beat(&mut vehicle, 1, 4, 0), Some(VehicleEvent::TwoHeard(3, 4)));
+        assert_eq!(beat(&mut vehicle, 1, 4, 0), Some(VehicleEvent::TwoAutopilots(3, 4)));
         for second in 2..20 {
             assert_eq!(beat(&mut vehicle, second, 3, 0), None, "at {second} s");
             assert_eq!(beat(&mut vehicle, second, 4, 0), None, "reported once");
@@ -249,7 +249,7 @@ mod tests {
         beat(&mut vehicle, 4, 7, MODE_ARMED);
         beat(&mut vehicle, 5, 7, MODE_ARMED);
         assert_eq!(vehicle.arming(), Arming::Disarmed);
-        assert!(!vehicle.is_heard(at(60)));
+        assert!(!vehicle.is_received(at(60)));
         assert_eq!(vehicle.arming(), Arming::Disarmed);
         beat(&mut vehicle, 60, 3, 0);
         assert_eq!(vehicle.disarmed_since(), Some(at(60)));

@@ -8,18 +8,24 @@ use jetlink::setting::{Effect, OFF, Setting, Unit};
 use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters};
 use jetlink_mavlink::services;
 
-fn table(rows: &[(&Setting, &str)]) -> String {
+/// Rows with the rest of their text, and with their default in words where it is not the row's own.
+fn table(rows: &[(&Setting, &str, Option<String>)]) -> String {
     let mut table = String::from("| parameter | default | range | what |\n|---|---|---|---|\n");
-    for (row, of) in rows {
+    for (row, of, default) in rows {
         let off = if row.may_be_off { ", or -1: off" } else { "" };
         let range = match row.unit {
             Unit::YesNo | Unit::Action => row.symbol.to_string(),
             Unit::Number => format!("{} to {}", row.min, row.max),
             _ => format!("{} to {} {}{off}", row.min, row.max, row.symbol),
         };
-        let default =
-            if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() };
-        let next = if row.effect == Effect::AtNextStart { " Counts from the next start on." } else { "" };
+        let default = default.clone().unwrap_or_else(|| {
+            if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() }
+        });
+        let next = match row.effect {
+            Effect::AtNextStart => " Counts from the next start on.",
+            Effect::AtRest => " Takes effect when the engine is at rest.",
+            _ => "",
+        };
         table += &format!("| `{}` | {default} | {range} | {}{next}{of} |\n", row.name, row.text);
     }
     table
@@ -28,7 +34,7 @@ fn table(rows: &[(&Setting, &str)]) -> String {
 fn parameters() -> String {
     let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
     let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
-    let node: Vec<_> = node_parameters().map(|row| (row, "")).collect();
+    let node: Vec<_> = node_parameters().map(|row| (row, "", None)).collect();
     let of_amt: Vec<_> = engine_parameters(&amt).collect();
     let of_zk: Vec<_> = engine_parameters(&zk).collect();
     let has = |rows: &[&Setting], row: &Setting| rows.iter().any(|other| other.name == row.name);
@@ -39,7 +45,9 @@ fn parameters() -> String {
             (false, true) => " ZK only.",
             _ => "",
         };
-        engine.push((*row, of));
+        let other = of_zk.iter().find(|other| other.name == row.name);
+        let two = other.filter(|other| other.default != row.default);
+        engine.push((*row, of, two.map(|zk| format!("AMT {}, ZK {}", row.default, zk.default))));
     }
     format!(
         "Component of the node, {} parameters:\n\n{}\nComponent of each engine, {} parameters with an AMT ECU and {} with a ZK \
@@ -63,19 +71,11 @@ fn services() -> String {
 #[test]
 fn docs_have_the_parameters_and_services() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/mavlink.md");
-    let mut text = std::fs::read_to_string(path).unwrap();
     for (name, table) in [("parameters", parameters()), ("services", services())] {
         let begin =
             format!("<!-- {name}: made, JETLINK_WRITE=1 cargo test -p jetlink-mavlink docs_have -->\n");
         let end = format!("<!-- {name} end -->\n");
-        let (before, rest) = text.split_once(&begin).expect("the page marks its table");
-        let (found, after) = rest.split_once(&end).expect("the page marks the table's end");
-        if std::env::var_os("JETLINK_WRITE").is_some() {
-            text = format!("{before}{begin}{table}{end}{after}");
-            std::fs::write(path, &text).unwrap();
-        } else {
-            assert_eq!(found, table, "write it anew with JETLINK_WRITE=1");
-        }
+        pages::compare(path, &begin, &end, &table);
     }
 }
 

@@ -13,7 +13,7 @@ pub struct Arguments {
     /// Further features of the firmware, for example `demo`, which commands the engines.
     #[arg(long, value_name = "FEATURES", global = true)]
     pub features: Option<String>,
-    /// Device for the fifth UART, which is reserved for MAVLink, as in QEMU's option -serial.
+    /// Device for the fifth UART, which is the port of MAVLink, as in QEMU's option -serial.
     #[arg(long, value_name = "DEVICE", default_value = "null", global = true)]
     pub telemetry: String,
     #[command(subcommand)]

@@ -56,25 +56,18 @@ impl Attached {
                 StopBits::One => sim::line::StopBits::One,
                 StopBits::Two => sim::line::StopBits::Two,
             },
+            even_parity: false,
         };
-        let (mut config, kind) = match &engine.ecu {
-            EcuConfig::Amt(config) => {
-                let kind = amt_engine(config.engine);
-                (AnyConfig::amt(kind), format!("AMT {kind:?}"))
-            }
-            EcuConfig::Zk(_) => {
-                let version = if row.is_multiple_of(2) { 5 } else { 4 };
-                (AnyConfig::zk(version), format!("ZK version {version}"))
-            }
+        let mut config = match &engine.ecu {
+            EcuConfig::Amt(config) => AnyConfig::amt(amt_engine(config.engine)),
+            EcuConfig::Zk(_) => AnyConfig::zk(if row.is_multiple_of(2) { 5 } else { 4 }),
         };
         if turbine == Turbine::Quick {
             *config.turbine_mut() = quick(*config.turbine());
-            if let AnyConfig::Amt(config) = &mut config {
-                config.reply_window = WIDE_WINDOW;
-            }
+            config = config.with_reply_window(WIDE_WINDOW);
         }
+        let caption = format!("{}, {config}, {} baud", engine.name, line.baud);
         let ecu = config.on(line).ecu();
-        let caption = format!("{}, {kind}, {} baud", engine.name, line.baud);
         Self { engine: *engine, ecu, line, caption, phases: Vec::new(), odd: 0 }
     }
 
@@ -118,21 +111,15 @@ impl Attached {
         let phase = self.ecu.phase();
         if self.phases.last() != Some(&phase) {
             self.phases.push(phase);
-            println!("{:>11.6} ECU   {}: turbine {phase:?}", now as f64 / 1e9, self.engine.name);
+            println!("{:>11.6} ECU   {}: turbine {}", now as f64 / 1e9, self.engine.name, phase.name());
         }
     }
 }
 
-/// Converts an engine of the table into the simulation's type.
+/// The simulated engine for a row of the table; an Olympus where the row names none, or one that is not simulated.
 fn amt_engine(engine: Option<EngineModel>) -> sim::amt::EngineModel {
-    match engine {
-        Some(EngineModel::Mercury) => sim::amt::EngineModel::Mercury,
-        Some(EngineModel::Pegasus) => sim::amt::EngineModel::Pegasus,
-        Some(EngineModel::Titan) => sim::amt::EngineModel::Titan,
-        Some(EngineModel::Nike) => sim::amt::EngineModel::Nike,
-        Some(EngineModel::Lynx) => sim::amt::EngineModel::Lynx,
-        Some(EngineModel::Olympus | EngineModel::Orion) | None => sim::amt::EngineModel::Olympus,
-    }
+    let simulated = engine.and_then(|engine| sim::amt::EngineModel::named(engine.name()));
+    simulated.unwrap_or(sim::amt::EngineModel::Olympus)
 }
 
 /// The same turbine with a quick start and cooling.

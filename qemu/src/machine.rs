@@ -7,7 +7,7 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// Number of UARTs of the machine; the last is reserved for MAVLink.
+/// Number of UARTs of the machine; the last is the port of MAVLink.
 const UARTS: usize = 5;
 /// Timeout for QEMU to connect to the sockets.
 const CONNECTS_WITHIN: Duration = Duration::from_secs(20);

@@ -3,12 +3,11 @@
 use crate::ecu::{Attached, WIDE_WINDOW};
 use crate::log::Lines;
 use jetlink_fw::config::ENGINES;
-use sim::any::AnyEcu;
-use sim::ecu::MILLIS;
+use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::Phase;
 
 /// Largest number of sets of an AMT ECU without a reply in time: QEMU's time is the host's, and a busy host may stop it for a
-/// while. Three in a row are far from the 2 s after which the ECU stops its engine.
+/// while. Three consecutive ones are far from the 2 s after which the ECU stops its engine.
 const UNANSWERED: u64 = 3;
 
 /// Faults in the log.
@@ -68,55 +67,28 @@ pub fn of_ecu(attached: &Attached) -> Vec<String> {
     check(attached.odd == 0, "it received bytes outside of commands");
     check(attached.phases.contains(&Phase::Running), "its turbine never ran");
     check(attached.phases.last() == Some(&Phase::Standby), "its turbine is not in standby at the end");
-    match &attached.ecu {
-        AnyEcu::Amt(ecu) => {
-            let stats = &ecu.stats;
-            check(stats.unsolicited == 0, "it received unsolicited replies");
-            check(stats.serial_delay_stops + stats.ctf_stops == 0, "it stopped its engine without a command");
-            check(stats.late + stats.none <= UNANSWERED, "too many sets without a reply in time");
-            check(stats.frames.total() > 100, "it sent fewer than 100 sets");
-        }
-        AnyEcu::Zk(ecu) => {
-            let stats = &ecu.stats;
-            check(stats.reserved_bits == 0, "it received reserved bits other than 0");
-            check(
-                stats.ignored == Default::default(),
-                "it received commands that do not fit its version or state",
-            );
-            check(stats.control_losses == 0, "it lost its control signal");
-            check(stats.frames_sent() > 100, "it sent fewer than 100 status frames");
-        }
-    }
+    attached.ecu.host_faults().into_iter().for_each(|fault| check(false, fault));
+    let counts = attached.ecu.counts();
+    check(counts.late + counts.unanswered <= UNANSWERED, "too many of its frames without a reply in time");
+    check(counts.frames > 100, "it sent fewer than 100 frames");
     faults
 }
 
 /// Observations of an ECU in one line.
 pub fn summary(attached: &Attached) -> String {
-    let name = attached.engine.name;
-    match &attached.ecu {
-        AnyEcu::Amt(ecu) => {
-            let stats = &ecu.stats;
-            let slowest = stats.worst_margin.map_or(0, |margin| WIDE_WINDOW.saturating_sub(margin));
-            format!(
-                "{name}: {} sets, {} replies, {} late, {} missing; the slowest ended after {:.1} ms, including delays of the host",
-                stats.frames.total(),
-                stats.in_window,
-                stats.late,
-                stats.none,
-                slowest as f64 / MILLIS as f64
-            )
-        }
-        AnyEcu::Zk(ecu) => {
-            let stats = &ecu.stats;
-            format!(
-                "{name}: {} status frames, {} commands, {:.1} to {:.1} ms apart, including delays of the host",
-                stats.frames_sent(),
-                stats.accepted,
-                stats.intervals.min.unwrap_or(0) as f64 / MILLIS as f64,
-                stats.intervals.max.unwrap_or(0) as f64 / MILLIS as f64
-            )
-        }
+    let counts = attached.ecu.counts();
+    let ms = |time: Nanos| time as f64 / MILLIS as f64;
+    let mut text =
+        format!("{}: {} frames, {} commands accepted", attached.engine.name, counts.frames, counts.accepted);
+    if let Some(margin) = counts.worst_margin {
+        let slowest = ms(WIDE_WINDOW.saturating_sub(margin));
+        let (late, missing) = (counts.late, counts.unanswered);
+        text += &format!(", {late} late, {missing} missing; the slowest ended after {slowest:.1} ms");
     }
+    if let Some((shortest, longest)) = counts.intervals {
+        text += &format!(", {:.1} to {:.1} ms apart", ms(shortest), ms(longest));
+    }
+    text + ", including delays of the host"
 }
 
 #[cfg(test)]

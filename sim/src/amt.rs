@@ -21,7 +21,7 @@ mod telemetry;
 mod temper;
 mod window;
 
-use crate::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
+use crate::ecu::{Counts, Ecu, LineFault, MILLIS, Nanos, SECOND};
 use crate::line::Line;
 use crate::log::CommandLog;
 use crate::turbine::{Demand, Parameters, Phase, STEP, Switch, Trip, Turbine};
@@ -206,6 +206,32 @@ pub struct Stats {
     pub serial_delay_stops: u64,
     /// Number of times CTF stopped the engine.
     pub ctf_stops: u64,
+}
+
+impl Stats {
+    /// Those that every ECU has. All accepted messages are replies in time.
+    pub const fn counts(&self) -> Counts {
+        Counts {
+            frames: self.frames.total(),
+            accepted: self.in_window,
+            bad: self.bad.total() + self.unsolicited,
+            in_window: self.in_window,
+            late: self.late,
+            unanswered: self.none,
+            worst_margin: self.worst_margin,
+            loss_stops: self.serial_delay_stops,
+            intervals: None,
+        }
+    }
+
+    /// What a host that keeps to the protocol never causes, in sentences.
+    pub fn host_faults(&self) -> Vec<&'static str> {
+        let found = [
+            (self.unsolicited > 0, "it received unsolicited replies"),
+            (self.serial_delay_stops + self.ctf_stops > 0, "it stopped its engine without a command"),
+        ];
+        found.into_iter().filter_map(|(found, text)| found.then_some(text)).collect()
+    }
 }
 
 /// State that is reset by each power-up.
@@ -514,7 +540,7 @@ impl Ecu for AmtEcu {
             Err(_) => stats.framing_errors += 1,
         }
         let start = now.saturating_sub(self.config.line.byte_ns(1));
-        let (start, command) = match session.receiver.hear(start, byte) {
+        let (start, command) = match session.receiver.receive(start, byte) {
             Received::Part => return,
             Received::Stray => return stats.stray_bytes += 1,
             Received::Broken { in_message } => return stats.bad.framing += u64::from(in_message),

@@ -1,12 +1,13 @@
 //! An ECU of either protocol behind one interface, and its configuration.
 
 use core::any::Any;
+use core::fmt;
 
 use crate::amt::{self, AmtConfig, AmtEcu};
-use crate::ecu::{Ecu, LineFault, Nanos};
+use crate::ecu::{Counts, Ecu, LineFault, Nanos};
 use crate::line::Line;
 use crate::turbine::{Parameters, Phase, Turbine};
-use crate::zk::{ZkConfig, ZkEcu};
+use crate::zk::{self, ZkConfig, ZkEcu};
 
 /// Protocol of an ECU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +16,32 @@ pub enum Protocol {
     Amt,
     /// ZK.
     Zk,
+}
+
+impl Protocol {
+    /// Bytes of a control frame.
+    pub const fn control_length(self) -> usize {
+        match self {
+            Self::Amt => amt::LENGTH,
+            Self::Zk => zk::LENGTH,
+        }
+    }
+
+    /// Whether the ECU's frames have a checksum.
+    pub const fn has_checksum(self) -> bool {
+        match self {
+            Self::Amt => false,
+            Self::Zk => true,
+        }
+    }
+
+    /// Whether the ECU waits for a reply to each of its frames.
+    pub const fn has_reply_window(self) -> bool {
+        match self {
+            Self::Amt => true,
+            Self::Zk => false,
+        }
+    }
 }
 
 /// Configuration of an ECU of either protocol.
@@ -63,6 +90,15 @@ impl AnyConfig {
         }
     }
 
+    /// The same with this reply window, where it has one.
+    #[must_use]
+    pub fn with_reply_window(self, reply_window: Nanos) -> Self {
+        match self {
+            Self::Amt(config) => Self::Amt(AmtConfig { reply_window, ..config }),
+            Self::Zk(_) => self,
+        }
+    }
+
     /// The figures of its turbine.
     pub const fn turbine(&self) -> &Parameters {
         match self {
@@ -84,6 +120,16 @@ impl AnyConfig {
         match self {
             Self::Amt(config) => AmtEcu::new(config).into(),
             Self::Zk(config) => ZkEcu::new(config).into(),
+        }
+    }
+}
+
+/// Its kind, for people.
+impl fmt::Display for AnyConfig {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Amt(config) => write!(f, "AMT {}", config.engine),
+            Self::Zk(config) => write!(f, "ZK version {}", config.version),
         }
     }
 }
@@ -144,6 +190,22 @@ impl AnyEcu {
         match self {
             Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
             Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
+        }
+    }
+
+    /// Its counters since its creation.
+    pub fn counts(&self) -> Counts {
+        match self {
+            Self::Amt(ecu) => ecu.stats.counts(),
+            Self::Zk(ecu) => ecu.stats.counts(),
+        }
+    }
+
+    /// What a host that keeps to the protocol never causes, in sentences.
+    pub fn host_faults(&self) -> Vec<&'static str> {
+        match self {
+            Self::Amt(ecu) => ecu.stats.host_faults(),
+            Self::Zk(ecu) => ecu.stats.host_faults(),
         }
     }
 

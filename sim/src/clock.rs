@@ -14,7 +14,7 @@ mod pacer;
 mod waker;
 
 use core::cell::{Cell, RefCell};
-use core::future::Future;
+use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 use std::sync::Arc;
@@ -177,6 +177,32 @@ pub fn run_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
     drive(future, Some((Instant::now() + limit).as_ticks()))
 }
 
+/// Waits until it is so, and looks at it every `look`. False if it is not within `limit`.
+pub async fn until(limit: Duration, look: Duration, done: impl Fn() -> bool) -> bool {
+    let end = Instant::now() + limit;
+    while !done() {
+        if Instant::now() >= end {
+            return false;
+        }
+        embassy_time::Timer::after(look).await;
+    }
+    true
+}
+
+/// A task: a future that is polled only when it was woken or when one of its alarms is due, however often the future around it
+/// is polled.
+pub async fn task<F: Future>(future: F) -> F::Output {
+    let own = Root::new();
+    own.wake();
+    let waker = waker::waker(&own);
+    let mut future = pin!(future);
+    poll_fn(|cx| {
+        own.inside(cx.waker());
+        if own.take_woken() { future.as_mut().poll(&mut Context::from_waker(&waker)) } else { Poll::Pending }
+    })
+    .await
+}
+
 /// Advances time with no future running.
 pub fn advance(by: Duration) {
     // Not `run_for(pending())`: with nothing armed that is a deadlock.
@@ -243,9 +269,11 @@ fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::future::{pending, poll_fn};
+    use core::future::pending;
     use embassy_futures::join::join3;
     use embassy_futures::select::{Either, select};
+    use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+    use embassy_sync::signal::Signal;
     use embassy_time::{Ticker, Timer};
 
     #[test]
@@ -274,6 +302,36 @@ mod tests {
         assert_eq!(now_ns(), 20_000_000);
         advance(Duration::from_micros(7));
         assert_eq!(now_ns(), 20_007_000);
+    }
+
+    #[test]
+    fn a_task_is_polled_only_when_it_was_woken_or_its_alarm_is_due() {
+        reset();
+        let polls = Cell::new(0);
+        let signal = Signal::<NoopRawMutex, ()>::new();
+        let counted = task(async {
+            let mut waits = pin!(select(signal.wait(), Timer::after_millis(30)));
+            poll_fn(|cx| {
+                polls.set(polls.get() + 1);
+                waits.as_mut().poll(cx)
+            })
+            .await
+        });
+        let others = async {
+            for _ in 0..20 {
+                Timer::after_millis(1).await;
+            }
+            assert_eq!(polls.get(), 1);
+            signal.signal(());
+            Timer::after_millis(20).await;
+        };
+        let (first, ()) = run(embassy_futures::join::join(counted, others));
+        assert!(matches!(first, Either::First(())));
+        assert_eq!(polls.get(), 2);
+
+        reset();
+        run(task(Timer::after_millis(30)));
+        assert_eq!(now_ns(), 30_000_000);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Control frames, from the host to an ECU: found among the bytes of a line, and what they say of the engine in the terms of
+//! Control frames, from the host to an ECU: found among the bytes of a line, and their content in the terms of
 //! either protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
 
 use crate::amt::{self, AmtCommand, Ops};
@@ -6,6 +6,7 @@ use crate::any::Protocol;
 use crate::ecu::Nanos;
 use crate::wire::{Direction, Entry, Fate};
 use crate::zk::{self, Sw, ZkCommand};
+use core::fmt;
 
 /// Engine switch commanded by a control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +80,16 @@ impl Command {
     }
 }
 
+/// What it orders, for people.
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Amt(command) => command.fmt(f),
+            Self::Zk(command) => command.fmt(f),
+        }
+    }
+}
+
 /// Reason why bytes are not a valid control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadFrame {
@@ -88,6 +99,16 @@ pub enum BadFrame {
     Zk(zk::BadCommand),
     /// ZK: this number of bytes, where a frame has four.
     Length(usize),
+}
+
+impl fmt::Display for BadFrame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Amt(bad) => bad.fmt(f),
+            Self::Zk(bad) => bad.fmt(f),
+            Self::Length(length) => write!(f, "{length} bytes, where a frame has four"),
+        }
+    }
 }
 
 /// A sequence of bytes with the length of a control frame.
@@ -208,10 +229,7 @@ impl Reader {
     }
 
     fn frame(&mut self) -> Option<Frame> {
-        let length = match self.protocol {
-            Protocol::Amt => amt::LENGTH,
-            Protocol::Zk => zk::LENGTH,
-        };
+        let length = self.protocol.control_length();
         let entries = self.bytes.get(..length)?;
         let mut raw = [0; amt::LENGTH];
         for (to, entry) in raw.iter_mut().zip(entries) {

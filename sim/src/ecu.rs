@@ -12,6 +12,29 @@ pub const MILLIS: Nanos = 1_000_000;
 /// One second.
 pub const SECOND: Nanos = 1_000_000_000;
 
+/// Counters that every ECU has, in the same terms for either protocol. Those of replies stay 0 without a reply window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames sent.
+    pub frames: u64,
+    /// Commands accepted.
+    pub accepted: u64,
+    /// Invalid frames, and valid ones that its version or the time does not allow.
+    pub bad: u64,
+    /// Replies that were completed in the window.
+    pub in_window: u64,
+    /// Replies that were completed after the window.
+    pub late: u64,
+    /// Frames without a reply.
+    pub unanswered: u64,
+    /// The smallest time left in the window after a reply.
+    pub worst_margin: Option<Nanos>,
+    /// Stops of a live engine because no commands were received.
+    pub loss_stops: u64,
+    /// The shortest and the longest time between two accepted commands, of an ECU whose host sends by itself.
+    pub intervals: Option<(Nanos, Nanos)>,
+}
+
 /// Error of a byte that a UART received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {

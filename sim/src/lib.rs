@@ -12,6 +12,7 @@
 //! - [`turbine`]: a plausible single-spool turbine.
 //! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and its configuration.
 //! - [`control`]: finds and reads the frames from the host to an ECU.
+//! - [`receiver`]: what receivers of radio control send.
 //! - [`log`]: the commands that an ECU has obeyed, with their times.
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]
@@ -23,6 +24,7 @@ pub mod control;
 pub mod ecu;
 pub mod line;
 pub mod log;
+pub mod receiver;
 pub mod turbine;
 pub mod wire;
 pub mod zk;

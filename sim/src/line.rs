@@ -11,31 +11,39 @@ pub enum StopBits {
     Two,
 }
 
-/// Baud rate and stop bits; always 8 data bits and no parity (ZK-12, AMT-1).
+/// Baud rate, stop bits and parity; always 8 data bits. ECUs have no parity (ZK-12, AMT-1), SBUS has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line {
     /// Bits per second.
     pub baud: u32,
     /// Number of stop bits sent.
     pub stop_bits: StopBits,
+    /// Even parity, instead of none.
+    pub even_parity: bool,
 }
 
 impl Line {
     /// 8N1 at this baud rate.
     pub const fn n1(baud: u32) -> Self {
-        Self { baud, stop_bits: StopBits::One }
+        Self { baud, stop_bits: StopBits::One, even_parity: false }
     }
 
     /// 8N2 at this baud rate.
     pub const fn n2(baud: u32) -> Self {
-        Self { baud, stop_bits: StopBits::Two }
+        Self { baud, stop_bits: StopBits::Two, even_parity: false }
     }
 
-    /// Bits on the line for one byte: start bit, 8 data bits, stop bits.
+    /// 8E2 at this baud rate.
+    pub const fn e2(baud: u32) -> Self {
+        Self { even_parity: true, ..Self::n2(baud) }
+    }
+
+    /// Bits on the line for one byte: start bit, 8 data bits, parity, stop bits.
     pub const fn bits_per_byte(self) -> u64 {
+        let parity = if self.even_parity { 1 } else { 0 };
         match self.stop_bits {
-            StopBits::One => 10,
-            StopBits::Two => 11,
+            StopBits::One => 10 + parity,
+            StopBits::Two => 11 + parity,
         }
     }
 
@@ -77,6 +85,7 @@ mod tests {
         assert_eq!(Line::n1(9600).byte_ns(7), 7_291_667); // 70 bits (ZK-11)
         assert_eq!(Line::n2(9600).byte_ns(7), 8_020_833); // 77 bits
         assert_eq!(Line::n1(115_200).byte_ns(1), 86_806);
+        assert_eq!(Line::e2(100_000).byte_ns(25), 3_000_000); // a frame of SBUS
     }
 
     #[test]

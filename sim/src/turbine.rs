@@ -66,6 +66,20 @@ pub enum Phase {
 }
 
 impl Phase {
+    /// Name, for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stopped => "stopped",
+            Self::Standby => "standby",
+            Self::Ignition => "ignition",
+            Self::Preheat => "preheat",
+            Self::FuelRamp => "fuel ramp",
+            Self::LearningIdle => "learning idle",
+            Self::Running => "running",
+            Self::Cooling => "cooling",
+        }
+    }
+
     /// From the first turn of the starter to idle.
     pub const fn is_starting(self) -> bool {
         matches!(self, Self::Ignition | Self::Preheat | Self::FuelRamp | Self::LearningIdle)

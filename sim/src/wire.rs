@@ -147,7 +147,7 @@ impl<E: Ecu> Wire<E> {
         }
         if self.ecu.next_wake() <= at {
             self.advance_ecu(at);
-            assert!(self.ecu.next_wake() > at, "an ECU that wants to be woken in the past never ends");
+            assert!(self.ecu.next_wake() > at, "an ECU whose next wake is in the past never ends");
         }
         self.start_ecu_byte(at);
     }

@@ -564,7 +564,7 @@ impl Ecu for ZkEcu {
             Ok(_) => self.stats.bytes_received += 1,
             Err(_) => self.stats.framing_errors += 1,
         }
-        match session.receiver.hear(byte) {
+        match session.receiver.receive(byte) {
             Received::Part => {}
             Received::Stray => self.stats.stray_bytes += 1,
             Received::WrongCrc => self.stats.bad.crc += 1,

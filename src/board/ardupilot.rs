@@ -2,6 +2,7 @@
 //! to be left for it before a reset.
 
 use super::chip;
+use super::first::Step;
 
 /// The bootloader's ID of the board (APJ_BOARD_ID), from the board's table (build.rs).
 const APJ_BOARD_ID: u16 = include!(concat!(env!("OUT_DIR"), "/apj_board_id.rs"));
@@ -40,6 +41,13 @@ static APP_DESCRIPTOR: [u8; 36] = {
 const START_AT_ONCE: u32 = 0xB007_0002;
 
 /// Requests that the bootloader starts the application at once after the next reset.
+pub const REQUEST: &[Step] = &chip::write_backup_register(START_AT_ONCE);
+
+/// Makes the request now.
 pub fn start_at_once() {
-    chip::write_backup_register(START_AT_ONCE);
+    for step in REQUEST {
+        // SAFETY: registers of the backup domain and its clocks, which nothing else writes at the same time: this runs right after
+        // Embassy's `init`, or when the firmware ends.
+        unsafe { step.perform() }
+    }
 }

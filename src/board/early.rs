@@ -1,20 +1,16 @@
-//! Steps before Embassy starts the clocks, and right after: the TX pins, the watchdog, the word for the bootloader, the crystal.
+//! Steps before Embassy starts the clocks, and right after: the pins of the ports, the watchdog, the word for the bootloader, the
+//! crystal. The first of them are made before the RAM is initialised.
 //!
 //! Embassy's `init` waits without a timeout for the crystal, the PLL, the regulator and the LSI. If the crystal failed in
 //! flight, the node would hang in its next start. So the watchdog runs before anything waits, and the crystal is tested
 //! here with a timeout; without it, the node runs on the internal oscillator.
 
+use super::first::Step;
 use super::retained::RetainedWord;
 use super::state::{Oscillator, ResetCause};
 use super::{chip, watchdog};
 use core::sync::atomic::{AtomicBool, Ordering};
-use embassy_stm32::pac::{
-    gpio::{
-        Gpio,
-        vals::{Moder, Pupdr},
-    },
-    iwdg::vals::Pr,
-};
+use embassy_stm32::pac::{gpio::Gpio, iwdg::vals::Pr};
 
 /// What is known before the clocks run.
 #[derive(Clone, Copy)]
@@ -28,24 +24,27 @@ pub struct Early {
 /// Set while the node runs without its crystal.
 static WITHOUT_CRYSTAL: AtomicBool = AtomicBool::new(false);
 
-/// Call this first, before `embassy_stm32::init`, with the TX and RX pins of every ECU port, and whether an external clock
-/// replaces the crystal.
-pub fn begin(tx: &[(Gpio, usize)], rx: &[(Gpio, usize)], bypass: bool) -> Early {
-    // An idle line is high. After a reset TX floats, and some bootloaders drive it low, which an ECU reads as a break.
-    // They may also drive RX low, against the ECU's transmitter.
-    chip::clock_gpio();
-    for &(port, pin) in tx.iter().chain(rx) {
-        port.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::PULL_UP));
-        port.moder().modify(|w| w.set_moder(pin, Moder::INPUT));
-    }
+/// Makes a pin an input with a pull-up (PUPDR, then MODER).
+///
+/// An idle line is high. After a reset TX floats, and some bootloaders drive it low, which an ECU reads as a break. They may
+/// also drive RX low, against the ECU's transmitter.
+pub const fn pull_up(gpio: Gpio, pin: usize) -> [Step; 2] {
+    let [field, pulled_up] = [0b11 << (2 * pin), 0b01 << (2 * pin)];
+    [Step::modify(gpio.as_ptr(), 0x0C, field, pulled_up), Step::modify(gpio.as_ptr(), 0x00, field, 0)]
+}
+
+/// The request to an ArduPilot bootloader, if there is one. It comes before the watchdog: after a reset from then on, the
+/// bootloader starts the firmware again at once.
+#[cfg(feature = "ardupilot-bootloader")]
+pub const REQUEST_TO_BOOTLOADER: &[Step] = super::ardupilot::REQUEST;
+#[cfg(not(feature = "ardupilot-bootloader"))]
+pub const REQUEST_TO_BOOTLOADER: &[Step] = &[];
+
+/// Call this first, before `embassy_stm32::init`, and say whether an external clock replaces the crystal.
+pub fn begin(bypass: bool) -> Early {
     #[cfg(feature = "selftest")]
-    super::selftest::look_at_tx(tx);
-    // A probe that halts the core must not cause a reset.
-    chip::freeze_watchdog_while_halted();
-    // Before the watchdog: after a watchdog reset from here on, the bootloader starts the firmware again at once.
-    #[cfg(feature = "ardupilot-bootloader")]
-    super::ardupilot::start_at_once();
-    // 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
+    super::selftest::look_at_tx(&super::table::TX);
+    // `__pre_init` has started the watchdog. Now 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
     // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 146). The start takes some milliseconds, and
     // 0.1 s more without a crystal.
     watchdog::watch(Pr::from_bits(2), 0xFFF);

@@ -4,7 +4,7 @@
 //! Code for all of them is in `stm32.rs`, `early.rs` and `port.rs`, code for a chip family in `stm32h7.rs` and `stm32f4.rs`.
 //! `docs/porting.md` describes how to add one.
 //!
-//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `init`,
+//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `init`, `restart`, `storage`,
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with a chip other than an STM32 implements all of them (`qemu_mps2.rs`).
 
@@ -20,7 +20,11 @@ mod early;
 pub mod engines;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 mod facts;
+mod first;
+mod format;
 pub mod guard;
+#[cfg(any(not(feature = "stm32h7"), feature = "ardupilot-bootloader"))]
+mod no_storage;
 #[cfg(feature = "stm32")]
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
@@ -45,13 +49,21 @@ mod wait;
 #[cfg(feature = "stm32")]
 mod watchdog;
 
+pub use format::Format;
+#[cfg(any(not(feature = "stm32h7"), feature = "ardupilot-bootloader"))]
+pub use no_storage::{Storage, storage};
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;
 pub use state::Oscillator;
+#[cfg(all(feature = "stm32h7", not(feature = "ardupilot-bootloader")))]
+pub use stm32h7::storage::{Storage, storage};
+#[cfg(feature = "stm32")]
+use table::FIRST;
 #[cfg(feature = "stm32")]
 pub use {
+    early::end as restart,
     embassy_executor::Executor,
     port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{NAME, PORTS, TELEMETRY_PORT, init},
+    table::{INVERTS_RX, NAME, PORTS, TELEMETRY_PORT, init},
 };

@@ -1,4 +1,4 @@
-//! ECU ports: a buffered UART that hands over every byte as it arrives, and counts line errors.
+//! Serial ports, of the ECUs, of MAVLink and of a receiver of radio control: a buffered UART that hands over every byte as it arrives, and counts line errors.
 //!
 //! `BufferedUart` only logs framing, noise and overrun errors. So a second handler,
 //! [`LineMonitor`], runs on the same interrupt *before* the driver's own (`bind_interrupts!` calls
@@ -16,58 +16,84 @@
 //! the two reads, a few dozen ns, is not counted; its byte is still received.
 
 use super::chip;
+use super::format::Format;
 use core::marker::PhantomData;
 use embassy_stm32::{
-    Peri,
-    interrupt::typelevel::{Binding, Handler},
+    interrupt::typelevel::Handler,
     pac::usart::Usart,
-    usart::{
-        BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, Instance, RxPin,
-        TxPin,
-    },
+    usart::{BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Instance, Parity},
 };
-use jetlink::line::{Line, StopBits};
+use jetlink::line::StopBits;
 use jetlink::link::MAX_TRANSMISSION;
 use jetlink::runner::{LineErrors, Runner};
+use jetlink_fw::config::{ENGINES, RADIO};
 
-/// An open ECU port.
+/// An open port.
 pub struct EcuPort {
-    /// From the ECU.
+    /// From the ECU, the autopilot or the receiver.
     pub rx: BufferedUartRx<'static>,
-    /// To the ECU.
+    /// To it.
     pub tx: BufferedUartTx<'static>,
     /// Line errors, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
-    /// Its line.
-    line: Line,
+    /// Its format.
+    format: Format,
+    /// Its buffers.
+    place: usize,
     /// Reopens it, see [`open`].
-    open: unsafe fn(Line) -> EcuPort,
+    opener: Opener,
+}
+
+/// A driver, or what is wrong with its configuration.
+type Opened = Result<BufferedUart<'static>, ConfigError>;
+
+/// What [`open`] needs of a UART. All else is the same code for each.
+#[derive(Clone, Copy)]
+pub struct Opener {
+    /// Its driver, with buffers for sending and receiving. The UART must not be open.
+    pub driver: unsafe fn(&'static mut [u8], &'static mut [u8], Config) -> Opened,
+    /// Its counters of line errors.
+    pub errors: fn() -> &'static LineErrors,
 }
 
 impl EcuPort {
     /// Runs an engine on this port. If the transmitter is stuck, the port is closed and reopened, which discards waiting bytes.
     pub async fn serve(mut self, runner: Runner<'static>) -> ! {
         loop {
-            let Self { rx, tx, errors, line, open } = self;
+            let Self { rx, tx, errors, format, place, opener } = self;
             runner.run_until_stuck(rx, tx, errors).await;
             defmt::error!("nothing comes out of a transmitter: its port is opened anew");
             // SAFETY: both halves were moved into the run, which is over and has dropped them: the driver is closed.
-            self = unsafe { open(line) };
+            self = unsafe { open(format, place, opener) };
         }
     }
 }
 
+/// Most bytes of one write.
+const WRITE: usize = if jetlink_mavlink::runner::WRITE > 6 * MAX_TRANSMISSION {
+    jetlink_mavlink::runner::WRITE
+} else {
+    6 * MAX_TRANSMISSION
+};
+
+/// Ports that are opened: of the engines, of MAVLink, of a receiver, and of an ECU that is played.
+const OPEN: usize = ENGINES.len() + 1 + RADIO.is_some() as usize + cfg!(feature = "play-ecu") as usize;
+
+/// The buffers of the open ports. A port without an engine has none.
+static mut BUFFERS: [Buffers; OPEN] = [const { Buffers::new() }; OPEN];
+
 /// The buffers of both directions of a UART.
-pub struct Buffers {
-    /// Room for more than 1 s of an ECU at 2400 baud, 20 ms at 115 200 baud.
+struct Buffers {
+    /// Room for more than 1 s of an ECU at 2400 baud, 44 ms at 57 600 baud, 20 ms at 115 200 baud; of a receiver's frames for 140 ms
+    /// of SBUS and 39 ms of CRSF, at the usual 14 ms and 4 ms.
     rx: [u8; 256],
     /// A write without enough room would wait forever (embassy-stm32 0.6.0).
-    tx: [u8; 6 * MAX_TRANSMISSION],
+    tx: [u8; WRITE],
 }
 
 impl Buffers {
     /// Empty.
-    pub const fn new() -> Self {
+    const fn new() -> Self {
         Self { rx: [0; 256], tx: [0; _] }
     }
 }
@@ -79,13 +105,6 @@ pub trait EcuUart: Instance {
 
     /// Its counters of line errors.
     fn errors() -> &'static LineErrors;
-
-    /// Its buffers.
-    ///
-    /// # Safety
-    ///
-    /// Nothing may hold a reference to them: the UART must not be open.
-    unsafe fn buffers() -> &'static mut Buffers;
 }
 
 /// Interrupt handler that counts line errors. It must come before the driver's own.
@@ -102,7 +121,7 @@ impl<T: EcuUart> Handler<T::Interrupt> for LineMonitor<T> {
 }
 
 /// Turns UARTs into ECU ports: binds their interrupts to the monitor and then the driver (as `Irqs`),
-/// and gives each its buffers and counters.
+/// and gives each its counters.
 macro_rules! ecu_uarts {
     ($($uart:ident),* $(,)?) => {
         embassy_stm32::bind_interrupts!(struct Irqs {
@@ -118,39 +137,24 @@ macro_rules! ecu_uarts {
                 static ERRORS: jetlink::runner::LineErrors = jetlink::runner::LineErrors::new();
                 &ERRORS
             }
-
-            unsafe fn buffers() -> &'static mut $crate::board::port::Buffers {
-                static mut BUFFERS: $crate::board::port::Buffers = $crate::board::port::Buffers::new();
-                // SAFETY: nothing else names it, and the caller guarantees that nothing holds it.
-                unsafe { &mut *(&raw mut BUFFERS) }
-            }
         })*
     };
 }
 pub(super) use ecu_uarts;
 
-/// Opens a port: 8 data bits, no parity. `again` reopens it once it is closed.
+/// Opens a port: 8 data bits.
 ///
 /// # Safety
 ///
-/// The UART must not be open.
+/// Neither the UART nor another port of this place may be open.
 ///
 /// # Panics
 ///
-/// If the UART does not support this baud rate.
-pub unsafe fn open<T: EcuUart>(
-    line: Line,
-    again: unsafe fn(Line) -> EcuPort,
-    uart: Peri<'static, T>,
-    rx: Peri<'static, impl RxPin<T>>,
-    tx: Peri<'static, impl TxPin<T>>,
-    irqs: impl Binding<T::Interrupt, LineMonitor<T>>
-    + Binding<T::Interrupt, BufferedInterruptHandler<T>>
-    + 'static,
-) -> EcuPort {
+/// If the UART does not support this baud rate, or there are no such buffers.
+pub unsafe fn open(format: Format, place: usize, opener: Opener) -> EcuPort {
     let mut config = Config::default();
-    config.baudrate = line.baud;
-    config.stop_bits = match line.stop_bits {
+    config.baudrate = format.baud;
+    config.stop_bits = match format.stop_bits {
         StopBits::One => embassy_stm32::usart::StopBits::STOP1,
         StopBits::Two => embassy_stm32::usart::StopBits::STOP2,
     };
@@ -159,11 +163,22 @@ pub unsafe fn open<T: EcuUart>(
     config.eager_reads = Some(1);
     // An open input must be high, like an idle line.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
+    // Nothing else is not 8N1 or 8N2, or is inverted.
+    if RADIO.is_some() {
+        if format.even_parity {
+            config.parity = Parity::ParityEven;
+        }
+        if format.inverted_rx {
+            config.rx_pull = embassy_stm32::gpio::Pull::Down;
+            chip::invert_rx(&mut config);
+        }
+    }
 
-    // SAFETY: the caller guarantees that the UART is not open, and nothing else holds its buffers.
-    let buffers = unsafe { T::buffers() };
-    let uart =
-        defmt::unwrap!(BufferedUart::new(uart, rx, tx, &mut buffers.tx, &mut buffers.rx, irqs, config));
+    assert!(place < OPEN);
+    // SAFETY: the place is one of the array, and the caller guarantees that no open port holds its buffers. Nothing else names them.
+    let buffers = unsafe { &mut *(&raw mut BUFFERS).cast::<Buffers>().add(place) };
+    // SAFETY: the caller guarantees that the UART is not open.
+    let uart = defmt::unwrap!(unsafe { (opener.driver)(&mut buffers.tx, &mut buffers.rx, config) });
     let (tx, rx) = uart.split();
-    EcuPort { rx, tx, errors: T::errors(), line, open: again }
+    EcuPort { rx, tx, errors: (opener.errors)(), format, place, opener }
 }

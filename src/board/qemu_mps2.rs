@@ -18,19 +18,23 @@ mod uart;
 pub use self::hardware::PORTS;
 use self::hardware::{CLOCK_HZ, Handler, Irq, Register};
 use self::uart::Port;
+use super::first::{self, Step};
+use super::format::Format;
 use super::state::{ENGINE_EXECUTOR, Oscillator, Ready, ResetCause};
 use cortex_m_rt::exception;
 use embassy_executor::SendSpawner;
-use jetlink::line::Line;
 
 #[cfg(feature = "trial")]
 pub use self::semihosting::exit;
 pub use self::{executor::Executor, uart::EcuPort};
 
+/// Whether its UARTs can invert what they receive. They have neither parity nor two stop bits: no SBUS.
+pub const INVERTS_RX: bool = false;
+
 /// The board's name.
 pub const NAME: &str = "QEMU mps2-an500";
 
-/// Reserved for MAVLink.
+/// The port of MAVLink.
 pub const TELEMETRY_PORT: &str = "UART4";
 
 // SAFETY: a register may be read and written from anywhere; it is not memory managed by Rust.
@@ -38,6 +42,9 @@ unsafe impl Sync for Register {}
 
 /// The audio interface's interrupt, which nothing here uses: it runs the engines' executor.
 const EXECUTOR_INTERRUPT: Irq = Irq(14);
+
+/// `__pre_init` does nothing for this board.
+pub(super) static FIRST: [Step; 1] = first::list(&[]);
 
 /// Below the UARTs and SysTick, which keep their reset value 0.
 const EXECUTOR_PRIORITY: u8 = 0x60;
@@ -68,8 +75,8 @@ static __INTERRUPTS: [Handler; 32] = {
 /// The board, ready for the firmware.
 pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-/// Starts the clock and opens the ports that have a line. Call it once.
-pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
+/// Starts the clock, opens the ports that have a format, and the one of MAVLink. Call it once.
+pub fn init(formats: [Option<Format>; PORTS.len()], telemetry: Format) -> Board {
     super::stack::paint();
     clock::start();
     let mut core = defmt::unwrap!(cortex_m::Peripherals::take());
@@ -79,11 +86,12 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
     Ready {
         reset_cause: ResetCause::Unknown, // QEMU does not implement the board's register for it
         oscillator: Oscillator::Crystal,
-        ports: lines.map(|line| {
-            let opened = line.map(|line| Port::open(port, line));
+        ports: formats.map(|format| {
+            let opened = format.map(|format| Port::open(port, format));
             port += 1;
             opened
         }),
+        telemetry: Port::open(PORTS.len(), telemetry),
         led: Led(()),
         watchdog: Watchdog(()),
     }
@@ -92,6 +100,11 @@ pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
 /// Starts the executor for the engines' tasks. Call it once.
 pub fn start_engine_executor() -> SendSpawner {
     ENGINE_EXECUTOR.start(EXECUTOR_INTERRUPT)
+}
+
+/// Ends the firmware with a reset.
+pub fn restart() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
 }
 
 /// USERLED0. QEMU implements it, but only its trace shows it.

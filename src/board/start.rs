@@ -7,12 +7,13 @@
 //! firmware itself also jumps here from a handler where a reset would not help (early.rs).
 //!
 //! The rules of `__pre_init`: RAM is not initialised, so no Rust; it uses no stack, since the one in use may be the
-//! bootloader's. VTOR is set here, with interrupts off, and not by cortex-m-rt's feature `set-vtor`, which sets it
+//! bootloader's. What the board needs before the RAM is initialised, pull-ups and the watchdog, is a list of writes
+//! (first.rs). VTOR is set here, with interrupts off, and not by cortex-m-rt's feature `set-vtor`, which sets it
 //! earlier: an interrupt that the bootloader left enabled would then reach our handler for unexpected interrupts.
 
 // SAFETY: called by cortex-m-rt's `Reset`, once, before RAM is initialised. Touches r0 to r6 and r12, which `Reset` does
-// not use across the call, no memory but registers of the core (Armv7-M, B3.2 to B3.5), and returns by lr. Cleaning the
-// data cache writes back what the bootloader wrote, as it intended.
+// not use across the call, no memory but registers of the core (Armv7-M, B3.2 to B3.5) and those of the board's steps, which
+// nothing else uses yet, and returns by lr. Cleaning the data cache writes back what the bootloader wrote, as it intended.
 core::arch::global_asm!(
     ".cfi_sections .debug_frame
      .section .text.__pre_init, \"ax\", %progbits
@@ -23,7 +24,7 @@ core::arch::global_asm!(
      __pre_init:
      cpsid i",
     // An STM32H743 of revision Y may read wrong data from its AXI SRAM, the RAM of this firmware, when it reads twice at once
-    // (ES0392, 2.2.9). READ_ISS_OVERRIDE in AXI_TARG7_FN_MOD allows one read at a time, as in ST's SystemInit. On
+    // (ES0392 rev 8, 2.2.9). READ_ISS_OVERRIDE in AXI_TARG7_FN_MOD allows one read at a time, as in ST's SystemInit. On
     // revision V it changes nothing that this firmware needs, so it is set on every H743.
     ".if {axi_sram}
      ldr r0, =0x51008108
@@ -101,7 +102,8 @@ core::arch::global_asm!(
      msr basepri, r0
      clrex",
     // The floating-point unit: off (CPACR), which `Reset` reverses, and its registers are saved by interrupts (FPCCR, ASPEN and
-    // LSPEN), of which NuttX's bootloaders clear both bits.
+    // LSPEN). PX4's bootloader for an H7 leaves both bits clear (NuttX, `stm32_fpuconfig` in stm32h7/stm32_start.c). They may only
+    // change while the unit is off and CONTROL.FPCA, cleared above, is 0.
     "ldr r1, =0xE000ED88
      str r0, [r1]
      dsb
@@ -207,7 +209,19 @@ core::arch::global_asm!(
      str r0, [r1]
      6:
      dsb
-     isb
+     isb",
+    // The board's own first writes: pull-ups, watchdog (first.rs).
+    "ldr r1, ={first}
+     1:
+     ldm r1!, {{r2, r3, r4}}
+     cbz r2, 2f
+     ldr r5, [r2]
+     bics r5, r3
+     orrs r5, r4
+     str r5, [r2]
+     b 1b
+     2:
+     dsb
      cpsie i
      __pre_init_end:
      bx lr
@@ -215,4 +229,5 @@ core::arch::global_asm!(
      .cfi_endproc
      .size __pre_init, . - __pre_init",
     axi_sram = const cfg!(feature = "stm32h7") as u32,
+    first = sym super::FIRST,
 );

@@ -63,6 +63,8 @@ pub struct Ready<Port, Led, Watchdog, const PORTS: usize> {
     pub oscillator: Oscillator,
     /// The requested ECU ports, open.
     pub ports: [Option<Port>; PORTS],
+    /// The port of MAVLink, open.
+    pub telemetry: Port,
     /// The status LED, off.
     pub led: Led,
     /// The watchdog.

@@ -51,7 +51,7 @@ pub fn hold(pin: Peri<'static, impl Pin>, level: Level) {
 }
 
 /// The independent watchdog: its own oscillator (LSI: 32 kHz; 17 to 47 kHz on an F427, 29.4 to 33.6 kHz on an
-/// H743), and only a reset stops it. It has been running since the first instructions of the firmware (early.rs).
+/// H743), and only a reset stops it. It has been running since the first instructions of the firmware (first.rs).
 pub struct Watchdog(Peri<'static, chip::Iwdg>);
 
 impl Watchdog {

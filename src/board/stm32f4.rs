@@ -3,6 +3,7 @@
 #[cfg(feature = "selftest")]
 pub mod facts;
 
+use super::first::Step;
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use super::wait;
 use embassy_stm32::{
@@ -54,32 +55,29 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
-/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are.
-pub fn clock_gpio() {
-    RCC.ahb1enr().modify(|w| {
-        w.set_gpioaen(true);
-        w.set_gpioben(true);
-        w.set_gpiocen(true);
-        w.set_gpioden(true);
-        w.set_gpioeen(true);
-    });
-    // The clock starts two cycles later (ES0206, 2.2.7); a read takes longer.
-    RCC.ahb1enr().read();
-}
+/// Its UARTs cannot invert what they receive: the firmware does not build with a receiver that needs it (`INVERTS_RX`).
+pub const fn invert_rx(_: &mut embassy_stm32::usart::Config) {}
 
-/// The watchdog pauses while a debug probe has halted the core.
-pub fn freeze_watchdog_while_halted() {
-    DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
-}
+/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are (AHB1ENR). They start two cycles later (ES0206,
+/// "Delay after an RCC peripheral clock enabling"); the read takes longer.
+pub const CLOCK_GPIO: [Step; 2] =
+    [Step::set(RCC.as_ptr(), 0x30, 0b1_1111), Step::read_back(RCC.as_ptr(), 0x30)];
 
-/// Writes a word to the first backup register, which survives a reset.
+/// The watchdog pauses while a debug probe has halted the core (DBGMCU_APB1_FZ, DBG_IWDG_STOP).
+pub const FREEZE_WATCHDOG_WHILE_HALTED: [Step; 1] = [Step::set(DBGMCU.as_ptr(), 0x08, 1 << 12)];
+
+/// Writes a word to the first backup register, which survives a reset: PWREN; DBP; RTC_BKP0R. DBP takes effect some cycles of
+/// the bus later (ES0206, "Possible delay in backup domain protection disabling/enabling after programming the DBP bit"); the
+/// read of PWR_CR is what ST's HAL does about it (`HAL_PWR_EnableBkUpAccess` in stm32f4xx_hal_pwr.c).
 #[cfg(feature = "ardupilot-bootloader")]
-pub fn write_backup_register(word: u32) {
-    use embassy_stm32::pac::RTC;
-    RCC.apb1enr().modify(|w| w.set_pwren(true));
-    PWR.cr1().modify(|w| w.set_dbp(true));
-    cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
-    RTC.bkpr(0).write(|w| w.set_bkp(word));
+pub const fn write_backup_register(word: u32) -> [Step; 5] {
+    [
+        Step::set(RCC.as_ptr(), 0x40, 1 << 28),
+        Step::read_back(RCC.as_ptr(), 0x40),
+        Step::set(PWR.as_ptr(), 0x00, 1 << 8),
+        Step::read_back(PWR.as_ptr(), 0x00),
+        Step::write(pac::RTC.as_ptr(), 0x50, word),
+    ]
 }
 
 /// Prepares for `embassy_stm32::init`: nothing to do here. ArduPilot's bootloader and this firmware both clock the RTC from the

@@ -2,7 +2,12 @@
 
 #[cfg(feature = "selftest")]
 pub mod facts;
+// ArduPilot's bootloader for an H7 looks for unreadable words at each start, and erases the whole application where it finds one: behind
+// it nothing is stored that a power cut could tear.
+#[cfg(not(feature = "ardupilot-bootloader"))]
+pub mod storage;
 
+use super::first::Step;
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use super::wait;
 use embassy_stm32::{
@@ -60,35 +65,33 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
-/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are.
-pub fn clock_gpio() {
-    RCC.ahb4enr().modify(|w| {
-        w.set_gpioaen(true);
-        w.set_gpioben(true);
-        w.set_gpiocen(true);
-        w.set_gpioden(true);
-        w.set_gpioeen(true);
-    });
-    // The clock starts two cycles later (RM0433, 8.5.10); a read takes longer.
-    RCC.ahb4enr().read();
+/// Inverts what a UART receives (RXINV).
+pub const fn invert_rx(uart: &mut embassy_stm32::usart::Config) {
+    uart.invert_rx = true;
 }
 
-/// The watchdog pauses while a debug probe has halted the core.
-pub fn freeze_watchdog_while_halted() {
-    DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
-}
+/// Enables the clocks of GPIO ports A to E, where the boards' TX pins are (AHB4ENR). They start two cycles later (RM0433,
+/// 8.5.10); the read takes longer.
+pub const CLOCK_GPIO: [Step; 2] =
+    [Step::set(RCC.as_ptr(), 0xE0, 0b1_1111), Step::read_back(RCC.as_ptr(), 0xE0)];
 
-/// Writes a word to the first backup register, which survives a reset.
+/// The watchdog pauses while a debug probe has halted the core (DBGMCU_APB4FZ1, WDGLSD1).
+pub const FREEZE_WATCHDOG_WHILE_HALTED: [Step; 1] = [Step::set(DBGMCU.as_ptr(), 0x54, 1 << 18)];
+
+/// Writes a word to the first backup register, which survives a reset: RTCAPBEN; DBP; RTCEN; RTC_BKP0R.
+///
+/// The bootloader resets the backup domain, and the register with it, if the RTC's clock differs from the bootloader's own
+/// setting, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is selected, here as in the
+/// configuration, and the RTC is enabled without one, as ArduPilot's set_rtc_backup() does.
 #[cfg(feature = "ardupilot-bootloader")]
-pub fn write_backup_register(word: u32) {
-    RCC.apb4enr().modify(|w| w.set_rtcapben(true));
-    PWR.cr1().modify(|w| w.set_dbp(true));
-    cortex_m::asm::delay(100); // it takes effect some cycles of the bus later (ES0206, 2.2.9, of the F42x)
-    // The bootloader resets the backup domain, and the word with it, if the RTC's clock differs from the bootloader's own
-    // setting, which is none (ChibiOS; STM32_RTCSEL_NOCLK in stm32h7_mcuconf.h). So no clock is selected, here as in the
-    // configuration, and the RTC is enabled without one, as ArduPilot's set_rtc_backup() does.
-    RCC.bdcr().modify(|w| w.set_rtcen(true));
-    pac::RTC.bkpr(0).write(|w| w.set_bkp(word));
+pub const fn write_backup_register(word: u32) -> [Step; 5] {
+    [
+        Step::set(RCC.as_ptr(), 0xF4, 1 << 16),
+        Step::set(PWR.as_ptr(), 0x00, 1 << 8),
+        Step::read_back(PWR.as_ptr(), 0x00),
+        Step::set(RCC.as_ptr(), 0x70, 1 << 15),
+        Step::write(pac::RTC.as_ptr(), 0x50, word),
+    ]
 }
 
 /// Prepares for `embassy_stm32::init`, which resets the backup domain unless it finds the configuration that it would set, here

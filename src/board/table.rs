@@ -7,18 +7,23 @@ macro_rules! board {
     (
         name: $name:literal,
         clock: $mhz:literal $mode:ident,
-        ports: [$($port:literal $uart:ident $rx:ident $tx:ident $gpio:ident $number:literal $rx_gpio:ident $rx_number:literal,)*],
-        telemetry: $telemetry:literal,
+        ports: [$($port:literal $uart:ident $gpio:ident $number:literal $rx_gpio:ident $rx_number:literal,)*],
+        telemetry: $telemetry:literal $telemetry_uart:ident,
+        inverts: $inverts:literal,
+        uarts: [$($each:ident $rx:ident $tx:ident,)*],
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
     ) => {
-        use super::port::{EcuPort, ecu_uarts, open};
+        use super::port::{EcuPort, Opener, ecu_uarts, open};
         use super::state::Ready;
         use super::stm32::{Drive, Led, Watchdog};
-        use super::{chip, early};
-        use embassy_stm32::{gpio::Level, pac::{self, gpio::Gpio}, rcc::{Hse, HseMode}, time::mhz};
-        use jetlink::line::Line;
+        use super::first::{self, Step};
+        use super::{chip, early, watchdog};
+        #[cfg(feature = "selftest")]
+        use embassy_stm32::pac::gpio::Gpio;
+        use embassy_stm32::{gpio::Level, pac, rcc::{Hse, HseMode}, time::mhz};
+        use super::format::Format;
 
         /// The board's name.
         pub const NAME: &str = $name;
@@ -26,58 +31,80 @@ macro_rules! board {
         /// The ECU ports by number, from 0.
         pub const PORTS: [&str; [$($port),*].len()] = [$($port),*];
 
-        /// Reserved for MAVLink.
+        /// The port of MAVLink.
         pub const TELEMETRY_PORT: &str = $telemetry;
 
+        /// Whether its UARTs can invert what they receive.
+        pub const INVERTS_RX: bool = $inverts;
+
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
-        const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
+        #[cfg(feature = "selftest")]
+        pub const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
 
-        /// Their RX pins.
-        const RX: [(Gpio, usize); PORTS.len()] = [$((pac::$rx_gpio, $rx_number)),*];
+        /// What `__pre_init` does for this board: pull-ups on every ECU port, then the watchdog.
+        const FIRST_STEPS: &[&[Step]] = &[
+            &chip::CLOCK_GPIO,
+            $(&early::pull_up(pac::$gpio, $number),)*
+            $(&early::pull_up(pac::$rx_gpio, $rx_number),)*
+            &chip::FREEZE_WATCHDOG_WHILE_HALTED,
+            early::REQUEST_TO_BOOTLOADER,
+            &watchdog::START,
+        ];
 
-        ecu_uarts!($($uart),*);
+        /// The same as `__pre_init` takes it.
+        pub static FIRST: [Step; first::length(FIRST_STEPS)] = first::list(FIRST_STEPS);
 
-        /// Opens each port, by the name of its UART.
+        ecu_uarts!($($each),*);
+
+        /// How each port is opened, by the name of its UART.
         #[allow(non_snake_case, reason = "as the chip's manual writes them")]
         mod openers {
-            use super::{EcuPort, Irqs, Line, open};
+            use super::super::port::EcuUart;
+            use super::{Irqs, Opener};
             use embassy_stm32::peripherals;
+            use embassy_stm32::usart::BufferedUart;
 
             $(
-                /// # Safety
-                ///
-                /// The port must not be open.
-                pub unsafe fn $uart(line: Line) -> EcuPort {
-                    // SAFETY: a port that is not open uses neither its UART nor its pins, and nothing else on the board does.
-                    unsafe {
-                        let (rx, tx) = (peripherals::$rx::steal(), peripherals::$tx::steal());
-                        open(line, $uart, peripherals::$uart::steal(), rx, tx, Irqs)
-                    }
-                }
+                pub const $each: Opener = Opener {
+                    driver: |tx_buffer, rx_buffer, config| {
+                        // SAFETY: the caller guarantees that the port is not open: nothing uses its UART or its pins then.
+                        unsafe {
+                            let (rx, tx) = (peripherals::$rx::steal(), peripherals::$tx::steal());
+                            let uart = peripherals::$each::steal();
+                            BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Irqs, config)
+                        }
+                    },
+                    errors: peripherals::$each::errors,
+                };
             )*
         }
 
         /// The board, ready for the firmware.
         pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-        /// Starts the clocks and opens the ports that have a line. Call it once.
-        pub fn init(lines: [Option<Line>; PORTS.len()]) -> Board {
+        /// Starts the clocks, opens the ports that have a format, and the one of MAVLink. Call it once.
+        pub fn init(formats: [Option<Format>; PORTS.len()], telemetry: Format) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
-            let early = early::begin(&TX, &RX, matches!(hse.mode, HseMode::Bypass));
+            let early = early::begin(matches!(hse.mode, HseMode::Bypass));
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
             // Taken permanently: a pin that occurs twice in the table does not build.
-            let _taken = ($((p.$uart, p.$rx, p.$tx)),*);
-            let openers: [unsafe fn(Line) -> EcuPort; PORTS.len()] = [$(openers::$uart),*];
-            let mut ports = lines.into_iter().zip(openers).map(|(line, opener)| {
-                // SAFETY: `init` is called once, and opens each port once.
-                line.map(|line| unsafe { opener(line) })
-            });
+            let _taken = ($((p.$each, p.$rx, p.$tx)),*);
+            let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
+            let mut place = 0;
+            let mut opened = [const { None }; PORTS.len()];
+            for ((port, format), opener) in opened.iter_mut().zip(formats).zip(openers) {
+                // SAFETY: `init` is called once, and opens each port once, in a place of its own.
+                *port = format.map(|format| unsafe { open(format, place, opener) });
+                place += usize::from(format.is_some());
+            }
             Ready {
                 reset_cause: early.cause,
                 oscillator: early.oscillator,
-                ports: core::array::from_fn(|_| ports.next().flatten()),
+                ports: opened,
+                // SAFETY: as above; it is none of `PORTS`.
+                telemetry: unsafe { open(telemetry, place, openers::$telemetry_uart) },
                 led: Led::new(p.$led, Level::$lit, Drive::$drive),
                 watchdog: Watchdog::new(p.$watchdog),
             }

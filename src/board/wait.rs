@@ -3,7 +3,7 @@
 
 use cortex_m::peripheral::{Peripherals, syst::SystClkSource};
 
-/// Waits until `done`, but no longer than so many cycles of the core, 16 million at most. Returns whether it is done.
+/// Waits until `done`, but no longer than this number of cycles of the core, 16 million at most. Returns whether it is done.
 ///
 /// Not `cortex_m::asm::delay`: its number is a lower limit. A pass of its loop takes 3 cycles and more on a Cortex-M4, and the
 /// flash's wait states on top.

@@ -115,8 +115,8 @@ impl<E: Ecu> Bench<E> {
     }
 }
 
-/// What a listener has heard since it was last asked.
-pub fn heard(events: &mut Events<'_>) -> Vec<Event> {
+/// What a listener has received since it was last read.
+pub fn received(events: &mut Events<'_>) -> Vec<Event> {
     std::iter::from_fn(|| events.try_next_message_pure()).collect()
 }
 

@@ -1,4 +1,4 @@
-//! Findings 9 and 13: a demand beyond the maximum is clamped and counts as heard, and demands move at a rate where they
+//! Findings 9 and 13: a demand beyond the maximum is clamped and counts as received, and demands move at a rate where they
 //! used to jump.
 
 use crate::wire::Sent;
@@ -69,15 +69,15 @@ fn both() -> [World; 2] {
 // Finding 9
 // -----------------------------------------------------------------------------------------------
 
-/// A source that goes on asking for a speed just above the maximum of 160 000 rpm.
+/// A source that keeps commanding a speed just above the maximum of 160 000 rpm.
 #[test]
 fn demand_just_above_the_maximum_is_clamped_to_it() {
     for too_much in [160_100, 200_000] {
         let mut world = World::one(zk(5, |_, _| {}));
         world.start(Rc);
-        world.says(Rc, run_rpm(150_000));
+        world.streams(Rc, run_rpm(150_000));
         world.pass(10.0);
-        world.says(Rc, run_rpm(too_much));
+        world.streams(Rc, run_rpm(too_much));
         world.pass(10.0);
         let from = world.now();
         world.pass(10.0);
@@ -92,7 +92,7 @@ fn demand_just_above_the_maximum_is_clamped_to_it() {
 fn demand_at_the_maximum_is_obeyed() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
-    world.says(Rc, run_rpm(MAX_RPM));
+    world.streams(Rc, run_rpm(MAX_RPM));
     world.pass(15.0);
     assert!((world.rpm() - f64::from(MAX_RPM)).abs() < 500.0, "{} rpm", world.rpm());
 }
@@ -107,9 +107,9 @@ fn throttle_rises_at_a_rate_after_a_start_with_the_stick_up() {
     for mut world in both() {
         world.ready(Rc);
         let from = world.now();
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.until("it starts", 20.0, |world| world.phase().is_starting());
-        world.says(Rc, run(100));
+        world.streams(Rc, run(100));
         world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
         world.pass(10.0);
         let demands = demands(&world, 0, from);
@@ -123,9 +123,9 @@ fn speed_rises_at_a_rate_after_a_start_with_the_stick_up() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.ready(Rc);
     let from = world.now();
-    world.says(Rc, run_rpm(0));
+    world.streams(Rc, run_rpm(0));
     world.until("it starts", 20.0, |world| world.phase().is_starting());
-    world.says(Rc, run_rpm(MAX_RPM));
+    world.streams(Rc, run_rpm(MAX_RPM));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
     world.pass(10.0);
     let demands: Vec<_> =
@@ -134,13 +134,13 @@ fn speed_rises_at_a_rate_after_a_start_with_the_stick_up() {
     assert_reaches(&demands, 1.0);
 }
 
-/// A higher source that asks for more takes over.
+/// A higher source that commands more takes over.
 #[test]
 fn demand_rises_at_a_rate_when_another_source_takes_over() {
     for mut world in both() {
         world.fly(Mavlink, 20);
         let from = world.now();
-        world.says(Rc, run(100));
+        world.streams(Rc, run(100));
         world.pass(15.0);
         let demands = demands(&world, 0, from);
         assert_rises_at_the_rate(&demands);
@@ -157,7 +157,7 @@ fn demand_rises_at_a_rate_after_a_gap() {
         world.pass(6.0);
         assert_eq!(world.throttle_sent(0), Some(0));
         let from = world.now();
-        world.says(Rc, run(100));
+        world.streams(Rc, run(100));
         world.pass(15.0);
         let demands = demands(&world, 0, from);
         assert_rises_at_the_rate(&demands);
@@ -174,7 +174,7 @@ fn demand_held_while_the_exhaust_is_not_known_rises_at_a_rate() {
     world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Open));
     world.pass(5.0);
     let from = world.now();
-    world.says(Rc, run(60));
+    world.streams(Rc, run(60));
     world.pass(5.0);
     assert_eq!(world.throttle_sent(0), Some(200));
     world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Good));
@@ -192,14 +192,14 @@ fn demand_rises_at_a_rate_after_a_start_that_follows_a_limit() {
             Limit { at: Some(Celsius::from_tenths(6500)), action: Action::FailSafe };
     }));
     world.start(Rc);
-    world.says(Rc, run(100));
+    world.streams(Rc, run(100));
     world.pass(20.0);
     assert_eq!(world.throttle_sent(0), Some(0), "the limit holds");
     world.ready(Rc);
     let from = world.now();
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.until("it starts", 20.0, |world| world.phase().is_starting());
-    world.says(Rc, run(60));
+    world.streams(Rc, run(60));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
     world.pass(10.0);
     let demands = demands(&world, 0, from);
@@ -213,11 +213,11 @@ fn reduced_to_half() -> World<2> {
     right.0.port = 1;
     let mut world = World::new([amt(|_, _| {}), right]);
     world.ready(Rc);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.until("both run", 200.0, |world| {
         (0..2).all(|engine| world.turbine_of(engine, |turbine| turbine.phase() == Phase::Running))
     });
-    world.says(Rc, run(100));
+    world.streams(Rc, run(100));
     world.pass(10.0);
     world.turbine_of(0, |turbine| turbine.flame_out());
     world.pass(20.0);
@@ -230,7 +230,7 @@ fn demand_rises_at_a_rate_when_the_failure_of_another_engine_clears() {
     let mut world = reduced_to_half();
     let from = world.now() - 1000 * MILLIS;
     // Its pilot shuts it down: it no longer counts as failed.
-    world.says_to(0, Rc, Standby);
+    world.streams_to(0, Rc, Standby);
     world.pass(15.0);
     let demands = demands(&world, 1, from);
     assert_rises_at_the_rate(&demands);
@@ -243,7 +243,7 @@ fn demand_follows_the_stick_at_once_in_normal_flight() {
     for mut world in both() {
         world.fly(Rc, 20);
         let from = world.now();
-        world.says(Rc, run(100));
+        world.streams(Rc, run(100));
         world.pass(0.5);
         let demands = demands(&world, 0, from);
         assert_reaches(&demands, 1.0);

@@ -1,5 +1,5 @@
 //! Finding 7: an AMT ECU with a fault sends error sets only, which do not say what its engine does. The exhaust does: an
-//! engine that burns goes on, one that does not is not told run.
+//! engine that burns continues, one that does not is not sent run.
 
 use crate::world::*;
 use sim::amt::{AmtTemper, error};
@@ -17,7 +17,7 @@ fn flying_with_a_fault(percent: u8, temper: AmtTemper) -> World {
 }
 
 #[test]
-fn burning_engine_with_error_sets_goes_on_at_its_demand() {
+fn burning_engine_with_error_sets_continues_at_its_demand() {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     let from = world.now();
     world.pass(120.0);
@@ -25,10 +25,10 @@ fn burning_engine_with_error_sets_goes_on_at_its_demand() {
     assert_eq!(world.throttle_sent(0), Some(750));
 }
 
-/// Its source has been silent for long, which is to bring no standby while the engine runs. The exhaust says that it does, and
+/// Its source has been silent for long, which is to bring no standby while the engine runs. The exhaust shows that it does, and
 /// then the ECU again: the one report in between is no reason.
 #[test]
-fn burning_engine_without_a_source_goes_on_when_its_fault_clears() {
+fn burning_engine_without_a_source_continues_when_its_fault_clears() {
     let mut world = World::one(amt(|_, _| {}));
     world.fly(Rc, 50);
     world.silent(Rc);
@@ -43,7 +43,7 @@ fn burning_engine_without_a_source_goes_on_when_its_fault_clears() {
 }
 
 #[test]
-fn burning_engine_with_error_sets_goes_on_after_a_reset() {
+fn burning_engine_with_error_sets_resumes_after_a_reset() {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     let from = world.now();
     world.reset();
@@ -66,21 +66,21 @@ fn cold_after_a_reset(pilot: bool) {
     let from = world.now();
     world.boot();
     world.pass(600.0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.amt(|ecu| ecu.set_errors(0));
     world.pass(60.0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.assert_ignitions(1);
     world.starts_again(Rc);
 }
 
 #[test]
-fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_without_a_source() {
+fn cold_engine_with_error_sets_is_not_sent_run_after_a_reset_without_a_source() {
     cold_after_a_reset(false);
 }
 
 #[test]
-fn cold_engine_with_error_sets_is_not_told_run_after_a_reset_with_a_source() {
+fn cold_engine_with_error_sets_is_not_sent_run_after_a_reset_with_a_source() {
     cold_after_a_reset(true);
 }
 
@@ -97,7 +97,7 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
         world.pass(30.0);
         let from = world.now();
         world.pass(600.0);
-        world.assert_not_told_run(from);
+        world.assert_not_sent_run(from);
         assert!(world.sent(from).all(|frame| frame.is_stop()));
         world.assert_ignitions(1);
         world.amt(|ecu| ecu.set_errors(0));
@@ -105,7 +105,7 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
     }
 }
 
-/// An ECU that forgets its fault by itself after a minute and obeys whatever it is told then.
+/// An ECU that forgets its fault by itself after a minute and obeys whatever it is sent then.
 #[test]
 fn run_of_before_a_flame_out_does_not_meet_the_ecu_when_its_fault_clears() {
     let temper = AmtTemper {
@@ -132,7 +132,7 @@ fn run_ends_when_the_flame_goes_out_and_the_ecu_reports_nothing_else() {
     world.pass(30.0);
     let from = world.now();
     world.pass(60.0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.assert_ignitions(1);
     world.starts_again(Rc);
 }

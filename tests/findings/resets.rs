@@ -1,4 +1,4 @@
-//! Findings 4, 10 and 15: what the node does after a reset. A loss goes on over resets, a stop reaches the ECU in every
+//! Findings 4, 10 and 15: what the node does after a reset. A loss continues over resets, a stop reaches the ECU in every
 //! mode, and a record of another engine arms nothing.
 
 use crate::wire::Frame;
@@ -16,7 +16,7 @@ use sim::wire::Direction;
 // Finding 4
 // -----------------------------------------------------------------------------------------------
 
-/// Resets, one every so many seconds, for so many seconds.
+/// Resets at this interval for this time, both in s.
 fn reset_loop(world: &mut World, period: f64, time: f64) {
     let end = world.now() + (time * 1e9) as u64;
     while world.now() < end {
@@ -25,11 +25,11 @@ fn reset_loop(world: &mut World, period: f64, time: f64) {
     }
 }
 
-/// Since then the engine was not told to run above idle.
+/// Since then the engine was not sent run above idle.
 #[track_caller]
 fn assert_not_above_idle(world: &World, since: u64) {
     let most = world.sent(since).filter_map(Frame::throttle).max();
-    assert!(most.unwrap_or(0) == 0, "told run at {:.1} %", f64::from(most.unwrap_or(0)) / 10.0);
+    assert!(most.unwrap_or(0) == 0, "sent run at {:.1} %", f64::from(most.unwrap_or(0)) / 10.0);
     let idle = world.turbine(|turbine| turbine.parameters().idle_rpm);
     assert!(world.rpm() < 1.05 * idle, "{} rpm", world.rpm());
 }
@@ -65,7 +65,7 @@ fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_an_amt_ecu() {
     }
 }
 
-/// Resets so quick that the node never hears enough to order anything; a ZK ECU from version 5 keeps its engine running.
+/// Resets so quick that the node never receives enough to order anything; a ZK ECU from version 5 keeps its engine running.
 #[test]
 fn reset_loop_too_quick_to_listen_brings_a_zk_engine_without_a_source_to_standby() {
     let mut world = World::one(zk(5, |_, _| {}));
@@ -103,11 +103,11 @@ fn take_over_long_after_a_reset_loop_waits() {
         world.fly(Rc, 90);
         world.silent(Rc);
         reset_loop(&mut world, 1.05, 5.0);
-        world.says(Mavlink, run(60));
+        world.streams(Mavlink, run(60));
         world.pass(20.0);
         assert_eq!(world.throttle_sent(0), Some(600));
         let from = world.now();
-        world.says(Rc, run(40));
+        world.streams(Rc, run(40));
         world.pass(1.5);
         let lowest = world.sent(from).filter_map(Frame::throttle).min();
         assert_eq!(lowest, Some(600), "before the take-over has waited its 2 s");
@@ -134,11 +134,11 @@ fn one_reset_of_an_engine_without_a_source_ends_at_idle() {
 // Finding 10, with a record
 // -----------------------------------------------------------------------------------------------
 
-/// An engine in one of the modes of ZK-9, and a node that is reset and hears nothing of its ECU.
+/// An engine in one of the modes of ZK-9, and a node that is reset and receives nothing of its ECU.
 fn deaf_after_a_reset(by_rpm: bool) -> World {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
-    world.says(Rc, if by_rpm { run_rpm(110_000) } else { run(50) });
+    world.streams(Rc, if by_rpm { run_rpm(110_000) } else { run(50) });
     world.pass(8.0);
     world.silent(Rc);
     world.plugs[0].cut_one(Direction::ToNode, true);
@@ -155,21 +155,21 @@ fn emergency_stop_stops(mut world: World) {
 }
 
 #[test]
-fn emergency_stop_reaches_an_ecu_in_rpm_mode_after_a_reset_with_nothing_heard() {
+fn emergency_stop_reaches_an_ecu_in_rpm_mode_after_a_reset_with_nothing_received() {
     emergency_stop_stops(deaf_after_a_reset(true));
 }
 
 #[test]
-fn emergency_stop_reaches_an_ecu_in_throttle_mode_after_a_reset_with_nothing_heard() {
+fn emergency_stop_reaches_an_ecu_in_throttle_mode_after_a_reset_with_nothing_received() {
     emergency_stop_stops(deaf_after_a_reset(false));
 }
 
 /// Standby goes out blind, too.
 #[test]
-fn standby_reaches_an_ecu_after_a_reset_with_nothing_heard() {
+fn standby_reaches_an_ecu_after_a_reset_with_nothing_received() {
     for by_rpm in [false, true] {
         let mut world = deaf_after_a_reset(by_rpm);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.pass(5.0);
         assert!(!world.phase().is_live(), "{:?} after 5 s of standby", world.phase());
     }
@@ -179,7 +179,7 @@ fn standby_reaches_an_ecu_after_a_reset_with_nothing_heard() {
 fn latched_stop_reaches_an_ecu_in_rpm_mode_after_a_reset() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
-    world.says(Rc, run_rpm(110_000));
+    world.streams(Rc, run_rpm(110_000));
     world.pass(8.0);
     // Nothing gets through until the node has been reset.
     world.plugs[0].cut(true);
@@ -206,9 +206,9 @@ fn record_of_another_protocol_does_not_arm_an_engine() {
     let (config, ecu) = zk(5, |_, _| {});
     let mut world = world.reconfigured(config, ecu);
     world.boot();
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.pass(5.0);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(60.0);
     world.assert_ignitions(0);
     world.starts_again(Rc);
@@ -223,9 +223,9 @@ fn record_of_another_amt_engine_does_not_arm_an_engine() {
     config.ecu = EngineConfig::amt("amt", 0, config.line, Some(EngineModel::Titan)).ecu;
     let mut world = world.reconfigured(config, ecu);
     world.boot();
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.pass(5.0);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(60.0);
     world.assert_ignitions(0);
     world.starts_again(Rc);
@@ -245,9 +245,9 @@ fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
             } else {
                 world.boot();
             }
-            world.says(Rc, Standby);
+            world.streams(Rc, Standby);
             world.pass(5.0);
-            world.says(Rc, run(0));
+            world.streams(Rc, run(0));
             world.pass(60.0);
             world.assert_ignitions(usize::from(!power_lost));
         }
@@ -256,7 +256,7 @@ fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
 
 /// What the ECU reports is all there is then: the demand of before comes back from its source alone.
 #[test]
-fn engine_in_flight_goes_on_after_a_loss_of_power_that_memory_survived() {
+fn engine_in_flight_resumes_after_a_loss_of_power_that_memory_survived() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
         let mut world = World::one(engine);
         world.fly(Rc, 60);
@@ -268,7 +268,7 @@ fn engine_in_flight_goes_on_after_a_loss_of_power_that_memory_survived() {
         world.pass(8.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(0), "nobody commands it: idle");
-        world.says(Rc, run(60));
+        world.streams(Rc, run(60));
         world.pass(8.0);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -292,7 +292,7 @@ fn latched_stop_survives_a_loss_of_power_that_memory_survived() {
 
 /// A changed limit is the same engine.
 #[test]
-fn engine_goes_on_after_a_reset_with_another_limit() {
+fn engine_resumes_after_a_reset_with_another_limit() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
         let mut world = World::one(engine);
         world.fly(Rc, 60);
@@ -327,7 +327,7 @@ fn dead_transmitter_shows_in_telemetry() {
     assert!(healthy != after(true), "the node whose transmitter hangs shows the same as a healthy one");
 }
 
-/// A transmitter that hung and goes on: nothing of what was meant before leaves, however long it hung.
+/// A transmitter that hung and continues: nothing of what was meant before leaves, however long it hung.
 #[test]
 fn transmitter_that_hung_sends_nothing_old() {
     for hung in [1.8, 3.8] {
@@ -335,7 +335,7 @@ fn transmitter_that_hung_sends_nothing_old() {
         world.fly(Rc, 90);
         world.plugs[0].stall_tx(true);
         world.pass(hung - 1.5);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.pass(1.5);
         let from = world.now();
         world.plugs[0].stall_tx(false);

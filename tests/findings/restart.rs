@@ -1,4 +1,4 @@
-//! Findings 1 and 6: an ECU that lost its power and comes back is told nothing that could start its engine, whatever was
+//! Findings 1 and 6: an ECU that lost its power and comes back is sent nothing that could start its engine, whatever was
 //! commanded before. A new start by a pilot is obeyed.
 
 use crate::wire::Frame;
@@ -12,7 +12,7 @@ use sim::zk::ZkTemper;
 /// What the pilot of before does while the ECU is without power.
 #[derive(Clone, Copy, PartialEq)]
 enum Pilot {
-    /// Goes on asking for 80 %.
+    /// Continues to command 80 %.
     Fresh,
     /// Fell silent with the ECU.
     Silent,
@@ -21,7 +21,7 @@ enum Pilot {
 /// Below it nothing can be known of an outage: three expected frames, and the reply to the next one.
 const GAP: Nanos = 600 * MILLIS;
 
-/// An engine at 80 % whose ECU loses its power for so long. It has to stay where it is for 5 minutes after that, and a new
+/// An engine at 80 % whose ECU loses its power for this long. It has to stay where it is for 5 minutes after that, and a new
 /// start has to light it.
 fn power_returns(mut world: World, off: f64, pilot: Pilot) {
     world.fly(Rc, 80);
@@ -33,7 +33,7 @@ fn power_returns(mut world: World, off: f64, pilot: Pilot) {
     world.pass(300.0);
     world.assert_ignitions(1);
     // What is on the wire when the ECU boots starts an ECU that starts on run alone.
-    world.assert_not_told_run(lost_at + GAP);
+    world.assert_not_sent_run(lost_at + GAP);
     world.starts_again(Rc);
 }
 
@@ -41,7 +41,7 @@ fn zk_power_returns(version: u8, off: f64, pilot: Pilot) {
     power_returns(World::one(zk(version, |_, _| {})), off, pilot);
 }
 
-/// An ECU that begins a start with the first message that asks for one.
+/// An ECU that begins a start with the first message that commands a start.
 fn amt_power_returns(off: f64, pilot: Pilot) {
     power_returns(World::one(amt(|_, ecu| ecu.temper.clearance = 0)), off, pilot);
 }
@@ -131,21 +131,21 @@ fn one_report_of_the_state_before_the_outage_confirms_nothing() {
 fn engine_in_rpm_mode_stays_stopped_when_ecu_power_returns_after_180_s() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
-    world.says(Rc, run_rpm(110_000));
+    world.streams(Rc, run_rpm(110_000));
     world.pass(8.0);
     assert!((world.rpm() - 110_000.0).abs() < 2000.0, "{}", world.rpm());
     let lost_at = world.now();
     world.dip(180.0);
     world.pass(300.0);
     world.assert_ignitions(1);
-    world.assert_not_told_run(lost_at + GAP);
+    world.assert_not_sent_run(lost_at + GAP);
     world.starts_again(Rc);
 }
 
 /// The supply dips for 0.3 s while the engine is cranked, six times: one start command, one ignition.
 fn dips_while_cranking(mut world: World) {
     world.ready(Rc);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     for _ in 0..6 {
         world.pass(3.0);
         world.dip(0.3);
@@ -183,13 +183,13 @@ fn engine_after_an_outage_too_short_to_see_is_brought_to_standby() {
     world.pass(60.0);
     assert!(!world.phase().is_live(), "{:?}", world.phase());
     world.assert_ignitions(1);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.starts_again(Rc);
 }
 
-/// The set-up set says that the ECU comes from a power-up. Neither it nor anything after it is answered with run.
+/// The set-up set reports that the ECU comes from a power-up. Neither it nor anything after it is answered with run.
 #[test]
-fn freshly_powered_amt_ecu_is_not_told_run_at_the_throttle_of_before() {
+fn freshly_powered_amt_ecu_is_not_sent_run_at_the_earlier_throttle() {
     for (off, boot) in [(0.1, 50), (0.3, 50), (0.3, 500), (0.8, 100)] {
         let mut world = World::one(amt(|_, ecu| ecu.boot = boot * MILLIS));
         world.fly(Rc, 60);
@@ -197,7 +197,7 @@ fn freshly_powered_amt_ecu_is_not_told_run_at_the_throttle_of_before() {
         let powered = world.now();
         world.pass(20.0);
         assert!(world.sent(powered).count() > 100, "each of its sets was answered");
-        world.assert_not_told_run(powered);
+        world.assert_not_sent_run(powered);
         world.assert_ignitions(1);
         world.starts_again(Rc);
     }
@@ -209,7 +209,7 @@ fn new_start_after_an_outage_lights_the_engine() {
     for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
         let mut world = World::one(engine);
         world.fly(Rc, 60);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.dip(3.0);
         world.pass(10.0);
         world.assert_ignitions(1);
@@ -217,9 +217,9 @@ fn new_start_after_an_outage_lights_the_engine() {
     }
 }
 
-/// Only the line was lost, and not the power: the engine went on and is told so again.
+/// Only the line was lost, and not the power: the engine continued and is sent run again.
 #[test]
-fn engine_that_ran_on_through_a_cut_line_goes_on_at_its_demand() {
+fn engine_that_ran_through_a_cut_line_continues_at_its_demand() {
     // An AMT ECU gives its engine up after 2 s.
     for (engine, cut) in [(zk(5, |_, _| {}), 5.0), (amt(|_, _| {}), 0.8)] {
         let mut world = World::one(engine);
@@ -238,7 +238,7 @@ fn engine_that_ran_on_through_a_cut_line_goes_on_at_its_demand() {
 
 /// Every set or status damaged, and seen as such by the UART: the line is bad, and the engine is not.
 #[test]
-fn engine_goes_on_at_its_demand_through_2_s_of_framing_noise() {
+fn engine_continues_at_its_demand_through_2_s_of_framing_noise() {
     for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
         let mut world = World::one(engine);
         world.fly(Rc, 60);
@@ -257,7 +257,7 @@ fn engine_goes_on_at_its_demand_through_2_s_of_framing_noise() {
 
 /// An ECU that calibrates its idle, or says that it has started up, in flight.
 #[test]
-fn amt_engine_that_reports_idle_calibration_in_flight_goes_on_at_its_demand() {
+fn amt_engine_that_reports_idle_calibration_in_flight_continues_at_its_demand() {
     for shows in [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(0b11111)] {
         let in_flight = Some(InFlight { shows, every: 5 * SECOND, lasts: 2 * SECOND });
         let mut world = World::one(amt(|_, ecu| ecu.temper = AmtTemper { in_flight, ..AmtTemper::DEFAULT }));

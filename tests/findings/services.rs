@@ -1,4 +1,4 @@
-//! Finding 8: fuel needs a cold, standing engine. Nothing that moves fuel or heats goes to a hot one, and a pump that was
+//! Finding 8: fuel needs a cold engine at rest. Nothing that moves fuel or heats goes to a hot one, and a pump that was
 //! opened is closed by whatever ends its reason.
 
 use crate::world::*;
@@ -7,16 +7,16 @@ use jetlink::ecu::zk::codec::Action;
 use jetlink::ecu::{Service, zk};
 use sim::ecu::MILLIS;
 use sim::turbine::EgtSensor;
-use sim::zk::{Action as Told, ZkTemper};
+use sim::zk::{Action as SentAction, ZkTemper};
 
-/// What moves fuel or heats, as it is commanded and as the ECU is told.
-const HOT: [(Action, Told); 6] = [
-    (Action::Drain, Told::DrainOil),
-    (Action::TestGlowPlug, Told::TestGlowPlug),
-    (Action::TestMainValve, Told::TestMainValve),
-    (Action::TestIgnitionValve, Told::TestIgnitionValve),
-    (Action::TestPump, Told::TestPump),
-    (Action::OpenPump, Told::OpenPump),
+/// What moves fuel or heats, as it is commanded and as it is sent to the ECU.
+const HOT: [(Action, SentAction); 6] = [
+    (Action::Drain, SentAction::DrainOil),
+    (Action::TestGlowPlug, SentAction::TestGlowPlug),
+    (Action::TestMainValve, SentAction::TestMainValve),
+    (Action::TestIgnitionValve, SentAction::TestIgnitionValve),
+    (Action::TestPump, SentAction::TestPump),
+    (Action::OpenPump, SentAction::OpenPump),
 ];
 
 fn service(action: Action) -> Command {
@@ -42,52 +42,52 @@ fn assert_no_fuel_into_a_hot_engine(world: &World) {
 
 /// Nothing but a refusal, and nothing on the wire.
 #[track_caller]
-fn assert_refused(world: &mut World, (action, told): (Action, Told)) {
+fn assert_refused(world: &mut World, (action, sent_action): (Action, SentAction)) {
     let from = world.now();
     let answer: Result<Accepted, Rejected> = world.command(Rc, service(action));
     world.pass(3.0);
-    let sent = world.sent(from).filter(|frame| frame.is_action(told)).count();
+    let sent = world.sent(from).filter(|frame| frame.is_action(sent_action)).count();
     assert_eq!(sent, 0, "{action:?} is on the wire");
     assert!(answer.is_err(), "{action:?}: {answer:?}");
 }
 
 /// Accepted, and obeyed by the ECU.
 #[track_caller]
-fn assert_obeyed(world: &mut World, (action, told): (Action, Told)) {
+fn assert_obeyed(world: &mut World, (action, sent_action): (Action, SentAction)) {
     let from = world.now();
     let answer = world.command(Rc, service(action));
     assert!(answer.is_ok(), "{action:?}: {answer:?}");
     world.pass(1.0);
-    assert!(world.sent(from).any(|frame| frame.is_action(told)), "{action:?} never went out");
+    assert!(world.sent(from).any(|frame| frame.is_action(sent_action)), "{action:?} never went out");
 }
 
 #[test]
 fn nothing_that_moves_fuel_or_heats_goes_to_an_engine_that_cools() {
     let mut wrong = Vec::new();
-    for (action, told) in HOT {
+    for (action, sent_action) in HOT {
         let mut world = obedient();
         world.fly(Rc, 90);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.pass(3.0);
         assert!(world.egt() > 500.0);
         let from = world.now();
         let answer = world.command(Rc, service(action));
         world.pass(10.0);
         let hot = world.turbine(|turbine| turbine.history().hot_fuel_time());
-        if answer.is_ok() || hot > 0 || world.sent(from).any(|frame| frame.is_action(told)) {
+        if answer.is_ok() || hot > 0 || world.sent(from).any(|frame| frame.is_action(sent_action)) {
             wrong.push(format!("{action:?}: {:.1} s of fuel", seconds(hot)));
         }
     }
     assert!(wrong.is_empty(), "into an engine at more than 500 °C: {wrong:?}");
 }
 
-/// The ECU says standby although the exhaust is hot.
+/// The ECU reports standby although the exhaust is hot.
 #[test]
 fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
     for hot in HOT {
         let mut world = obedient();
         world.fly(Rc, 90);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.zk(|ecu| ecu.set_state(Some(1)));
         world.pass(3.0);
         assert!(world.egt() > 500.0);
@@ -96,9 +96,9 @@ fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
     }
 }
 
-/// An ECU that does not hear standby stays at its stop, with a cold exhaust, and says so.
+/// An ECU that does not receive standby stays at its stop, with a cold exhaust, and says so.
 #[test]
-fn nothing_that_moves_fuel_or_heats_goes_to_an_ecu_that_says_stop() {
+fn nothing_that_moves_fuel_or_heats_goes_to_an_ecu_that_reports_stop() {
     for hot in HOT {
         let mut world = obedient();
         world.ready(Rc);
@@ -125,7 +125,7 @@ fn nothing_that_moves_fuel_or_heats_is_done_with_an_exhaust_that_is_not_known() 
 fn nothing_that_moves_fuel_or_heats_is_done_with_an_engine_that_is_not_armed() {
     for hot in HOT {
         let mut world = obedient();
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.pass(3.0);
         assert_refused(&mut world, hot);
     }
@@ -145,7 +145,7 @@ fn everything_is_done_with_a_cold_engine_in_standby() {
 // The pump
 // -----------------------------------------------------------------------------------------------
 
-/// A cold engine whose pump was opened a moment ago, by a source that has said nothing else since.
+/// A cold engine whose pump was opened a moment ago, by a source that has commanded nothing else since.
 fn pump_open() -> World {
     let mut world = obedient();
     world.ready(Rc);
@@ -181,7 +181,7 @@ fn pump_is_closed_by_an_emergency_stop() {
     let first = |what: &dyn Fn(&crate::wire::Frame) -> bool| {
         world.sent(stop).find(|frame| what(frame)).map(|frame| frame.at).expect("it goes out")
     };
-    let closes = |frame: &crate::wire::Frame| frame.is_action(Told::ClosePump);
+    let closes = |frame: &crate::wire::Frame| frame.is_action(SentAction::ClosePump);
     assert!(first(&|frame| frame.is_stop()) < first(&closes), "the stop goes first");
     let at: Vec<_> = world.sent(stop).filter(|frame| closes(frame)).map(|frame| frame.at).collect();
     assert!((1..=10).contains(&at.len()), "{} times", at.len());
@@ -192,7 +192,7 @@ fn pump_is_closed_by_an_emergency_stop() {
 #[test]
 fn pump_is_closed_by_standby() {
     let mut world = pump_open();
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     assert_closed(&mut world, 2.0);
 }
 
@@ -228,6 +228,6 @@ fn pump_is_closed_after_a_reset_with_an_emergency_stop() {
 #[test]
 fn pump_is_closed_after_its_time() {
     let mut world = pump_open();
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     assert_closed(&mut world, 600.0);
 }

@@ -17,20 +17,20 @@ fn both() -> [World; 2] {
 // Finding 14: arming after an emergency stop
 // -----------------------------------------------------------------------------------------------
 
-/// An emergency stop of an armed, standing engine, released again.
+/// An emergency stop of an armed engine at rest, released again.
 fn stopped_and_released() -> [World; 2] {
     both().map(|mut world| {
         world.ready(Rc);
         world.command(Rc, EmergencyStop).expect("never refused");
         world.pass(1.0);
-        world.command(Rc, ReleaseStop).expect("standing, and its source at standby");
+        world.command(Rc, ReleaseStop).expect("at rest, and its source at standby");
         world.pass(3.0);
         world
     })
 }
 
 fn ignitions_after_run(world: &mut World) -> usize {
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(20.0);
     world.ignitions()
 }
@@ -42,9 +42,9 @@ fn engine_is_not_armed_after_an_emergency_stop_and_its_release() {
     }
 }
 
-/// A source that says armed all along.
+/// A source that commands armed all along.
 #[test]
-fn source_that_said_armed_during_an_emergency_stop_does_not_arm_the_engine() {
+fn source_that_commanded_arm_during_an_emergency_stop_does_not_arm_the_engine() {
     for mut world in both() {
         world.ready(Rc);
         world.command(Rc, EmergencyStop).expect("never refused");
@@ -52,7 +52,7 @@ fn source_that_said_armed_during_an_emergency_stop_does_not_arm_the_engine() {
             let _ = world.command(Rc, Arm);
             world.pass(0.1);
         }
-        world.command(Rc, ReleaseStop).expect("standing, and its source at standby");
+        world.command(Rc, ReleaseStop).expect("at rest, and its source at standby");
         for _ in 0..30 {
             let _ = world.command(Rc, Arm);
             world.pass(0.1);
@@ -80,7 +80,7 @@ fn engine_is_armed_by_a_change_to_armed_after_the_release() {
 fn governed(rpm: u32) -> World {
     let mut world = World::one(amt(|config, _| config.supervision.governor = Some(Governor::DEFAULT)));
     world.start(Rc);
-    world.says(Rc, run_rpm(rpm));
+    world.streams(Rc, run_rpm(rpm));
     world.pass(40.0);
     assert!((world.rpm() - f64::from(rpm)).abs() < 1500.0, "{} rpm", world.rpm());
     world
@@ -94,7 +94,7 @@ fn most_throttle(world: &World, since: Nanos) -> f64 {
 fn speed_that_no_engine_has_does_not_take_the_governor_to_full_throttle() {
     let mut world = governed(70_000);
     let from = world.now();
-    world.says(Rc, run_rpm(u32::MAX));
+    world.streams(Rc, run_rpm(u32::MAX));
     world.pass(20.0);
     let most = most_throttle(&world, from);
     assert!(most < 100.0, "{most} %");
@@ -114,7 +114,7 @@ fn governor_does_not_open_the_throttle_against_a_shaft_that_falls_after_a_flame_
 #[test]
 fn governor_holds_a_speed() {
     let mut world = governed(70_000);
-    world.says(Rc, run_rpm(85_000));
+    world.streams(Rc, run_rpm(85_000));
     world.pass(40.0);
     assert!((world.rpm() - 85_000.0).abs() < 1500.0, "{} rpm", world.rpm());
 }
@@ -172,7 +172,7 @@ fn scale_after_a_swap(from: u8, to: u8) {
     // ID 2 is due soon after the boot; ID 6, with the version, comes last.
     let other = zk(to, |_, ecu| ecu.ids = vec![1, 2, 3, 4, 5, 2, 1, 2, 3, 4, 5, 2, 6]).1;
     let mut world = World::one(zk(from, |_, _| {}));
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.pass(3.0);
     world.power(false);
     world.pass(5.0);
@@ -200,14 +200,14 @@ fn voltages_of_the_same_zk_version_are_right_after_a_swap() {
 // Finding 14: debouncing
 // -----------------------------------------------------------------------------------------------
 
-/// Two sets that say running release the demand: the reply to the third one moves at the latest.
+/// Two sets that report running release the demand: the reply to the third one moves at the latest.
 #[test]
 fn two_reports_of_a_running_amt_engine_release_the_demand() {
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.until("it starts", 20.0, |world| world.phase().is_starting());
-    world.says(Rc, run(100));
+    world.streams(Rc, run(100));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
     let running = world.now();
     world.pass(5.0);
@@ -223,7 +223,7 @@ fn report(state: u8, error: u8) -> [u8; 7] {
     [a, b, c, d, e, f, crc8(&[a, b, c, d, e, f])]
 }
 
-/// So many reports after one of the ECU's own, and before the next of those.
+/// Number of reports after one of the ECU's own, before its next one.
 fn inject(world: &mut World, report: [u8; 7], count: usize) {
     world.until("status ID 1", 5.0, |world| {
         let phase = world.handle(0).telemetry().report.phase;
@@ -235,7 +235,7 @@ fn inject(world: &mut World, report: [u8; 7], count: usize) {
     world.pass(0.02 + 0.008 * count as f64);
 }
 
-/// What becomes of a start after so many reports of a low voltage. One in 256 frames that noise makes passes its CRC.
+/// What becomes of a start after this number of reports of a low voltage. One in 256 frames that noise makes passes its CRC.
 fn start_after_fault_reports(count: usize) -> Result<Accepted, Rejected> {
     let mut world = World::one(zk(5, |_, _| {}));
     world.ready(Rc);
@@ -254,7 +254,7 @@ fn two_reports_of_a_fault_refuse_the_start_of_a_zk_engine() {
     assert_eq!(start_after_fault_reports(0), Ok(Accepted::InForce));
 }
 
-/// The state of an engine at 60 % after so many reports of standby.
+/// The state of an engine at 60 % after this number of reports of standby.
 fn state_after_reports_of_standby(count: usize) -> EngineState {
     let mut world = World::one(zk(5, |_, _| {}));
     world.fly(Rc, 60);

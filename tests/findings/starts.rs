@@ -1,4 +1,4 @@
-//! Findings 2, 3, 5 and 12: a start is a permission of one source that is used once, and what a source said once or long
+//! Findings 2, 3, 5 and 12: a start is a permission of one source that is used once, and what a source commanded once or long
 //! ago neither starts an engine nor shuts one down.
 
 use crate::world::*;
@@ -14,7 +14,7 @@ fn both() -> [World; 2] {
 /// An engine that ran and is hot, in standby.
 fn shut_down(world: &mut World) {
     world.fly(Rc, 60);
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.pass(5.0);
     assert!(world.egt() > 300.0 && !world.phase().is_live());
 }
@@ -28,16 +28,16 @@ fn run_refused_while_cooling_does_not_start_the_engine_when_it_has_cooled() {
     for mut world in both() {
         shut_down(&mut world);
         let from = world.now();
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.pass(400.0);
         world.assert_ignitions(1);
         assert!(world.egt() < 100.0, "it has cooled");
-        world.assert_not_told_run(from);
+        world.assert_not_sent_run(from);
         world.starts_again(Rc);
     }
 }
 
-/// An ECU that does not cool its engine: the shaft stands, and the exhaust is hot.
+/// An ECU that does not cool its engine: the shaft is stopped, and the exhaust is hot.
 #[test]
 fn run_refused_as_too_hot_does_not_start_the_engine_when_it_has_cooled() {
     let mut world = World::one(amt(|_, ecu| ecu.turbine.cooling_rpm = 0.0));
@@ -45,7 +45,7 @@ fn run_refused_as_too_hot_does_not_start_the_engine_when_it_has_cooled() {
     world.until("a shaft at rest", 60.0, |world| world.rpm() < 1.0);
     world.pass(2.0);
     assert!(world.egt() > 150.0, "{}", world.egt());
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(700.0);
     world.assert_ignitions(1);
     assert!(world.egt() < 100.0, "it has cooled");
@@ -58,13 +58,13 @@ fn run_refused_as_not_armed_does_not_start_the_engine_when_another_source_arms()
         world.ready(Rc);
         world.command(Rc, Disarm).expect("always accepted");
         let from = world.now();
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.pass(3.0);
         world.assert_ignitions(0);
         world.command(Mavlink, Arm).expect("always accepted");
         world.pass(60.0);
         world.assert_ignitions(0);
-        world.assert_not_told_run(from);
+        world.assert_not_sent_run(from);
         world.starts_again(Rc);
     }
 }
@@ -77,12 +77,12 @@ fn run_refused_for_a_fault_does_not_start_the_zk_engine_when_the_fault_clears() 
     world.zk(|ecu| ecu.set_error(Some(2)));
     world.pass(2.0);
     let from = world.now();
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(20.0);
     world.zk(|ecu| ecu.set_error(None));
     world.pass(60.0);
     world.assert_ignitions(0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.starts_again(Rc);
 }
 
@@ -93,12 +93,12 @@ fn run_refused_for_a_fault_does_not_start_the_amt_engine_when_the_fault_clears()
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
     world.pass(2.0);
     let from = world.now();
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(20.0);
     world.amt(|ecu| ecu.set_errors(0));
     world.pass(60.0);
     world.assert_ignitions(0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     world.starts_again(Rc);
 }
 
@@ -106,9 +106,9 @@ fn run_refused_for_a_fault_does_not_start_the_amt_engine_when_the_fault_clears()
 fn run_refused_above_idle_does_not_start_the_engine_when_the_stick_comes_down() {
     for mut world in both() {
         world.ready(Rc);
-        world.says(Rc, run(30));
+        world.streams(Rc, run(30));
         world.pass(3.0);
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.pass(60.0);
         world.assert_ignitions(0);
         world.starts_again(Rc);
@@ -130,7 +130,7 @@ fn ignitions_of(world: &World<2>, engine: usize) -> usize {
 fn start_that_waits_for_another_engine_begins_when_that_one_runs() {
     let mut world = group();
     world.ready(Rc);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.until("the first one runs", 60.0, |world| {
         world.turbine_of(0, |turbine| turbine.phase() == Phase::Running)
     });
@@ -144,20 +144,20 @@ fn start_that_waits_for_another_engine_begins_when_that_one_runs() {
 fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
     let mut world = group();
     world.ready(Rc);
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(5.0);
-    // RC goes on commanding the first one.
-    world.says_to(0, Rc, run(0));
+    // RC keeps commanding the first one.
+    world.streams_to(0, Rc, run(0));
     world.silence(1, Rc);
     world.pass(5.0);
-    world.says_to(1, Rc, run(0));
+    world.streams_to(1, Rc, run(0));
     world.pass(100.0);
     assert_eq!(world.turbine_of(0, |turbine| turbine.phase()), Phase::Running);
     assert_eq!(ignitions_of(&world, 1), 0);
     // Its own standby, then run.
-    world.says_to(1, Rc, Standby);
+    world.streams_to(1, Rc, Standby);
     world.pass(3.0);
-    world.says_to(1, Rc, run(0));
+    world.streams_to(1, Rc, run(0));
     world.pass(60.0);
     assert_eq!(ignitions_of(&world, 1), 1);
 }
@@ -170,16 +170,16 @@ fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
 fn standby_of_one_source_and_run_of_another_are_no_start() {
     for mut world in both() {
         world.start(Rc);
-        world.says(Mavlink, run(0));
+        world.streams(Mavlink, run(0));
         world.pass(10.0);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.until("cool", 300.0, |world| world.phase() == Phase::Standby && world.egt() < 80.0);
         world.pass(5.0);
         let from = world.now();
         world.silent(Rc);
         world.pass(120.0);
         world.assert_ignitions(1);
-        world.assert_not_told_run(from);
+        world.assert_not_sent_run(from);
         // Its own standby, then its own run.
         world.starts_again(Mavlink);
     }
@@ -191,7 +191,7 @@ fn standby_of_a_lost_source_does_not_serve_the_run_of_a_lower_one() {
         world.ready(Rc);
         world.silent(Rc);
         world.pass(3.0);
-        world.says(Mavlink, run(0));
+        world.streams(Mavlink, run(0));
         world.pass(60.0);
         world.assert_ignitions(0);
         world.starts_again(Mavlink);
@@ -202,39 +202,39 @@ fn standby_of_a_lost_source_does_not_serve_the_run_of_a_lower_one() {
 // Finding 5
 // -----------------------------------------------------------------------------------------------
 
-/// After its last word a source counts as lost after 0.5 s; the demand is held for 1 s; then the fail-safe stage, which
+/// After its last command a source counts as lost after 0.5 s; the demand is held for 1 s; then the fail-safe stage, which
 /// runs out 10 s later.
 const STAGES: f64 = 0.5 + 1.0 + 10.0;
 
-/// An AMT ECU that wants the stick up for a start, and so never starts here.
+/// An AMT ECU that requires the stick up for a start, and so never starts here.
 fn never_starts() -> World {
     World::one(amt(|_, ecu| ecu.start_throttle = 100))
 }
 
 #[test]
-fn start_of_a_standing_engine_ends_when_the_stages_of_loss_of_its_source_have_run_out() {
+fn start_of_an_engine_at_rest_ends_when_the_stages_of_loss_of_its_source_have_run_out() {
     for fresh in [0.3, 30.0] {
         let mut world = never_starts();
         world.ready(Rc);
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.pass(fresh);
-        // As long as its source is fresh, the start goes on.
+        // As long as its source is fresh, the start continues.
         assert!(world.sent(world.now() - 300 * MILLIS).any(|frame| frame.is_run()));
         world.silent(Rc);
         world.pass(STAGES + 1.0);
         let over = world.now();
         world.pass(120.0);
-        world.assert_not_told_run(over);
+        world.assert_not_sent_run(over);
         assert!(world.sent(over).all(|frame| frame.is_stop()));
     }
 }
 
 #[test]
-fn disarm_ends_a_start_of_a_standing_engine() {
+fn disarm_ends_a_start_of_an_engine_at_rest() {
     let mut world = never_starts();
     world.ready(Rc);
     let from = world.now();
-    world.says(Rc, run(0));
+    world.streams(Rc, run(0));
     world.pass(3.0);
     assert!(world.sent(from).any(|frame| frame.is_run()));
     disarmed(&mut world);
@@ -244,7 +244,7 @@ fn disarm_ends_a_start_of_a_standing_engine() {
 fn disarm_ends_a_start_of_an_engine_on_its_way_up() {
     for mut world in both() {
         world.ready(Rc);
-        world.says(Rc, run(0));
+        world.streams(Rc, run(0));
         world.until("the fuel ramp", 30.0, |world| world.phase() == Phase::FuelRamp);
         disarmed(&mut world);
         world.assert_ignitions(1);
@@ -252,14 +252,14 @@ fn disarm_ends_a_start_of_an_engine_on_its_way_up() {
     }
 }
 
-/// Disarmed while the pilot goes on saying run: standby from then on.
+/// Disarmed while the pilot keeps commanding run: standby from then on.
 fn disarmed(world: &mut World) {
     world.command(Rc, Disarm).expect("always accepted");
     // A frame under way.
     world.pass(0.3);
     let from = world.now();
     world.pass(60.0);
-    world.assert_not_told_run(from);
+    world.assert_not_sent_run(from);
     assert!(!world.phase().is_live());
 }
 
@@ -284,12 +284,12 @@ fn rc_away_for_a_moment_while_mavlink_streams_standby_leaves_the_engine_running(
     for away in [0.6, 1.7, 2.0] {
         for mut world in both() {
             world.fly(Rc, 60);
-            world.says(Mavlink, Standby);
+            world.streams(Mavlink, Standby);
             world.pass(5.0);
             let from = world.now();
             world.silent(Rc);
             world.pass(away);
-            world.says(Rc, run(60));
+            world.streams(Rc, run(60));
             world.pass(30.0);
             world.assert_not_shut_down(from);
             assert_eq!(world.throttle_sent(0), Some(600));
@@ -301,7 +301,7 @@ fn rc_away_for_a_moment_while_mavlink_streams_standby_leaves_the_engine_running(
 fn mavlink_that_streams_standby_shuts_the_engine_down_when_rc_is_gone() {
     for mut world in both() {
         world.fly(Rc, 60);
-        world.says(Mavlink, Standby);
+        world.streams(Mavlink, Standby);
         world.pass(5.0);
         world.silent(Rc);
         // Lost after 0.5 s, held for 1 s, and 5 s at the fail-safe.
@@ -315,7 +315,7 @@ fn mavlink_that_streams_standby_shuts_the_engine_down_when_rc_is_gone() {
 fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
-        world.says(Mavlink, run(60));
+        world.streams(Mavlink, run(60));
         world.pass(1.0);
         world.silent(Rc);
         world.pass(10.0);
@@ -360,7 +360,7 @@ fn gap_of_0_6_s_in_a_stream_does_not_lower_the_demand() {
         let from = world.now();
         world.silent(Rc);
         world.pass(0.6);
-        world.says(Rc, run(100));
+        world.streams(Rc, run(100));
         world.pass(20.0);
         let lowest = world.sent(from).filter_map(|frame| frame.throttle()).min();
         assert_eq!(lowest, Some(1000), "held for 1 s after the 0.5 s in which the source counts as fresh");

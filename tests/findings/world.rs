@@ -28,7 +28,7 @@ use std::task::Poll;
 pub use jetlink::command::Command::{Arm, Disarm, EmergencyStop, ReleaseStop, Standby};
 pub use jetlink::command::Origin::{Mavlink, Rc};
 
-/// Every source says its command so often.
+/// Every source sends its command this often.
 const PERIOD: Nanos = 100 * MILLIS;
 /// Start-up of the firmware: nobody reads or writes.
 pub const START_UP: f64 = 0.02;
@@ -65,7 +65,7 @@ pub fn zk(version: u8, change: impl FnOnce(&mut EngineConfig, &mut ZkConfig)) ->
 struct Pilot {
     engine: usize,
     origin: Origin,
-    says: Command,
+    command: Command,
     next: Nanos,
 }
 
@@ -136,7 +136,7 @@ impl<const N: usize> World<N> {
         self.cause = Reset::Warm;
     }
 
-    /// The node starts, with what its memory kept.
+    /// The node starts, with what its memory has retained.
     pub fn boot(&mut self) {
         static ERRORS: LineErrors = LineErrors::new();
         self.halt();
@@ -161,7 +161,7 @@ impl<const N: usize> World<N> {
             let plug = plug.clone();
             self.tasks.push(Box::pin(async move { match plug.run().await {} }));
         }
-        // An ECU without power wants nothing, and time has to go on.
+        // An ECU without power has no next wake, and time has to pass.
         self.tasks.push(Box::pin(async {
             loop {
                 Timer::after_millis(100).await;
@@ -199,30 +199,30 @@ impl<const N: usize> World<N> {
     // Pilots
     // ---------------------------------------------------------------------------------------
 
-    /// From now on this source says this to every engine, over and over.
-    pub fn says(&mut self, origin: Origin, says: Command) {
+    /// From now on this source commands this to every engine, over and over.
+    pub fn streams(&mut self, origin: Origin, command: Command) {
         for engine in 0..N {
-            self.says_to(engine, origin, says);
+            self.streams_to(engine, origin, command);
         }
     }
 
     /// The same, to one engine.
-    pub fn says_to(&mut self, engine: usize, origin: Origin, says: Command) {
+    pub fn streams_to(&mut self, engine: usize, origin: Origin, command: Command) {
         self.pilots.retain(|pilot| (pilot.engine, pilot.origin) != (engine, origin));
-        self.pilots.push(Pilot { engine, origin, says, next: clock::now_ns() });
+        self.pilots.push(Pilot { engine, origin, command, next: clock::now_ns() });
     }
 
-    /// From now on this source says nothing.
+    /// From now on this source commands nothing.
     pub fn silent(&mut self, origin: Origin) {
         self.pilots.retain(|pilot| pilot.origin != origin);
     }
 
-    /// From now on it says nothing to this engine.
+    /// From now on it commands nothing to this engine.
     pub fn silence(&mut self, engine: usize, origin: Origin) {
         self.pilots.retain(|pilot| (pilot.engine, pilot.origin) != (engine, origin));
     }
 
-    /// One word to one engine.
+    /// One command to one engine.
     pub fn command_to(
         &mut self,
         engine: usize,
@@ -237,7 +237,7 @@ impl<const N: usize> World<N> {
         source.expect("nobody else holds it").command(command)
     }
 
-    /// One word to the first engine.
+    /// One command to the first engine.
     pub fn command(&mut self, origin: Origin, command: Command) -> Result<Accepted, Rejected> {
         self.command_to(0, origin, command)
     }
@@ -246,17 +246,17 @@ impl<const N: usize> World<N> {
     // Time
     // ---------------------------------------------------------------------------------------
 
-    /// So many seconds pass.
+    /// Lets this number of seconds pass.
     pub fn pass(&mut self, time: f64) {
         let end = clock::now_ns() + (time * 1e9) as Nanos;
         loop {
             let now = clock::now_ns();
             for n in 0..self.pilots.len() {
-                let Pilot { engine, origin, says, next } = self.pilots[n];
+                let Pilot { engine, origin, command, next } = self.pilots[n];
                 if next <= now {
                     self.pilots[n].next = now + PERIOD;
                     if self.node.is_some() {
-                        let _ = self.command_to(engine, origin, says);
+                        let _ = self.command_to(engine, origin, command);
                     }
                 }
             }
@@ -279,7 +279,7 @@ impl<const N: usize> World<N> {
         }
     }
 
-    /// Time passes until this is so; it must be within so many seconds.
+    /// Time passes until this is so; it must be within this number of seconds.
     pub fn until(&mut self, what: &str, within: f64, mut done: impl FnMut(&Self) -> bool) {
         let from = self.now();
         while !done(self) {
@@ -334,7 +334,7 @@ impl<const N: usize> World<N> {
         });
     }
 
-    /// Takes the supply of the first ECU away for so long.
+    /// Takes the supply of the first ECU away for this long.
     pub fn dip(&mut self, time: f64) {
         self.plugs[0].power(false);
         self.pass(time);
@@ -355,7 +355,7 @@ impl<const N: usize> World<N> {
         for engine in 0..N {
             self.command_to(engine, origin, Arm).expect("arming is never refused");
         }
-        self.says(origin, Standby);
+        self.streams(origin, Standby);
         self.until("standby", 900.0, |world| (0..N).all(|engine| world.is_in_standby(engine)));
         self.pass(2.0);
     }
@@ -367,7 +367,7 @@ impl<const N: usize> World<N> {
     /// The whole way to running engines at idle, as one source has to go.
     pub fn start(&mut self, origin: Origin) {
         self.ready(origin);
-        self.says(origin, run(0));
+        self.streams(origin, run(0));
         self.until("running", 150.0, |world| {
             (0..N).all(|engine| world.turbine_of(engine, |turbine| turbine.phase() == Phase::Running))
         });
@@ -377,7 +377,7 @@ impl<const N: usize> World<N> {
     /// Running at this throttle.
     pub fn fly(&mut self, origin: Origin, percent: u8) {
         self.start(origin);
-        self.says(origin, run(percent));
+        self.streams(origin, run(percent));
         self.pass(8.0);
         assert_eq!(self.throttle_sent(0), Some(u16::from(percent) * 10));
     }
@@ -410,13 +410,13 @@ impl<const N: usize> World<N> {
         last.is_run().then(|| self.sent_to(engine, 0).rev().find_map(Frame::throttle)).flatten()
     }
 
-    /// Nothing said run since then.
+    /// No frame was run since then.
     #[track_caller]
-    pub fn assert_not_told_run(&self, since: Nanos) {
+    pub fn assert_not_sent_run(&self, since: Nanos) {
         if let Some(frame) = self.sent(since).find(|frame| frame.is_run()) {
             let count = self.sent(since).filter(|frame| frame.is_run()).count();
             let after = seconds(frame.at - since);
-            panic!("told run {count} times, the first {after:.2} s later: {:?}", frame.sent);
+            panic!("sent run {count} times, the first {after:.2} s later: {:?}", frame.sent);
         }
     }
 
@@ -429,7 +429,7 @@ impl<const N: usize> World<N> {
         assert_eq!(self.phase(), Phase::Running);
     }
 
-    /// The turbine was lit so many times since it was built.
+    /// The turbine was lit this often since it was built.
     #[track_caller]
     pub fn assert_ignitions(&self, count: usize) {
         let at = self.turbine(|turbine| turbine.history().ignitions.clone());

@@ -1,4 +1,4 @@
-//! Findings 10 and 11: which of the three modes of ZK-9 an ECU may be spoken to in. Run by ID 6 needs a version that two
+//! Findings 10 and 11: which of the three modes of ZK-9 an ECU may be commanded in. Run by ID 6 needs a version that two
 //! reports agree on; an emergency stop needs nothing.
 
 use crate::wire::{Frame, Sent};
@@ -36,7 +36,7 @@ fn rate_of_run(world: &World) -> f64 {
     world.sent(from).filter(|frame| frame.throttle().is_some()).count() as f64 / 5.0
 }
 
-/// One frame that says version 4, among noise before the ECU's own.
+/// One frame that reports version 4, among noise before the ECU's own.
 #[test]
 fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
     // Before the first ID 6 of its own, and after it.
@@ -48,8 +48,8 @@ fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
         assert_eq!(by_id_6(&world, Sw::Run), 0, "version 3 has no ID 6");
         let rate = rate_of_run(&world);
         assert!(rate > 19.0, "ID 1 goes out {rate} times a second of 20");
-        // It ends when it is told to, by ID 1.
-        world.says(Rc, Standby);
+        // It ends when it is sent standby, by ID 1.
+        world.streams(Rc, Standby);
         world.pass(1.0);
         assert!(!world.phase().is_live());
     }
@@ -61,9 +61,9 @@ fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
 fn switch_that_follows_late_does_not_make_run_of_a_version_3_ecu_go_by_id_6() {
     let mut world = World::one(zk(3, |_, _| {}));
     world.plugs[0].cut_one(Direction::ToEcu, true);
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.plugs[0].inject_to_node(&identity(4));
-    // The ECU itself is silent while it hears nothing.
+    // The ECU itself is silent while it receives nothing.
     for _ in 0..20 {
         world.plugs[0].inject_to_node(&stop_report());
         world.pass(0.2);
@@ -86,7 +86,7 @@ fn run_goes_by_id_6_where_version_4_is_known() {
         let mut world = split(version);
         world.fly(Rc, 60);
         assert!(by_id_6(&world, Sw::Run) > 100);
-        world.says(Rc, Standby);
+        world.streams(Rc, Standby);
         world.pass(1.0);
         assert!(!world.phase().is_live());
     }
@@ -105,7 +105,7 @@ fn run_goes_by_id_1_at_every_send_slot_where_the_version_is_3() {
 fn run_does_not_go_by_id_6_to_an_older_ecu_that_took_the_place_of_one_of_version_4() {
     let mut world = split(4);
     world.fly(Rc, 60);
-    world.says(Rc, Standby);
+    world.streams(Rc, Standby);
     world.until("cool", 300.0, |world| world.phase() == Phase::Standby);
     world.plugs[0].replace_ecu(zk(3, |_, _| {}).1);
     let from = world.now();
@@ -115,8 +115,8 @@ fn run_does_not_go_by_id_6_to_an_older_ecu_that_took_the_place_of_one_of_version
     assert!(rate_of_run(&world) > 19.0);
 }
 
-/// An ECU of version 5 that never says its version by itself, and was heard to say it so many times.
-fn version_heard(times: usize) -> World {
+/// An ECU of version 5 that never reports its version by itself, and was received to report it this often.
+fn version_received(times: usize) -> World {
     let mut world = World::one(zk(5, |_, ecu| ecu.ids = vec![1, 2, 3, 8]));
     world.start(Rc);
     for _ in 0..times {
@@ -129,19 +129,19 @@ fn version_heard(times: usize) -> World {
 /// ID 6 or ID 7 on the wire within 3 s of a demand for a speed.
 fn speed_goes_out(mut world: World) -> bool {
     let from = world.now();
-    world.says(Rc, run_rpm(110_000));
+    world.streams(Rc, run_rpm(110_000));
     world.pass(3.0);
     world.sent(from).any(|frame| matches!(frame.sent, Sent::Zk(ZkCommand::Switch { .. } | ZkCommand::Rpm(_))))
 }
 
 #[test]
 fn one_report_of_a_version_allows_no_speed() {
-    assert!(!speed_goes_out(version_heard(1)), "one frame allowed ID 6 and 7");
+    assert!(!speed_goes_out(version_received(1)), "one frame allowed ID 6 and 7");
 }
 
 #[test]
 fn two_reports_of_a_version_allow_a_speed() {
-    assert!(speed_goes_out(version_heard(2)));
+    assert!(speed_goes_out(version_received(2)));
 }
 
 /// The pump is opened for a long time from version 5 on.
@@ -172,13 +172,13 @@ fn two_reports_of_a_version_allow_a_service_of_that_version() {
     assert!(pump_command_goes_out(2));
 }
 
-/// After a reset that nothing survived, with nothing heard, a stop goes out in every mode.
+/// After a reset that nothing survived, with nothing received, a stop goes out in every mode.
 #[test]
 fn emergency_stop_reaches_an_ecu_in_rpm_mode_where_nothing_is_known() {
     for version in [4, 5] {
         let mut world = World::one(zk(version, |_, _| {}));
         world.start(Rc);
-        world.says(Rc, run_rpm(110_000));
+        world.streams(Rc, run_rpm(110_000));
         world.pass(8.0);
         world.silent(Rc);
         world.plugs[0].cut_one(Direction::ToNode, true);

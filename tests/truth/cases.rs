@@ -1,10 +1,10 @@
 //! Named cases of loss, restart and disagreement, each with what must go out at each step. The judge of the random worlds judges
 //! them, too.
 
+use crate::context::Act;
 use crate::fate::Blow;
 use crate::faults::Fault;
-use crate::history::{Ask, Cause, Frame, MS, Mark, SECOND, Switch, Told, Word};
-use crate::seat::Act;
+use crate::history::{Cause, Demanded, Frame, MS, Mark, PilotCommand, SECOND, Sent, Switch};
 use crate::settings::Setup;
 use crate::worlds::{World, case};
 use sim::turbine::Phase;
@@ -20,8 +20,8 @@ const AT: u64 = 60;
 
 type Acts = Vec<(u64, Act)>;
 
-fn throttle(tenths: u32) -> Word {
-    Word::Run(Ask::Throttle(tenths))
+fn throttle(tenths: u32) -> PilotCommand {
+    PilotCommand::Run(Demanded::Throttle(tenths))
 }
 
 /// An act at a time in milliseconds.
@@ -29,17 +29,17 @@ fn at(millis: u64, act: Act) -> (u64, Act) {
     (millis * MS, act)
 }
 
-fn stream(source: usize, word: Word) -> Act {
-    Act::Stream(source, Some(word))
+fn stream(source: usize, command: PilotCommand) -> Act {
+    Act::Stream(source, Some(command))
 }
 
 /// Standby, start, and the demand, as it is documented.
-fn flight(demand: Ask) -> Acts {
+fn flight(demand: Demanded) -> Acts {
     vec![
-        at(500, Act::Once(RC, Word::Arm)),
-        at(500, stream(RC, Word::Standby)),
+        at(500, Act::Once(RC, PilotCommand::Arm)),
+        at(500, stream(RC, PilotCommand::Standby)),
         at(6000, stream(RC, throttle(0))),
-        at(FLIES * 1000, stream(RC, Word::Run(demand))),
+        at(FLIES * 1000, stream(RC, PilotCommand::Run(demand))),
     ]
 }
 
@@ -76,11 +76,11 @@ impl Seen {
         all.iter().filter(move |frame| (from * MS..to * MS).contains(&frame.at))
     }
 
-    /// In this time only such frames went out, and at least so many.
+    /// In this time only such frames went out, and at least this number.
     #[track_caller]
-    fn only(&self, from: u64, to: u64, least: usize, allowed: impl Fn(Told) -> bool) -> &Self {
-        if let Some(frame) = self.frames(0, from, to).find(|frame| !allowed(frame.told)) {
-            panic!("{:?} at {} ms\n{}", frame.told, frame.at / MS, self.0.report(true));
+    fn only(&self, from: u64, to: u64, least: usize, allowed: impl Fn(Sent) -> bool) -> &Self {
+        if let Some(frame) = self.frames(0, from, to).find(|frame| !allowed(frame.sent)) {
+            panic!("{:?} at {} ms\n{}", frame.sent, frame.at / MS, self.0.report(true));
         }
         let count = self.frames(0, from, to).count();
         assert!(count >= least, "{count} frames from {from} ms to {to} ms\n{}", self.0.report(true));
@@ -109,33 +109,33 @@ impl Seen {
     /// The last demand on the wire before this instant, within 1 %.
     #[track_caller]
     fn demand_is(&self, engine: usize, millis: u64, tenths: u32) -> &Self {
-        let last = self.frames(engine, 0, millis).filter_map(|frame| frame.told.demand()).last();
-        let near = matches!(last, Some(Ask::Throttle(told)) if told.abs_diff(tenths) <= 10);
+        let last = self.frames(engine, 0, millis).filter_map(|frame| frame.sent.demand()).last();
+        let near = matches!(last, Some(Demanded::Throttle(sent)) if sent.abs_diff(tenths) <= 10);
         assert!(near, "{last:?} at {millis} ms\n{}", self.0.report(true));
         self
     }
 }
 
-const fn is_run(told: Told) -> bool {
-    matches!(told.switch(), Some(Switch::Run))
+const fn is_run(sent: Sent) -> bool {
+    matches!(sent.switch(), Some(Switch::Run))
 }
 
-const fn is_standby(told: Told) -> bool {
-    matches!(told.switch(), Some(Switch::Standby))
+const fn is_standby(sent: Sent) -> bool {
+    matches!(sent.switch(), Some(Switch::Standby))
 }
 
 /// What may go to a ZK ECU in doubt.
-const fn is_empty(told: Told) -> bool {
-    matches!(told, Told::Nothing | Told::Rpm(_) | Told::Other(_))
+const fn is_empty(sent: Sent) -> bool {
+    matches!(sent, Sent::Nothing | Sent::Rpm(_) | Sent::Other(_))
 }
 
 /// The ECUs of the cases: each demand that they take.
-fn every_ecu() -> Vec<(Setup, Ask)> {
-    let rpm = Ask::Rpm(120_000);
+fn every_ecu() -> Vec<(Setup, Demanded)> {
+    let rpm = Demanded::Rpm(120_000);
     vec![
-        (Setup::amt_case(), Ask::Throttle(DEMAND)),
-        (Setup::zk_case(3), Ask::Throttle(DEMAND)),
-        (Setup::zk_case(5), Ask::Throttle(DEMAND)),
+        (Setup::amt_case(), Demanded::Throttle(DEMAND)),
+        (Setup::zk_case(3), Demanded::Throttle(DEMAND)),
+        (Setup::zk_case(5), Demanded::Throttle(DEMAND)),
         (Setup::zk_case(5), rpm),
     ]
 }
@@ -152,25 +152,25 @@ fn ecu_dips_end_the_run() {
             let back = AT * 1000 + dip;
             if !amt {
                 // From the third frame that is missing on, nothing that could start an engine.
-                seen.only(AT * 1000 + 300, back + 250, 1, |told| is_empty(told) || is_standby(told));
+                seen.only(AT * 1000 + 300, back + 250, 1, |sent| is_empty(sent) || is_standby(sent));
             }
-            // The pilot goes on with run, and it is not obeyed.
-            seen.only(back + 2500, 330_000, 100, |told| {
-                is_standby(told) || !amt && matches!(told, Told::Nothing | Told::Action(_))
+            // The pilot continues with run, and it is not obeyed.
+            seen.only(back + 2500, 330_000, 100, |sent| {
+                is_standby(sent) || !amt && matches!(sent, Sent::Nothing | Sent::Action(_))
             });
         }
     }
 }
 
 #[test]
-fn an_engine_goes_on_over_resets_one_second_apart() {
+fn an_engine_resumes_over_resets_one_second_apart() {
     for (setup, demand) in every_ecu() {
         let mut blows = vec![reset(AT * 1000, 100, Cause::Watchdog)];
         blows.extend((1..=5).map(|n| reset(AT * 1000 + n * 1050, 50, Cause::Watchdog)));
         let seen = Seen::of(setup, flight(demand), blows, 90);
         seen.is_good().ignitions(0, 1).phase_is(0, 89_000, Phase::Running);
-        seen.only(AT * 1000, 90_000, 100, |told| !is_standby(told));
-        if demand == Ask::Throttle(DEMAND) {
+        seen.only(AT * 1000, 90_000, 100, |sent| !is_standby(sent));
+        if demand == Demanded::Throttle(DEMAND) {
             seen.demand_is(0, 89_000, DEMAND);
         }
     }
@@ -209,20 +209,20 @@ fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() 
         for fault in [Fault::CutToNode, Fault::CutToEcu] {
             let mut acts = flight(demand);
             let half = match demand {
-                Ask::Throttle(_) => Ask::Throttle(300),
-                Ask::Rpm(_) => Ask::Rpm(80_000),
+                Demanded::Throttle(_) => Demanded::Throttle(300),
+                Demanded::Rpm(_) => Demanded::Rpm(80_000),
             };
             acts.extend([
                 at(AT * 1000, Act::Fault(fault, 30 * SECOND)),
-                at(AT * 1000 + 10_000, stream(RC, Word::Run(half))),
-                at(AT * 1000 + 20_000, stream(RC, Word::Standby)),
+                at(AT * 1000 + 10_000, stream(RC, PilotCommand::Run(half))),
+                at(AT * 1000 + 20_000, stream(RC, PilotCommand::Standby)),
             ]);
             let amt = setup.is_amt();
             let seen = Seen::of(setup.clone(), acts, vec![], 130);
             seen.is_good().ignitions(0, 1);
             if !amt {
                 // Standby goes out blind, and no run any more.
-                let quiet = |told| is_standby(told) || matches!(told, Told::Nothing | Told::Action(_));
+                let quiet = |sent| is_standby(sent) || matches!(sent, Sent::Nothing | Sent::Action(_));
                 seen.only(AT * 1000 + 20_500, 130_000, 300, quiet);
             } else {
                 seen.only(AT * 1000 + 20_500, 130_000, 50, is_standby);
@@ -247,7 +247,7 @@ fn two_seconds_of_framing_noise_cost_no_engine() {
                 // Sets whose values cannot be read are answered as before.
                 seen.only(AT * 1000, AT * 1000 + 2000, 6, is_run);
             }
-            if demand == Ask::Throttle(DEMAND) {
+            if demand == Demanded::Throttle(DEMAND) {
                 seen.demand_is(0, 89_000, DEMAND);
             }
         }
@@ -257,16 +257,16 @@ fn two_seconds_of_framing_noise_cost_no_engine() {
 #[test]
 fn a_start_that_waits_ends_when_its_source_is_lost() {
     let second = vec![
-        at(500, Act::Once(RC, Word::Arm)),
-        at(500, stream(RC, Word::Standby)),
+        at(500, Act::Once(RC, PilotCommand::Arm)),
+        at(500, stream(RC, PilotCommand::Standby)),
         // The other engine is starting.
         at(8000, stream(RC, throttle(0))),
         at(10_000, Act::Stream(RC, None)),
-        // It speaks again when the other one runs.
+        // It commands again when the other one runs.
         at(50_000, stream(RC, throttle(0))),
     ];
     for setup in [Setup::zk_case(5), Setup::amt_case()] {
-        let first = (setup.clone(), flight(Ask::Throttle(DEMAND)));
+        let first = (setup.clone(), flight(Demanded::Throttle(DEMAND)));
         let seen = Seen(case([first, (setup.at_port(1), second.clone())], vec![], 120));
         seen.is_good().ignitions(0, 1).ignitions(1, 0);
     }
@@ -277,20 +277,20 @@ fn rc_is_lost_for_two_seconds_above_a_source_that_streams_standby() {
     for (setup, demand) in every_ecu() {
         let mut acts = flight(demand);
         acts.extend([
-            at(20_000, stream(MAVLINK, Word::Standby)),
+            at(20_000, stream(MAVLINK, PilotCommand::Standby)),
             at(AT * 1000, Act::Stream(RC, None)),
-            at(AT * 1000 + 2000, stream(RC, Word::Run(demand))),
+            at(AT * 1000 + 2000, stream(RC, PilotCommand::Run(demand))),
         ]);
         let seen = Seen::of(setup, acts, vec![], 90);
         seen.is_good().ignitions(0, 1).phase_is(0, 89_000, Phase::Running);
-        seen.only(AT * 1000, 90_000, 100, |told| !is_standby(told));
+        seen.only(AT * 1000, 90_000, 100, |sent| !is_standby(sent));
     }
 }
 
 #[test]
 fn rc_is_lost_for_two_seconds_above_a_source_that_streams_run() {
     for setup in [Setup::amt_case(), Setup::zk_case(3), Setup::zk_case(5)] {
-        let mut acts = flight(Ask::Throttle(DEMAND));
+        let mut acts = flight(Demanded::Throttle(DEMAND));
         acts.extend([
             at(40_000, stream(MAVLINK, throttle(400))),
             at(AT * 1000, Act::Stream(RC, None)),
@@ -299,9 +299,9 @@ fn rc_is_lost_for_two_seconds_above_a_source_that_streams_run() {
         let seen = Seen::of(setup, acts, vec![], 90);
         seen.is_good().ignitions(0, 1).phase_is(0, 89_000, Phase::Running);
         seen.demand_is(0, 89_000, DEMAND);
-        let between = |told: Told| !matches!(told.demand(), Some(Ask::Throttle(tenths)) if !(390..=610).contains(&tenths));
-        seen.only(AT * 1000, 90_000, 100, |told| {
-            is_run(told) && between(told) || matches!(told, Told::Action(_))
+        let between = |sent: Sent| !matches!(sent.demand(), Some(Demanded::Throttle(tenths)) if !(390..=610).contains(&tenths));
+        seen.only(AT * 1000, 90_000, 100, |sent| {
+            is_run(sent) && between(sent) || matches!(sent, Sent::Action(_))
         });
     }
 }
@@ -309,7 +309,7 @@ fn rc_is_lost_for_two_seconds_above_a_source_that_streams_run() {
 #[test]
 fn a_flame_out_with_error_sets_is_not_relit_when_the_fault_clears() {
     let setup = Setup::amt_case();
-    let mut acts = flight(Ask::Throttle(DEMAND));
+    let mut acts = flight(Demanded::Throttle(DEMAND));
     acts.push(at(AT * 1000, Act::Fault(Fault::FlameOut, MS)));
     // The ECU of the case clears a trip after 60 s, and starts hot on run alone.
     let seen = Seen::of(setup, acts, vec![], 180);
@@ -321,54 +321,59 @@ fn a_flame_out_with_error_sets_is_not_relit_when_the_fault_clears() {
 fn after_an_emergency_stop_a_source_has_to_disarm_before_it_arms() {
     for setup in [Setup::zk_case(5), Setup::amt_case()] {
         for disarms in [false, true] {
-            let mut acts = flight(Ask::Throttle(DEMAND));
+            let mut acts = flight(Demanded::Throttle(DEMAND));
             acts.extend([
-                at(AT * 1000, Act::Once(RC, Word::Stop)),
+                at(AT * 1000, Act::Once(RC, PilotCommand::Stop)),
                 at(AT * 1000 + 100, stream(RC, throttle(0))),
-                at(90_000, Act::Once(RC, Word::Release)),
-                at(91_000, stream(RC, Word::Standby)),
+                at(90_000, Act::Once(RC, PilotCommand::Release)),
+                at(91_000, stream(RC, PilotCommand::Standby)),
             ]);
             if disarms {
-                acts.push(at(299_000, Act::Once(RC, Word::Disarm)));
+                acts.push(at(299_000, Act::Once(RC, PilotCommand::Disarm)));
             }
-            acts.extend([at(300_000, Act::Once(RC, Word::Arm)), at(302_000, stream(RC, throttle(0)))]);
+            acts.extend([
+                at(300_000, Act::Once(RC, PilotCommand::Arm)),
+                at(302_000, stream(RC, throttle(0))),
+            ]);
             let seen = Seen::of(setup.clone(), acts, vec![], 320);
             seen.is_good().ignitions(0, 1 + usize::from(disarms));
-            seen.only(AT * 1000 + 200, 89_900, 100, |told| told.switch() == Some(Switch::Stop));
-            seen.only(92_000, 301_900, 100, |told| is_standby(told) || matches!(told, Told::Action(_)));
+            seen.only(AT * 1000 + 200, 89_900, 100, |sent| sent.switch() == Some(Switch::Stop));
+            seen.only(92_000, 301_900, 100, |sent| is_standby(sent) || matches!(sent, Sent::Action(_)));
         }
     }
 }
 
 #[test]
 fn another_ecu_is_plugged_in_while_the_link_is_down() {
-    for (old, new, demand) in
-        [(5, 3, Ask::Rpm(120_000)), (5, 3, Ask::Throttle(DEMAND)), (3, 5, Ask::Throttle(DEMAND))]
-    {
+    for (old, new, demand) in [
+        (5, 3, Demanded::Rpm(120_000)),
+        (5, 3, Demanded::Throttle(DEMAND)),
+        (3, 5, Demanded::Throttle(DEMAND)),
+    ] {
         let mut acts = flight(demand);
         acts.push(at(AT * 1000, Act::Swap(new, 10 * SECOND)));
         let seen = Seen::of(Setup::zk_case(old), acts, vec![], 120);
         // One of the first ECU; the engine behind the other is never started.
         seen.is_good().ignitions(0, 1);
-        seen.only(AT * 1000 + 300, 120_000, 100, |told| !is_run(told));
+        seen.only(AT * 1000 + 300, 120_000, 100, |sent| !is_run(sent));
     }
 }
 
 #[test]
 fn one_of_two_engines_fails_in_flight() {
     for setup in [Setup::zk_case(5), Setup::amt_case()] {
-        let mut first = flight(Ask::Throttle(DEMAND));
+        let mut first = flight(Demanded::Throttle(DEMAND));
         first.push(at(AT * 1000 + 60_000, Act::Fault(Fault::FlameOut, MS)));
         let second: Acts = vec![
-            at(500, Act::Once(RC, Word::Arm)),
-            at(500, stream(RC, Word::Standby)),
+            at(500, Act::Once(RC, PilotCommand::Arm)),
+            at(500, stream(RC, PilotCommand::Standby)),
             at(50_000, stream(RC, throttle(0))),
             at(100_000, stream(RC, throttle(DEMAND))),
         ];
         let seen = Seen(case([(setup.clone(), first), (setup.at_port(1), second)], vec![], 200));
         seen.is_good().ignitions(0, 1).ignitions(1, 1).phase_is(1, 199_000, Phase::Running);
         seen.demand_is(1, 199_000, DEMAND);
-        seen.only(AT * 1000 + 60_000 + 45_000, 200_000, 50, |told| !is_run(told));
+        seen.only(AT * 1000 + 60_000 + 45_000, 200_000, 50, |sent| !is_run(sent));
     }
 }
 
@@ -377,9 +382,9 @@ fn a_start_by_one_word_of_a_ground_station_that_is_then_lost() {
     for stream_of in [throttle(0), throttle(300)] {
         for setup in [Setup::zk_case(5), Setup::zk_case(3), Setup::amt_case()] {
             let acts = vec![
-                at(500, Act::Once(MAVLINK, Word::Arm)),
+                at(500, Act::Once(MAVLINK, PilotCommand::Arm)),
                 at(500, stream(BENCH, stream_of)),
-                at(5000, Act::Once(MAVLINK, Word::Standby)),
+                at(5000, Act::Once(MAVLINK, PilotCommand::Standby)),
                 at(7000, Act::Once(MAVLINK, throttle(0))),
             ];
             let seen = Seen::of(setup, acts, vec![], 200);

@@ -1,10 +1,9 @@
 //! When and why the node is reset.
 
+use crate::context::{EngineContext, now};
 use crate::faults::Weather;
 use crate::history::{Cause, MS, SECOND};
 use crate::pilots::Rng;
-use crate::seat::Seat;
-use crate::worlds::now;
 use std::collections::VecDeque;
 
 /// A reset, and what goes with it.
@@ -55,9 +54,9 @@ impl Fate {
     }
 
     /// One that comes sooner, because of what happens to an engine.
-    pub fn sooner(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
+    pub fn sooner(&mut self, rng: &mut Rng, contexts: &[EngineContext], than: u64) -> Option<Blow> {
         match self {
-            Self::Random(random) => random.in_trouble(rng, seats, than),
+            Self::Random(random) => random.in_trouble(rng, contexts, than),
             Self::Script(_) => None,
         }
     }
@@ -86,10 +85,11 @@ impl Random {
     }
 
     /// Resets come often when all pilots of a running engine are silent, or its ECU reports a fault: one brings the other.
-    fn in_trouble(&mut self, rng: &mut Rng, seats: &[Seat], than: u64) -> Option<Blow> {
+    fn in_trouble(&mut self, rng: &mut Rng, contexts: &[EngineContext], than: u64) -> Option<Blow> {
         let at = now();
-        let silent = seats.iter().any(|seat| seat.is_live() && seat.silent_until() > at + 2 * SECOND);
-        let faulty = seats.iter().any(Seat::runs_with_a_fault);
+        let silent =
+            contexts.iter().any(|context| context.is_live() && context.silent_until() > at + 2 * SECOND);
+        let faulty = contexts.iter().any(EngineContext::runs_with_a_fault);
         let trouble = silent || faulty;
         if core::mem::replace(&mut self.in_trouble, trouble) || !trouble || !rng.percent(30) {
             return None;

@@ -16,13 +16,13 @@ pub enum Fault {
     /// Nothing comes through to the ECU.
     CutToEcu,
     CutBoth,
-    /// The node's transmitter stands still.
+    /// The node's transmitter hangs.
     Stall,
     /// Every byte of a direction is damaged: both, to the node, to the ECU.
     Damage(bool, bool),
     /// Some bytes are, on the way to the node; and to the ECU, too.
     Noise(bool),
-    /// So many bytes of a million, from the ECU, have a framing error.
+    /// Bytes per million from the ECU that have a framing error.
     Framing(u32),
     FlameOut,
     HotStarts(bool),
@@ -31,7 +31,7 @@ pub enum Fault {
     Error(u8),
     /// The thermocouple is broken, or its wires touch.
     Sensor(EgtSensor),
-    /// One good frame that says something else than what is so.
+    /// One good frame that reports something else than what is so.
     OneWrongFrame,
     /// A signal on the PWM input of a ZK ECU.
     PwmSignal(bool),
@@ -68,7 +68,7 @@ pub struct Disturber {
     /// Long losses of power.
     long: bool,
     pub signals: bool,
-    /// The flame goes out in many flights: other engines are told.
+    /// The flame goes out in many flights: other engines are informed.
     pub flames: bool,
     /// When it does in this flight.
     flame_out: Option<u64>,
@@ -128,7 +128,7 @@ impl Disturber {
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
-                // Damaged frames stand for frames for 10 s, and no longer.
+                // Damaged frames count as frames for 10 s, and no longer.
                 let longest = if rng.percent(15) { 40 * SECOND } else { 10 * SECOND };
                 let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { longest };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
@@ -201,7 +201,7 @@ impl Disturber {
         notes
     }
 
-    /// When it wants to be called next.
+    /// Time of its next call.
     pub fn next(&self) -> u64 {
         self.current.map_or(self.next, |(_, _, until)| until)
     }
@@ -224,7 +224,7 @@ impl Disturber {
         self.current = Some((fault, now, until));
     }
 
-    /// Ends what is going on, for the end of the history.
+    /// Ends what lasts, for the end of the history.
     pub fn finish(&mut self, history: &mut History, now: u64) {
         if let Some((fault, from, _)) = self.current.take() {
             write_down(history, fault, from, now);
@@ -266,7 +266,7 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
         Fault::HotStarts(hot) => plug.ecu(|ecu| ecu.turbine_mut().hot_start(hot)),
         Fault::NoLight(dark) => plug.ecu(|ecu| ecu.turbine_mut().no_light(dark)),
         Fault::Error(error) => plug.ecu(|ecu| match ecu {
-            AnyEcu::Amt(ecu) => ecu.set_errors(1 << (error % 7)),
+            AnyEcu::Amt(ecu) => ecu.set_errors(amt_errors(error)),
             AnyEcu::Zk(ecu) => ecu.set_error(Some(error)),
         }),
         Fault::Sensor(sensor) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(sensor)),
@@ -343,6 +343,10 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
+        // An AMT ECU reports it itself: "EGT error".
+        Fault::Error(error) if history.is_amt() && amt_errors(error) == sim::amt::error::EGT => {
+            add(&mut history.sensor);
+        }
         _ => {}
     }
 }
@@ -363,4 +367,9 @@ fn wrong_frame(ecu: &AnyEcu, rng: &mut Rng) -> Vec<u8> {
             frame
         }
     }
+}
+
+/// The bit of an AMT error set for one of ZK's error codes.
+const fn amt_errors(error: u8) -> u8 {
+    1 << (error % 7)
 }

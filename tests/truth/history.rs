@@ -1,4 +1,4 @@
-//! What really happened to one engine: what its pilots said, what was on its wire, the power of its ECU, what its turbine
+//! What really happened to one engine: what its pilots commanded, what was on its wire, the power of its ECU, what its turbine
 //! did. Nothing in it comes from the node. All times are in microseconds.
 
 pub use sim::control::Switch;
@@ -11,12 +11,12 @@ pub const SECOND: u64 = 1_000_000;
 
 /// A demand: throttle in 0.1 %, or a shaft speed in rpm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Ask {
+pub enum Demanded {
     Throttle(u32),
     Rpm(u32),
 }
 
-impl core::fmt::Display for Ask {
+impl core::fmt::Display for Demanded {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Throttle(tenths) => write!(f, "{}.{} %", tenths / 10, tenths % 10),
@@ -27,17 +27,17 @@ impl core::fmt::Display for Ask {
 
 /// What a pilot commanded, whatever was answered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Word {
-    /// One word of a stream.
+pub enum PilotCommand {
+    /// One command of a stream.
     Standby,
     /// Standby, the explicit order of a person.
     ShutDown,
-    Run(Ask),
+    Run(Demanded),
     Stop,
     Release,
     Arm,
     Disarm,
-    /// Present, and wants nothing.
+    /// Present, and commands nothing.
     Nothing,
     /// Hand-over to the ECU's PWM input.
     Pwm,
@@ -47,9 +47,9 @@ pub enum Word {
     Ctf,
 }
 
-impl Word {
-    /// A word by which a source is heard as one that commands the engine.
-    pub const fn is_heard(self) -> bool {
+impl PilotCommand {
+    /// A command by which a source counts as one that commands the engine.
+    pub const fn is_received(self) -> bool {
         matches!(
             self,
             Self::Standby
@@ -63,20 +63,20 @@ impl Word {
     }
 }
 
-/// A word, and whose it was: 0 is the highest source.
+/// A command, and its source: 0 is the highest source.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Said {
+pub struct Commanded {
     pub at: u64,
     pub source: usize,
-    pub word: Word,
+    pub command: PilotCommand,
 }
 
-/// What a control frame says.
+/// The command in a control frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Told {
+pub enum Sent {
     /// Every AMT message; ZK ID 1.
     Full(Switch, u32),
-    /// ZK ID 6: the switch, if it says one, and RPM_X.
+    /// ZK ID 6: the switch, if it has one, and RPM_X.
     Mode(Option<Switch>, u8),
     /// ZK ID 7, with RPM_X as it was sent last.
     Rpm(u32),
@@ -92,7 +92,7 @@ pub enum Told {
     Bad([u8; 5]),
 }
 
-impl Told {
+impl Sent {
     /// The switch in it.
     pub const fn switch(self) -> Option<Switch> {
         match self {
@@ -102,10 +102,10 @@ impl Told {
     }
 
     /// The demand in it, for a running engine.
-    pub const fn demand(self) -> Option<Ask> {
+    pub const fn demand(self) -> Option<Demanded> {
         match self {
-            Self::Full(Switch::Run, tenths) => Some(Ask::Throttle(tenths)),
-            Self::Rpm(rpm) => Some(Ask::Rpm(rpm)),
+            Self::Full(Switch::Run, tenths) => Some(Demanded::Throttle(tenths)),
+            Self::Rpm(rpm) => Some(Demanded::Rpm(rpm)),
             _ => None,
         }
     }
@@ -118,7 +118,7 @@ pub struct Frame {
     pub at: u64,
     /// All its bytes came to the ECU as they were sent.
     pub arrived: bool,
-    pub told: Told,
+    pub sent: Sent,
 }
 
 /// The turbine at an instant.
@@ -183,18 +183,18 @@ pub enum Kind {
     Zk(u8),
 }
 
-/// The numbers that the node is configured with, and those of the ECU and turbine that the rules speak of.
+/// The numbers that the node is configured with, and those of the ECU and turbine that the rules use.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rules {
     pub kind: Kind,
     /// From one report, and one send slot, to the next.
     pub period: u64,
-    /// So many reports until the state comes round again.
+    /// Number of reports until the state is repeated.
     pub round: u64,
-    /// Age limit of each source, the highest first.
+    /// Timeout of each source, the highest first.
     pub ages: [u64; 4],
     pub recover_after: u64,
-    /// Within this after its age limit a source comes back without a take-over.
+    /// Within this after its timeout a source comes back without a take-over.
     pub return_within: u64,
     pub takeover: u64,
     pub hold: u64,
@@ -223,11 +223,11 @@ pub struct Rules {
     pub governor: bool,
     /// Longest time that a pump is held open.
     pub pump_bound: u64,
-    /// The ECU gives up so long after the last command: AMT's serial delay, ZK's loss time up to version 4.
+    /// Time from the last command to the ECU's own stop: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
     /// ID 0 alone does not keep a ZK ECU up to version 4 from giving up.
     pub gives_up_on_empty: bool,
-    /// So many reports after a power-up still say what was before it.
+    /// Number of reports after a power-up that still show the state before it.
     pub stale: u64,
     /// From power to the first report.
     pub boot: u64,
@@ -239,7 +239,7 @@ pub struct Rules {
     pub limit_fault: Option<bool>,
     /// A limit of how values change has an action: standby, or the fail-safe. No turbine passes it in order.
     pub limit_change: Option<bool>,
-    /// Share in thousandths to which the demand is reduced while another engine has failed.
+    /// Share in per mille to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
 
@@ -326,7 +326,7 @@ impl Spans {
 pub struct History {
     pub rules: Rules,
     pub end: u64,
-    pub said: Vec<Said>,
+    pub commanded: Vec<Commanded>,
     pub frames: Vec<Frame>,
     pub samples: Vec<Sample>,
     pub marks: Vec<(u64, Mark)>,
@@ -341,13 +341,13 @@ pub struct History {
     pub noise: Spans,
     /// Those on the way to the ECU are.
     pub noise_to_ecu: Spans,
-    /// Nothing that comes from the ECU can be told from garbage.
+    /// Nothing that comes from the ECU can be distinguished from garbage.
     pub garbled: Spans,
     /// Every single byte that comes from the ECU is damaged.
     pub ruined: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
-    /// When a transmitter that stood still went on: what was on its way then is old.
+    /// When a transmitter that hung continued: what was on its way then is old.
     pub stalls: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
@@ -355,7 +355,7 @@ pub struct History {
     pub pwm: Spans,
     /// Another engine of the node does not run although it was to.
     pub other_failed: Spans,
-    /// It has failed for sure: it went out, and nobody told it to.
+    /// It has failed for sure: it went out, and nobody commanded it to.
     pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
@@ -366,7 +366,7 @@ impl History {
         Self {
             rules,
             end: 0,
-            said: Vec::new(),
+            commanded: Vec::new(),
             frames: Vec::new(),
             samples: Vec::new(),
             marks: Vec::new(),
@@ -399,6 +399,21 @@ impl History {
             Kind::Zk(version) => version,
         };
         self.versions.iter().take_while(|(from, _)| *from <= at).last().map_or(first, |(_, version)| *version)
+    }
+
+    /// How many status IDs the ECU sends in turn: the fewest and the most of all that were plugged in.
+    pub fn rounds(&self) -> (u64, u64) {
+        let first = self.rules.round;
+        // ZK-7.
+        let ids = |version| match version {
+            ..=1 => 6,
+            2 => 7,
+            3 | 4 => 8,
+            5 => 9,
+            _ => 10,
+        };
+        let others = || self.versions.iter().map(|(_, version)| ids(*version));
+        (others().fold(first, u64::min), others().fold(first, u64::max))
     }
 
     /// The last sample at or before an instant.
@@ -439,15 +454,24 @@ impl History {
         Spans::from(&self.resets.iter().map(|reset| (reset.down, reset.up)).collect::<Vec<_>>())
     }
 
-    /// What was said in a time, its end included.
-    pub fn said(&self, from: u64, to: u64) -> &[Said] {
-        let first = self.said.partition_point(|said| said.at < from);
-        let last = self.said.partition_point(|said| said.at <= to).max(first);
-        &self.said[first..last]
+    /// What was commanded in a time, its end included.
+    pub fn commanded(&self, from: u64, to: u64) -> &[Commanded] {
+        let first = self.commanded.partition_point(|commanded| commanded.at < from);
+        let last = self.commanded.partition_point(|commanded| commanded.at <= to).max(first);
+        &self.commanded[first..last]
     }
 
-    /// The last word of a source for which this holds, at or before an instant.
-    pub fn last_word(&self, source: usize, at: u64, is: impl Fn(Word) -> bool) -> Option<Said> {
-        self.said(0, at).iter().rev().find(|said| said.source == source && is(said.word)).copied()
+    /// The last command of a source for which this holds, at or before an instant.
+    pub fn last_command(
+        &self,
+        source: usize,
+        at: u64,
+        is: impl Fn(PilotCommand) -> bool,
+    ) -> Option<Commanded> {
+        self.commanded(0, at)
+            .iter()
+            .rev()
+            .find(|commanded| commanded.source == source && is(commanded.command))
+            .copied()
     }
 }

@@ -1,6 +1,6 @@
-//! The judge that knows only the truth: what the pilots said, what was on the wire, the power of the ECU and the turbine.
-//! It is written from the rules, shares nothing with the engine or with the judge of `jetlink/tests/it/supervision`, and believes
-//! nothing that the node says of itself.
+//! The judge that knows only the truth: what the pilots commanded, what was on the wire, the power of the ECU and the turbine.
+//! It is written from the rules, shares nothing with the engine or with the judge of `jetlink/tests/it/supervision`, and uses
+//! nothing that the node reports of itself.
 
 mod control;
 mod demand;
@@ -13,10 +13,10 @@ mod silence;
 mod starts;
 mod stops;
 
-use crate::history::{History, Kind, MS, Mark, Rules, SECOND, Spans};
+use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
 use std::collections::BTreeMap;
 
-pub use control::Voices;
+pub use control::CommandLog;
 pub use limits::failed_for_sure;
 
 /// What must hold.
@@ -24,11 +24,11 @@ pub use limits::failed_for_sure;
 pub enum Rule {
     /// Every ignition follows one source's own standby and run while armed, with the interlocks true; once.
     Ignition,
-    /// An engine at rest is told run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
+    /// An engine at rest is sent run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
     RunAtRest,
     /// Nothing that could start an engine is sent while nobody can know whether it lives.
     Doubt,
-    /// A start that is asked for as documented begins.
+    /// A start that is commanded as documented begins.
     Granted,
     /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
     SilentWire,
@@ -36,29 +36,31 @@ pub enum Rule {
     SilentTurbine,
     /// A stop is on the wire at once, and in every frame until its release.
     Stop,
-    /// An engine that is told standby or stop goes out.
+    /// An engine that is sent standby or stop goes out.
     Obeyed,
     /// No fuel flows into an engine at rest that is hot.
     HotFuel,
     /// A pump that was opened is closed in time.
     Pump,
-    /// Services that move fuel or heat go to a cold, armed engine in standby, when a pilot says so.
+    /// Services that move fuel or heat go to a cold, armed engine in standby, when a pilot commands it.
     Service,
     /// The demand rises at a limited rate.
     Rate,
-    /// An engine that has reached running is not told standby or stop without a reason.
+    /// An engine that has reached running is not sent standby or stop without a reason.
     ShutDown,
-    /// An engine that is told to run is not put out by its ECU for want of commands.
+    /// An engine that is sent run is not put out by its ECU for want of commands.
     GivenUp,
-    /// A demand is not held below what is asked for.
+    /// A demand is not held below what is commanded.
     HeldDown,
+    /// Nor above it, whatever limits it.
+    HeldUp,
     /// A limit that is passed has its action.
     Limit,
     /// A demand is reduced while another engine has failed, where that is configured.
     Reduction,
     /// A source that takes over is held off until it is close, or has waited.
     TakeOver,
-    /// The PWM input is given the engine only when a pilot says so, and for one life of it.
+    /// The PWM input is given the engine only when a pilot commands it, and for one life of it.
     Pwm,
     /// Nothing is sent that the ECU's version does not know; stops are.
     Version,
@@ -67,7 +69,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Ignition,
         Self::RunAtRest,
         Self::Doubt,
@@ -83,6 +85,7 @@ impl Rule {
         Self::ShutDown,
         Self::GivenUp,
         Self::HeldDown,
+        Self::HeldUp,
         Self::Limit,
         Self::Reduction,
         Self::TakeOver,
@@ -134,7 +137,7 @@ impl Verdict {
 /// A history, and what every rule derives from it.
 struct Case<'a> {
     h: &'a History,
-    voices: Voices,
+    command_log: CommandLog,
     /// The turbine is between the ignition and its end.
     live: Spans,
     /// The turbine runs, and burns.
@@ -142,7 +145,7 @@ struct Case<'a> {
     /// The ECU reports a fault.
     faults: Spans,
     down: Spans,
-    /// The ECU says nothing that could be heard: no power, booting, or no wire.
+    /// The ECU sends nothing that could be received: no power, booting, or no wire.
     blind: Spans,
     /// No state of the engine reaches the node.
     hidden: Spans,
@@ -153,7 +156,7 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(h: &'a History) -> Self {
-        // Up to version 4 a ZK ECU that hears nothing says nothing.
+        // Up to version 4 a ZK ECU that receives nothing sends nothing.
         let dumb: Vec<(u64, u64)> =
             h.deaf.iter().filter(|(from, _)| (1..5).contains(&h.version(*from))).collect();
         let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
@@ -162,10 +165,10 @@ impl<'a> Case<'a> {
         // With error sets an AMT ECU gives no state.
         let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
         // A node that begins anew needs two reports; in a loop of resets it may never get them.
-        let learns = down.longer(two_states(&h.rules));
+        let learns = down.longer(two_states(h));
         let silent = blind.union(&h.noise).union(&learns).union(&dumb);
         Self {
-            voices: Voices::new(h),
+            command_log: CommandLog::new(h),
             live: live(h),
             runs: h.times(|sample| sample.runs()),
             hidden: silent.union(&h.times(|sample| sample.hidden)),
@@ -187,26 +190,26 @@ impl<'a> Case<'a> {
         4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
     }
 
-    const fn two_states(&self) -> u64 {
-        two_states(&self.h.rules)
+    fn two_states(&self) -> u64 {
+        two_states(self.h)
     }
 
     /// The longest time until the next report of the engine's state.
-    const fn one_state(&self) -> u64 {
+    fn one_state(&self) -> u64 {
         let rules = &self.h.rules;
-        // AMT has a set without a state now and then. What is said then was decided a slot before it began.
+        // AMT has a set without a state now and then. What is sent then was decided a slot before it began.
         let reports = 1 + rules.stale;
         if self.is_amt() {
             (reports + 1) * rules.period + 150 * MS
         } else {
-            reports * rules.round * rules.period + 2 * rules.period + 150 * MS
+            reports * self.h.rounds().1 * rules.period + 2 * rules.period + 150 * MS
         }
     }
 
     /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
     /// a gap.
     fn starts_of_life(&self) -> Vec<u64> {
-        // AMT says so at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
+        // AMT reports it at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
         let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
         let mut all: Vec<u64> = powered.collect();
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
@@ -216,11 +219,12 @@ impl<'a> Case<'a> {
 }
 
 /// The longest time in which a report of the engine's state comes round twice.
-const fn two_states(rules: &Rules) -> u64 {
+fn two_states(h: &History) -> u64 {
+    let rules = &h.rules;
     let reports = 2 + rules.stale;
     match rules.kind {
         Kind::Amt => (reports + 2) * rules.period + 300 * MS,
-        Kind::Zk(_) => reports * rules.round * rules.period + 400 * MS,
+        Kind::Zk(_) => reports * h.rounds().1 * rules.period + 400 * MS,
     }
 }
 
@@ -246,7 +250,7 @@ pub fn judge(history: &History) -> Verdict {
     case.rate();
     case.shut_down();
     case.given_up();
-    case.held_down();
+    case.held();
     case.limits();
     case.reduction();
     case.take_over();
@@ -256,7 +260,7 @@ pub fn judge(history: &History) -> Verdict {
     let running = case.runs.total();
     let verdict = &mut case.verdict;
     verdict.count("frames", history.frames.len() as u64);
-    verdict.count("words", history.said.len() as u64);
+    verdict.count("commands", history.commanded.len() as u64);
     verdict.count("resets", history.resets.len() as u64);
     verdict.count("seconds of running", running / SECOND);
     let ignitions = history.marks.iter().filter(|(_, mark)| *mark == Mark::Ignition).count();

@@ -6,18 +6,19 @@ mod starts;
 mod stops;
 
 use crate::history::{
-    Ask, Cause, Frame, History, Kind, MS, Mark, Reset, Rules, SECOND, Said, Sample, Spans, Switch, Told, Word,
+    Cause, Commanded, Demanded, Frame, History, Kind, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample,
+    Sent, Spans, Switch,
 };
 use crate::judge::{Rule, Verdict, judge};
 use sim::turbine::Phase;
 
 const AMT: Kind = Kind::Amt;
 const ZK5: Kind = Kind::Zk(5);
-const IDLE: Told = Told::Full(Switch::Run, 0);
-const HALF: Told = Told::Full(Switch::Run, 500);
-const STANDBY: Told = Told::Full(Switch::Standby, 0);
-const STOP: Told = Told::Full(Switch::Stop, 0);
-/// When the engine of [`flight`] has reached running, and when its pilot asks for half throttle, s.
+const IDLE: Sent = Sent::Full(Switch::Run, 0);
+const HALF: Sent = Sent::Full(Switch::Run, 500);
+const STANDBY: Sent = Sent::Full(Switch::Standby, 0);
+const STOP: Sent = Sent::Full(Switch::Stop, 0);
+/// When the engine of [`flight`] has reached running, and when its pilot commands half throttle, s.
 const RUNS: u64 = 30;
 const PILOT: usize = 1;
 
@@ -70,23 +71,23 @@ impl Story {
         Self(History::new(rules(kind)))
     }
 
-    fn says(mut self, source: usize, from: f64, to: f64, word: Word) -> Self {
+    fn streams(mut self, source: usize, from: f64, to: f64, command: PilotCommand) -> Self {
         let mut at = micros(from);
         while at < micros(to) {
-            self.0.said.push(Said { at, source, word });
+            self.0.commanded.push(Commanded { at, source, command });
             at += 100 * MS;
         }
         self
     }
 
-    fn once(self, source: usize, at: f64, word: Word) -> Self {
-        self.says(source, at, at + 0.001, word)
+    fn once(self, source: usize, at: f64, command: PilotCommand) -> Self {
+        self.streams(source, at, at + 0.001, command)
     }
 
-    fn wire(mut self, from: f64, to: f64, told: Told) -> Self {
+    fn wire(mut self, from: f64, to: f64, sent: Sent) -> Self {
         let mut at = micros(from);
         while at < micros(to) {
-            self.0.frames.push(Frame { at: at + MS, arrived: true, told });
+            self.0.frames.push(Frame { at: at + MS, arrived: true, sent });
             at += self.0.rules.period;
         }
         self
@@ -99,7 +100,7 @@ impl Story {
             let done = (step * self.0.rules.period / MS / 2) as u32;
             let tenths = if to > from { (from + done).min(to) } else { from.saturating_sub(done).max(to) };
             let at = micros(at) + step * self.0.rules.period + MS;
-            self.0.frames.push(Frame { at, arrived: true, told: Told::Full(Switch::Run, tenths) });
+            self.0.frames.push(Frame { at, arrived: true, sent: Sent::Full(Switch::Run, tenths) });
         }
         self
     }
@@ -139,7 +140,7 @@ impl Story {
 
     fn judged(mut self) -> Verdict {
         let h = &mut self.0;
-        h.said.sort_by_key(|said| said.at);
+        h.commanded.sort_by_key(|commanded| commanded.at);
         h.frames.sort_by_key(|frame| frame.at);
         h.samples.sort_by_key(|sample| sample.at);
         h.marks.sort_by_key(|(at, _)| *at);
@@ -174,8 +175,8 @@ fn micros(seconds: f64) -> u64 {
 /// Armed and in standby until 4 s, cold.
 fn ready(kind: Kind) -> Story {
     Story::new(kind)
-        .once(PILOT, 1.5, Word::Arm)
-        .says(PILOT, 1.0, 4.0, Word::Standby)
+        .once(PILOT, 1.5, PilotCommand::Arm)
+        .streams(PILOT, 1.0, 4.0, PilotCommand::Standby)
         .wire(1.0, 4.0, STANDBY)
         .turbine(0.0, 5.0, Phase::Standby, 0.0, 15.0)
 }
@@ -183,19 +184,16 @@ fn ready(kind: Kind) -> Story {
 /// Started at 4 s, runs from 30 s on.
 fn started(kind: Kind) -> Story {
     ready(kind)
-        .says(PILOT, 4.0, 31.0, Word::Run(Ask::Throttle(0)))
+        .streams(PILOT, 4.0, 31.0, PilotCommand::Run(Demanded::Throttle(0)))
         .wire(4.0, 31.0, IDLE)
         .mark(5.0, Mark::Ignition)
         .turbine(5.0, RUNS as f64, Phase::FuelRamp, 20_000.0, 400.0)
 }
 
-/// And then at half throttle until this time, s; its pilot goes on with it.
+/// And then at half throttle until this time, s; its pilot continues with it.
 fn flight(kind: Kind, until: f64) -> Story {
-    started(kind).says(PILOT, 31.0, until, Word::Run(Ask::Throttle(500))).wire(31.0, until, HALF).turbine(
-        RUNS as f64,
-        until,
-        Phase::Running,
-        100_000.0,
-        500.0,
-    )
+    started(kind)
+        .streams(PILOT, 31.0, until, PilotCommand::Run(Demanded::Throttle(500)))
+        .wire(31.0, until, HALF)
+        .turbine(RUNS as f64, until, Phase::Running, 100_000.0, 500.0)
 }

@@ -1,13 +1,14 @@
-//! Random worlds, judged by the truth: what pilots said, what was on the wires, the power of the ECUs, and what the
+//! Random worlds, judged by the truth: what pilots commanded, what was on the wires, the power of the ECUs, and what the
 //! simulated turbines did.
 //!
 //! ```sh
 //! cargo test --test truth                                          # some engine-hours
 //! JETLINK_SEED=58 cargo test --test truth replay -- --ignored --nocapture    # one world, with its log
-//! JETLINK_HOURS=100 cargo truth                                    # a hundred; goes on after findings, and counts them
+//! JETLINK_HOURS=100 cargo truth                                    # a hundred; continues after findings, and counts them
 //! ```
 
 mod cases;
+mod context;
 mod fate;
 mod faults;
 mod history;
@@ -15,11 +16,11 @@ mod judge;
 mod judge_tests;
 mod log;
 mod pilots;
-mod seat;
 mod settings;
 mod wire;
 mod worlds;
 
+use history::SECOND;
 use judge::{Rule, Verdict};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -28,7 +29,7 @@ use std::time::Instant;
 
 /// Virtual time of one world, s.
 const WORLD: u64 = 1200;
-/// What may be exempt of the time in which the rules for a healthy engine apply, per mille.
+/// Largest exempt share of the time in which the rules for a healthy engine apply, per mille.
 const EXEMPT: u64 = 20;
 
 /// What many worlds came to.
@@ -97,10 +98,10 @@ fn progress(before: u64, now: u64, engine_seconds: u64) {
     }
 }
 
-/// From so many engine-seconds on, a campaign says how far it is.
+/// From this number of engine-seconds on, a campaign prints its progress.
 const LONG: u64 = 10 * 3600;
 
-/// Plays worlds from this seed on until so many engine-seconds are over, or so many worlds had findings.
+/// Plays worlds from this seed on until this number of engine-seconds is over, or this number of worlds had findings.
 fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, Option<String>) {
     let (seed, done, failed) = (AtomicU64::new(first), AtomicU64::new(0), AtomicU64::new(0));
     let (total, text) = (Mutex::new(Tally::default()), Mutex::new(None));
@@ -123,6 +124,11 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
                     for engine in &world.engines {
                         total.seconds += WORLD;
                         total.add(seed, &engine.verdict);
+                        // At once: a long campaign may not come to its end.
+                        for finding in &engine.verdict.findings {
+                            let (rule, at) = (finding.rule, finding.at as f64 / SECOND as f64);
+                            eprintln!("seed {seed}: {rule:?} at {at:.3} s: {}", finding.text);
+                        }
                     }
                     if world.engines.iter().any(|engine| !engine.verdict.findings.is_empty()) {
                         failed.fetch_add(1, Ordering::Relaxed);
@@ -166,7 +172,7 @@ fn replay() {
 }
 
 #[test]
-#[ignore = "hours; JETLINK_HOURS says how many"]
+#[ignore = "hours; JETLINK_HOURS sets how many"]
 fn campaign() {
     let hours = number("JETLINK_HOURS").unwrap_or(100);
     let (first, threads) =

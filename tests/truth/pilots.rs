@@ -1,6 +1,6 @@
 //! Who commands an engine: people and boxes that know what they see of the turbine, and nothing of what the node thinks.
 
-use crate::history::{Ask, MS, SECOND, Word};
+use crate::history::{Demanded, MS, PilotCommand, SECOND};
 use sim::turbine::Phase;
 
 /// SplitMix64.
@@ -60,13 +60,13 @@ pub struct View {
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Program {
     Silent,
-    /// The same word over and over.
-    Stream(Word),
+    /// The same command over and over.
+    Stream(PilotCommand),
     /// From anywhere to a running engine, and down again, as it is documented.
     Fly(Stage),
-    /// Speaks and falls silent, over and over: so long each.
-    Flap(Ask, u64, u64),
-    /// A ground station: one word at a time.
+    /// Commands and falls silent, over and over, for these times.
+    Flap(Demanded, u64, u64),
+    /// A ground station: one command at a time.
     OneWord(u8),
     /// Standby, and services.
     Service,
@@ -93,7 +93,7 @@ enum Stage {
 pub enum Habit {
     /// Flies.
     Flies,
-    /// Says the same all day below somebody else.
+    /// Repeats one command below another source.
     Below,
     /// Silent for long, then the same demand for a while: takes over.
     Relieves,
@@ -106,12 +106,12 @@ pub struct Pilot {
     /// 0 is the highest.
     pub source: usize,
     habit: Habit,
-    /// From word to word.
+    /// From command to command.
     period: u64,
     pub next: u64,
     program: Program,
     until: u64,
-    stick: Ask,
+    stick: Demanded,
     next_stick: u64,
     armed: bool,
     /// Keeps the stick where it is when the engine goes out.
@@ -124,7 +124,7 @@ pub struct Pilot {
     by_rpm: bool,
     /// Standby of an engine that is ready, before its start.
     patience: u64,
-    /// When it says again that the engine is armed.
+    /// When it commands "arm" again.
     next_arm: u64,
 }
 
@@ -140,7 +140,7 @@ impl Pilot {
             next: first,
             program: Program::Silent,
             until: 0,
-            stick: Ask::Throttle(0),
+            stick: Demanded::Throttle(0),
             next_stick: 0,
             armed: false,
             stubborn: rng.percent(if in_a_group { 70 } else { 30 }),
@@ -159,13 +159,13 @@ impl Pilot {
         self.next = self.next.min(now + self.period);
     }
 
-    fn demand(&self, rng: &mut Rng, view: &View) -> Ask {
+    fn demand(&self, rng: &mut Rng, view: &View) -> Demanded {
         demand(rng, view, self.by_rpm)
     }
 
     fn choose(&mut self, rng: &mut Rng, view: &View) {
         let now = view.now;
-        let ask = self.demand(rng, view);
+        let demanded = self.demand(rng, view);
         self.until = now + rng.wait(60 * SECOND);
         self.program = match (self.habit, rng.below(100)) {
             (Habit::Flies, 0..70) | (Habit::Restless, 0..15) => {
@@ -180,7 +180,7 @@ impl Pilot {
                 Program::Silent
             }
             (Habit::Flies, 82..88) => {
-                Program::Flap(ask, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
+                Program::Flap(demanded, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
             }
             (Habit::Flies, 88..92) | (Habit::Restless, 40..46) => Program::Stop(0),
             (Habit::Flies, 92..95) | (Habit::Restless, 46..51) => Program::Service,
@@ -194,39 +194,47 @@ impl Pilot {
             }
             (Habit::Relieves, _) => {
                 self.until = now + rng.between(10, 40) * SECOND;
-                Program::Stream(Word::Run(Ask::Throttle(rng.pick(&[200, 400, 600, 800]))))
+                Program::Stream(PilotCommand::Run(Demanded::Throttle(rng.pick(&[200, 400, 600, 800]))))
             }
-            (Habit::Below, 0..45) => {
-                Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
-            }
-            (Habit::Below, 45..75) => Program::Stream(Word::Standby),
-            (Habit::Below, 75..88) => Program::Stream(Word::Nothing),
+            (Habit::Below, 0..45) => Program::Stream(PilotCommand::Run(if rng.percent(60) {
+                Demanded::Throttle(0)
+            } else {
+                demanded
+            })),
+            (Habit::Below, 45..75) => Program::Stream(PilotCommand::Standby),
+            (Habit::Below, 75..88) => Program::Stream(PilotCommand::Nothing),
             (Habit::Below, _) => Program::Silent,
             (Habit::Restless, 54..64) => Program::OneWord(0),
             // A transmitter that is on, and commands nothing.
-            (Habit::Restless, 64..68) => Program::Stream(Word::Nothing),
-            (Habit::Restless, 68..76) => {
-                Program::Stream(Word::Run(if rng.percent(60) { Ask::Throttle(0) } else { ask }))
-            }
-            (Habit::Restless, 76..86) => Program::Stream(Word::Standby),
+            (Habit::Restless, 64..68) => Program::Stream(PilotCommand::Nothing),
+            (Habit::Restless, 68..76) => Program::Stream(PilotCommand::Run(if rng.percent(60) {
+                Demanded::Throttle(0)
+            } else {
+                demanded
+            })),
+            (Habit::Restless, 76..86) => Program::Stream(PilotCommand::Standby),
             (Habit::Restless, 86..94) => {
-                // One stray word.
+                // One stray command.
                 self.until = now;
-                Program::Stream(if rng.percent(50) { Word::Standby } else { Word::Run(ask) })
+                Program::Stream(if rng.percent(50) {
+                    PilotCommand::Standby
+                } else {
+                    PilotCommand::Run(demanded)
+                })
             }
             (Habit::Restless, _) => {
-                Program::Flap(ask, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
+                Program::Flap(demanded, rng.spread(50 * MS, 3 * SECOND), rng.spread(300 * MS, 5 * SECOND))
             }
         };
     }
 
-    /// What this pilot says now, and when next.
-    pub fn speak(&mut self, rng: &mut Rng, view: &View) -> Vec<Word> {
+    /// The commands of this pilot now, and when the next ones come.
+    pub fn commands_now(&mut self, rng: &mut Rng, view: &View) -> Vec<PilotCommand> {
         let now = view.now;
         if now < self.next {
             return Vec::new();
         }
-        let mut words = Vec::new();
+        let mut commands = Vec::new();
         if now >= self.until {
             self.choose(rng, view);
         }
@@ -234,63 +242,63 @@ impl Pilot {
         // An arming switch that is sent along with the stick.
         if self.armed && now >= self.next_arm && !matches!(self.program, Program::Silent) {
             self.next_arm = now + rng.wait(4 * SECOND);
-            words.push(Word::Arm);
+            commands.push(PilotCommand::Arm);
         }
         let by_rpm = self.by_rpm;
         match &mut self.program {
             Program::Silent => self.next = self.until.max(now + MS),
-            Program::Stream(word) => words.push(*word),
-            Program::Flap(ask, on, off) => {
-                words.push(Word::Run(*ask));
+            Program::Stream(command) => commands.push(*command),
+            Program::Flap(demanded, on, off) => {
+                commands.push(PilotCommand::Run(*demanded));
                 if now % (*on + *off) < *off {
                     self.next = now + *off;
                 }
             }
             Program::OneWord(step) => {
-                let word = match *step {
-                    0 => Word::Arm,
-                    1 => Word::Standby,
-                    2 => Word::Run(Ask::Throttle(0)),
-                    3 => Word::Run(demand(rng, view, by_rpm)),
-                    _ if rng.percent(50) => Word::ShutDown,
-                    _ => Word::Standby,
+                let command = match *step {
+                    0 => PilotCommand::Arm,
+                    1 => PilotCommand::Standby,
+                    2 => PilotCommand::Run(Demanded::Throttle(0)),
+                    3 => PilotCommand::Run(demand(rng, view, by_rpm)),
+                    _ if rng.percent(50) => PilotCommand::ShutDown,
+                    _ => PilotCommand::Standby,
                 };
                 *step += 1;
-                words.push(word);
+                commands.push(command);
                 self.next = now + rng.spread(300 * MS, 20 * SECOND);
                 if *step == 5 {
                     self.until = now;
                 }
             }
             Program::Service => {
-                words.push(Word::Standby);
+                commands.push(PilotCommand::Standby);
                 if rng.percent(3) {
-                    words.push(Word::Service(rng.pick(&[1, 2, 3, 4, 5, 6, 12, 12, 13, 10])));
+                    commands.push(PilotCommand::Service(rng.pick(&[1, 2, 3, 4, 5, 6, 12, 12, 13, 10])));
                 }
                 if rng.percent(1) {
-                    words.push(if rng.percent(60) { Word::Arm } else { Word::Disarm });
+                    commands.push(if rng.percent(60) { PilotCommand::Arm } else { PilotCommand::Disarm });
                 }
             }
             Program::Pwm(step) => {
                 *step += 1;
-                words.push(match *step {
-                    1 | 20 => Word::Arm,
-                    2..20 => Word::Standby,
-                    21 => Word::Pwm,
+                commands.push(match *step {
+                    1 | 20 => PilotCommand::Arm,
+                    2..20 => PilotCommand::Standby,
+                    21 => PilotCommand::Pwm,
                     _ => {
                         self.next = self.until.max(now + MS);
-                        return words;
+                        return commands;
                     }
                 });
             }
             Program::Stop(step) => {
                 *step += 1;
-                let (word, wait) = match *step {
-                    1 => (Word::Stop, rng.spread(100 * MS, 60 * SECOND)),
-                    2 => (Word::Release, rng.spread(10 * MS, 5 * SECOND)),
-                    3 => (Word::Release, rng.spread(10 * MS, 5 * SECOND)),
-                    4 => (Word::Disarm, rng.spread(10 * MS, 5 * SECOND)),
-                    _ => (Word::Arm, 100 * MS),
+                let (command, wait) = match *step {
+                    1 => (PilotCommand::Stop, rng.spread(100 * MS, 60 * SECOND)),
+                    2 => (PilotCommand::Release, rng.spread(10 * MS, 5 * SECOND)),
+                    3 => (PilotCommand::Release, rng.spread(10 * MS, 5 * SECOND)),
+                    4 => (PilotCommand::Disarm, rng.spread(10 * MS, 5 * SECOND)),
+                    _ => (PilotCommand::Arm, 100 * MS),
                 };
                 self.next = now + wait;
                 self.until = u64::MAX;
@@ -299,30 +307,30 @@ impl Pilot {
                     self.armed |= *step == 5;
                     self.until = now;
                 }
-                words.push(word);
+                commands.push(command);
             }
-            Program::Fly(_) => self.flight(rng, view, &mut words),
+            Program::Fly(_) => self.flight(rng, view, &mut commands),
         }
-        words
+        commands
     }
 
-    fn flight(&mut self, rng: &mut Rng, view: &View, words: &mut Vec<Word>) {
+    fn flight(&mut self, rng: &mut Rng, view: &View, commands: &mut Vec<PilotCommand>) {
         let now = view.now;
         let Program::Fly(stage) = &mut self.program else { return };
         if !core::mem::replace(&mut self.armed, true) {
             if rng.percent(60) {
-                words.extend([Word::Release, Word::Disarm]);
+                commands.extend([PilotCommand::Release, PilotCommand::Disarm]);
             }
-            words.push(Word::Arm);
+            commands.push(PilotCommand::Arm);
             self.next_arm = now + rng.wait(4 * SECOND);
         }
         if rng.percent(1) && rng.percent(2) {
-            words.push(Word::Disarm);
+            commands.push(PilotCommand::Disarm);
             self.next_arm = now + rng.wait(4 * SECOND);
         }
         match *stage {
             Stage::Standby(since) => {
-                words.push(Word::Standby);
+                commands.push(PilotCommand::Standby);
                 let ready =
                     matches!(view.phase, Phase::Standby | Phase::Stopped) && view.egt < view.cool - 5.0;
                 let ready = ready || self.hasty && !view.phase.is_live();
@@ -332,7 +340,7 @@ impl Pilot {
                 *stage = match since {
                     Some(since) if now > since + self.patience => {
                         if self.period < 200 * MS && rng.percent(50) {
-                            words.pop();
+                            commands.pop();
                         }
                         Stage::Start(now)
                     }
@@ -341,10 +349,10 @@ impl Pilot {
             }
             Stage::Start(since) => {
                 let up = rng.percent(1) && rng.percent(10);
-                words.push(Word::Run(if up { self.stick } else { Ask::Throttle(0) }));
+                commands.push(PilotCommand::Run(if up { self.stick } else { Demanded::Throttle(0) }));
                 // A person ends it, beside what is streamed.
                 if rng.below(200 * SECOND) < self.period {
-                    words.push(Word::ShutDown);
+                    commands.push(PilotCommand::ShutDown);
                 }
                 if rng.below(300 * SECOND) < self.period {
                     self.next = now + rng.spread(300 * MS, 40 * SECOND);
@@ -367,7 +375,7 @@ impl Pilot {
                     self.next_stick = now + rng.spread(least, 60 * SECOND);
                     self.stick = demand(rng, view, self.by_rpm);
                 }
-                words.push(Word::Run(self.stick));
+                commands.push(PilotCommand::Run(self.stick));
                 // A link that is lost for a while; at most of the times for as long as a person takes to notice.
                 if rng.below(60 * SECOND) < self.period {
                     let most = if rng.percent(20) { 200 } else { 20 };
@@ -375,7 +383,7 @@ impl Pilot {
                     return;
                 }
                 if rng.percent(1) && rng.percent(3) {
-                    words.push(Word::Ctf);
+                    commands.push(PilotCommand::Ctf);
                 }
                 let out = view.phase != Phase::Running && !self.stubborn && rng.percent(2);
                 if now >= until || out {
@@ -383,7 +391,7 @@ impl Pilot {
                 }
             }
             Stage::Down(until) => {
-                words.push(Word::Standby);
+                commands.push(PilotCommand::Standby);
                 if now >= until {
                     self.until = now;
                 }
@@ -393,13 +401,13 @@ impl Pilot {
 }
 
 /// A demand, at times one that makes no sense.
-fn demand(rng: &mut Rng, view: &View, by_rpm: bool) -> Ask {
+fn demand(rng: &mut Rng, view: &View, by_rpm: bool) -> Demanded {
     if let Some(max) = view.max_rpm
         && rng.percent(if by_rpm { 100 } else { 40 })
     {
         let most = if rng.percent(10) { u64::from(max) * 101 / 100 } else { max.into() };
         let rpm = rng.between(u64::from(max) / 4, most) as u32;
-        return Ask::Rpm(rpm / 100 * 100);
+        return Demanded::Rpm(rpm / 100 * 100);
     }
-    Ask::Throttle(rng.pick(&[0, 200, 400, 600, 800, 1000, 1000]).min(rng.below(400) as u32 + 600))
+    Demanded::Throttle(rng.pick(&[0, 200, 400, 600, 800, 1000, 1000]).min(rng.below(400) as u32 + 600))
 }

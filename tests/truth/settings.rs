@@ -1,6 +1,6 @@
 //! How the engines of a world are configured, and which ECUs they have: every temper that the documents allow.
 
-use crate::history::{Ask, Kind, MS, Rules, SECOND, Word};
+use crate::history::{Demanded, Kind, MS, PilotCommand, Rules, SECOND};
 use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
@@ -119,7 +119,7 @@ impl Setup {
     }
 }
 
-/// The settings of so many engines of one node.
+/// The settings of the engines of one node.
 pub fn setups(rng: &mut Rng, count: usize) -> Vec<Setup> {
     let gap = Duration::from_millis(rng.pick(&[0, 3000, 10_000]));
     // They spare each other: then all of them do.
@@ -354,26 +354,26 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
     }
 }
 
-/// The command that a word is; `None` where the node has none for it.
-pub fn command(word: Word, amt: bool) -> Option<Command> {
-    let demand = |ask| match ask {
-        Ask::Throttle(tenths) => Demand::Throttle(throttle(tenths as u16)),
-        Ask::Rpm(rpm) => Demand::Rpm(Rpm::new(rpm)),
+/// The node's command for a pilot's; `None` where the node has none for it.
+pub fn command(command: PilotCommand, amt: bool) -> Option<Command> {
+    let demand = |demanded| match demanded {
+        Demanded::Throttle(tenths) => Demand::Throttle(throttle(tenths as u16)),
+        Demanded::Rpm(rpm) => Demand::Rpm(Rpm::new(rpm)),
     };
-    Some(match word {
-        Word::Standby => Command::Standby,
-        Word::ShutDown => Command::ShutDown,
-        Word::Run(ask) => Command::Run(demand(ask)),
-        Word::Stop => Command::EmergencyStop,
-        Word::Release => Command::ReleaseStop,
-        Word::Arm => Command::Arm,
-        Word::Disarm => Command::Disarm,
-        Word::Nothing => Command::Present,
-        Word::Pwm => Command::HandOverToPwm,
-        Word::Service(_) if amt => return None,
-        Word::Service(number) => Command::Service(Service::Zk(ZkService::Action(action(number)?))),
-        Word::Ctf if amt => Command::Service(Service::Amt(AmtService::Ctf)),
-        Word::Ctf => return None,
+    Some(match command {
+        PilotCommand::Standby => Command::Standby,
+        PilotCommand::ShutDown => Command::ShutDown,
+        PilotCommand::Run(demanded) => Command::Run(demand(demanded)),
+        PilotCommand::Stop => Command::EmergencyStop,
+        PilotCommand::Release => Command::ReleaseStop,
+        PilotCommand::Arm => Command::Arm,
+        PilotCommand::Disarm => Command::Disarm,
+        PilotCommand::Nothing => Command::Present,
+        PilotCommand::Pwm => Command::HandOverToPwm,
+        PilotCommand::Service(_) if amt => return None,
+        PilotCommand::Service(number) => Command::Service(Service::Zk(ZkService::Action(action(number)?))),
+        PilotCommand::Ctf if amt => Command::Service(Service::Amt(AmtService::Ctf)),
+        PilotCommand::Ctf => return None,
     })
 }
 

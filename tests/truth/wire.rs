@@ -1,6 +1,6 @@
-//! The control frames in the record of a wire, in the words of the judge. What the bytes mean is up to the simulation's reader.
+//! The control frames in the record of a wire, in the terms of the judge. What the bytes mean is up to the simulation's reader.
 
-use crate::history::{Frame, Told};
+use crate::history::{Frame, Sent};
 use sim::any::Protocol;
 use sim::control::{self, Command};
 use sim::wire::Entry;
@@ -19,22 +19,22 @@ impl Reader {
         let frame = |frame: control::Frame| Frame {
             at: frame.start / 1000,
             arrived: frame.delivered,
-            told: told(&frame),
+            sent: sent(&frame),
         };
         self.0.read(record).map(frame).collect()
     }
 }
 
-fn told(frame: &control::Frame) -> Told {
-    let Ok(command) = frame.command else { return Told::Bad(frame.raw) };
+fn sent(frame: &control::Frame) -> Sent {
+    let Ok(command) = frame.command else { return Sent::Bad(frame.raw) };
     match (command, command.switch(), command.throttle_tenths()) {
-        // In ID 6 a switch of 0 says nothing.
-        (Command::Zk(ZkCommand::Switch { factor, .. }), switch, _) => Told::Mode(switch, factor),
-        (_, Some(switch), Some(tenths)) => Told::Full(switch, tenths.into()),
-        (Command::Amt(_), ..) => Told::Ctf,
-        (Command::Zk(ZkCommand::Empty), ..) => Told::Nothing,
-        (Command::Zk(ZkCommand::Action(action)), ..) => Told::Action(action.number()),
+        // In ID 6 a switch of 0 means nothing.
+        (Command::Zk(ZkCommand::Switch { factor, .. }), switch, _) => Sent::Mode(switch, factor),
+        (_, Some(switch), Some(tenths)) => Sent::Full(switch, tenths.into()),
+        (Command::Amt(_), ..) => Sent::Ctf,
+        (Command::Zk(ZkCommand::Empty), ..) => Sent::Nothing,
+        (Command::Zk(ZkCommand::Action(action)), ..) => Sent::Action(action.number()),
         // Without a factor a speed means nothing, and the ECU ignores it.
-        (Command::Zk(other), ..) => frame.rpm().map_or(Told::Other(other.id()), Told::Rpm),
+        (Command::Zk(other), ..) => frame.rpm().map_or(Sent::Other(other.id()), Sent::Rpm),
     }
 }

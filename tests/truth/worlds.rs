@@ -1,13 +1,12 @@
 //! Random worlds: one to three engines with simulated ECUs of every temper on a node that is reset now and then, and
 //! pilots that command them well and badly. Everything comes from one seed.
 
+use crate::context::{Act, EngineContext, Judged, LOOK, now};
 use crate::fate::{Blow, Fate};
 use crate::faults::Weather;
 use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
-use crate::judge::{Verdict, failed_for_sure};
-use crate::log;
+use crate::judge::failed_for_sure;
 use crate::pilots::Rng;
-use crate::seat::{Act, Seat};
 use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
 use jetlink::channel::Handle;
@@ -25,33 +24,10 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
 
-/// From look to look at the turbines.
-pub const LOOK: u64 = 50 * MS;
-
-/// One engine of a world, judged.
-pub struct Judged {
-    pub name: String,
-    pub history: History,
-    pub verdict: Verdict,
-    pub notes: Vec<(u64, String)>,
-}
-
 /// A world that was played.
 pub struct World {
     pub seed: u64,
     pub engines: Vec<Judged>,
-}
-
-impl World {
-    /// What happened, for a reader; around the findings only, unless the whole is wanted.
-    pub fn report(&self, whole: bool) -> String {
-        log::report(self, whole)
-    }
-}
-
-/// How long this thread's clock has run, µs.
-pub fn now() -> u64 {
-    clock::now_ns() / 1000
 }
 
 /// The words behind a record, to write them as a loss of power would leave them.
@@ -65,7 +41,7 @@ fn words(memory: &RetainedMemory) -> &[AtomicU32] {
     unsafe { core::slice::from_raw_parts(std::ptr::from_ref(memory).cast(), size_of::<RetainedMemory>() / 4) }
 }
 
-/// Plays one world of so many seconds.
+/// Plays one world of this duration, s.
 pub fn run(seed: u64, seconds: u64) -> World {
     let mut rng = Rng(seed);
     match rng.below(10) {
@@ -79,20 +55,20 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     clock::reset();
     let weather = rng.pick(&[Weather::Calm, Weather::Fair, Weather::Fair, Weather::Rough]);
     let mut setups = settings::setups(rng, N);
-    let seats = setups.drain(..).map(|setup| Seat::random(rng, setup, weather)).collect();
+    let contexts = setups.drain(..).map(|setup| EngineContext::random(rng, setup, weather)).collect();
     let fate = Fate::random(rng, weather);
     let together = if N > 1 && rng.percent(60) { rng.wait(150 * SECOND) } else { u64::MAX };
-    play::<N>(seed, rng, seats, fate, together, seconds * SECOND)
+    play::<N>(seed, rng, contexts, fate, together, seconds * SECOND)
 }
 
 /// Plays a case: what happens to each engine, and to the node.
 pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
     clock::reset();
-    let seats = engines.into_iter().map(|(setup, acts)| Seat::scripted(setup, acts)).collect();
-    play::<N>(0, &mut Rng(1), seats, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
+    let contexts = engines.into_iter().map(|(setup, acts)| EngineContext::scripted(setup, acts)).collect();
+    play::<N>(0, &mut Rng(1), contexts, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
 }
 
-type Wired = (Seat, (WireRx, WireTx));
+type Wired = (EngineContext, (WireRx, WireTx));
 
 /// `together`: when all engines are flown from standby on, the first time; `u64::MAX`: each when its pilot likes.
 fn play<const N: usize>(
@@ -103,9 +79,9 @@ fn play<const N: usize>(
     mut together: u64,
     end: u64,
 ) -> World {
-    let (mut seats, mut halves): (Vec<Seat>, Vec<_>) = wired.into_iter().unzip();
-    let configs: [_; N] = std::array::from_fn(|port| seats[port].setup.config);
-    let others: [_; N] = std::array::from_fn(|port| seats[port].setup.other_settings());
+    let (mut contexts, mut halves): (Vec<EngineContext>, Vec<_>) = wired.into_iter().unzip();
+    let configs: [_; N] = std::array::from_fn(|port| contexts[port].setup.config);
+    let others: [_; N] = std::array::from_fn(|port| contexts[port].setup.other_settings());
     let (mut other_settings, mut other_engine, mut before) = (false, false, Cause::PowerOn);
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [RetainedMemory; N] =
@@ -116,7 +92,7 @@ fn play<const N: usize>(
             configs.iter_mut().for_each(|config| config.name = "other");
         }
         let ended =
-            boot(rng, &mut seats, &mut halves, &configs, memory, before, &mut fate, &mut together, end);
+            boot(rng, &mut contexts, &mut halves, &configs, memory, before, &mut fate, &mut together, end);
         let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
         other_engine ^= other;
@@ -126,37 +102,37 @@ fn play<const N: usize>(
         }
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
-        for seat in &mut seats {
+        for context in &mut contexts {
             if with_ecu {
-                seat.power_off(rng, down_at + down);
+                context.power_off(rng, down_at + down);
             }
             let with = if with_ecu { ", and the ECU loses its power, too" } else { "" };
-            seat.note(format!("the node is reset ({cause:?}), {} ms without it{with}", down / MS));
+            context.note(format!("the node is reset ({cause:?}), {} ms without it{with}", down / MS));
         }
         if cause == Cause::PowerOn {
             for word in memory.iter().flat_map(words) {
                 word.store(rng.next() as u32, Ordering::Relaxed);
             }
         }
-        halves = down_for(rng, &mut seats, down_at + down, end);
-        for seat in &mut seats {
-            seat.history.resets.push(Reset { down: down_at, up: now(), cause });
+        halves = down_for(rng, &mut contexts, down_at + down, end);
+        for context in &mut contexts {
+            context.history.resets.push(Reset { down: down_at, up: now(), cause });
         }
     }
-    seats.iter_mut().for_each(Seat::end);
-    let ends: Vec<Spans> = seats.iter().map(|seat| may_have_failed(&seat.history)).collect();
-    let sure: Vec<Spans> = seats.iter().map(|seat| failed_for_sure(&seat.history)).collect();
+    contexts.iter_mut().for_each(EngineContext::end);
+    let ends: Vec<Spans> = contexts.iter().map(|context| may_have_failed(&context.history)).collect();
+    let sure: Vec<Spans> = contexts.iter().map(|context| failed_for_sure(&context.history)).collect();
     let engines = (0..N).map(|port| {
         let others = |of: &[Spans]| {
             let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
             others.fold(Spans::default(), |all, spans| all.union(spans))
         };
-        seats[port].judged(others(&ends), others(&sure))
+        contexts[port].judged(others(&ends), others(&sure))
     });
     World { seed, engines: engines.collect() }
 }
 
-/// When another engine may count as failed: at rest after it ran, with a fault, or not heard.
+/// When another engine may count as failed: at rest after it ran, with a fault, or not received.
 fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;
     let mut spans = Spans::default();
@@ -167,21 +143,21 @@ fn may_have_failed(history: &History) -> Spans {
             spans.push(pair[0].at, pair[1].at);
         }
     }
-    let unheard = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
-    spans.union(&unheard).longer(5 * SECOND)
+    let not_received = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
+    spans.union(&not_received).longer(5 * SECOND)
 }
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
-/// What always goes on: the wires and the ECUs.
+/// What always continues: the wires and the ECUs.
 #[expect(clippy::disallowed_methods, reason = "time passes, whether or not anybody waits")]
-fn nature(seats: &[Seat]) -> Tasks<'static> {
+fn nature(contexts: &[EngineContext]) -> Tasks<'static> {
     let mut tasks: Tasks<'static> = Vec::new();
-    for seat in seats {
-        let plug = seat.plug.clone();
-        tasks.push(Box::pin(async move { match plug.run().await {} }));
+    for context in contexts {
+        let plug = context.plug.clone();
+        tasks.push(Box::pin(clock::task(async move { match plug.run().await {} })));
     }
-    // An ECU without power wants nothing.
+    // An ECU without power has no next wake.
     tasks.push(Box::pin(async {
         let mut ticker = Ticker::every(Duration::from_secs(1));
         loop {
@@ -201,44 +177,44 @@ async fn poll_all(tasks: &mut Tasks<'_>) {
     .await;
 }
 
-/// Everything but the node does what it does, once.
-fn everybody(rng: &mut Rng, seats: &mut [Seat], handles: &[Handle<'_>], look: bool) {
-    for (port, seat) in seats.iter_mut().enumerate() {
-        seat.act(rng, handles.get(port));
+/// Lets everything but the node act once.
+fn act_all(rng: &mut Rng, contexts: &mut [EngineContext], handles: &[Handle<'_>], look: bool) {
+    for (port, context) in contexts.iter_mut().enumerate() {
+        context.act(rng, handles.get(port));
         if look {
-            seat.look();
+            context.look();
         }
     }
 }
 
-/// When anybody wants something next.
-fn next(seats: &[Seat], look_at: u64) -> u64 {
+/// Time of the next event.
+fn next(contexts: &[EngineContext], look_at: u64) -> u64 {
     let at = now();
-    seats.iter().map(|seat| seat.next().max(at + MS)).chain([look_at]).min().unwrap_or(look_at)
+    contexts.iter().map(|context| context.next().max(at + MS)).chain([look_at]).min().unwrap_or(look_at)
 }
 
 /// The rest of the world, while there is no node.
-fn down_for(rng: &mut Rng, seats: &mut [Seat], until: u64, end: u64) -> Vec<(WireRx, WireTx)> {
-    let mut tasks = nature(seats);
+fn down_for(rng: &mut Rng, contexts: &mut [EngineContext], until: u64, end: u64) -> Vec<(WireRx, WireTx)> {
+    let mut tasks = nature(contexts);
     let mut all = pin!(poll_all(&mut tasks));
     let mut look_at = now();
     while now() < until.min(end) {
         let look = now() >= look_at;
-        everybody(rng, seats, &[], look);
+        act_all(rng, contexts, &[], look);
         if look {
             look_at = now() + LOOK;
         }
-        let next = next(seats, look_at).min(until);
+        let next = next(contexts, look_at).min(until);
         clock::run_for(all.as_mut(), Duration::from_micros(next - now()));
     }
-    seats.iter().map(|seat| seat.plug.reset_node()).collect()
+    contexts.iter().map(|context| context.plug.reset_node()).collect()
 }
 
 /// The node runs until it is reset; `None`: until the end.
 #[expect(clippy::too_many_arguments, reason = "all that a node consists of")]
 fn boot<const N: usize>(
     rng: &mut Rng,
-    seats: &mut [Seat],
+    contexts: &mut [EngineContext],
     halves: &mut Vec<(WireRx, WireTx)>,
     configs: &[EngineConfig; N],
     memory: &'static [RetainedMemory; N],
@@ -253,13 +229,14 @@ fn boot<const N: usize>(
     };
     let node = Node::new(configs, Some((memory, reset))).expect("valid");
     let handles = node.handles();
-    let mut tasks: Tasks<'_> = nature(seats);
-    for ((runner, (rx, tx)), seat) in node.runners().into_iter().zip(halves.drain(..)).zip(seats.iter()) {
+    let mut tasks: Tasks<'_> = nature(contexts);
+    for ((runner, (rx, tx)), context) in node.runners().into_iter().zip(halves.drain(..)).zip(contexts.iter())
+    {
         // As the firmware's interrupt does it.
         let errors = Rc::new(LineErrors::new());
         let counted = Rc::clone(&errors);
-        seat.plug.on_framing_error(move || counted.count(LineError::Framing));
-        tasks.push(Box::pin(async move { runner.run(rx, tx, &errors).await }));
+        context.plug.on_framing_error(move || counted.count(LineError::Framing));
+        tasks.push(Box::pin(clock::task(async move { runner.run(rx, tx, &errors).await })));
     }
     let mut all = pin!(poll_all(&mut tasks));
     let mut blow = fate.next(rng);
@@ -275,15 +252,15 @@ fn boot<const N: usize>(
         }
         if at >= *together {
             *together = at + rng.wait(300 * SECOND);
-            seats.iter_mut().for_each(|seat| seat.fly(rng));
+            contexts.iter_mut().for_each(|context| context.fly(rng));
         }
         let look = at >= look_at;
-        everybody(rng, seats, &handles, look);
+        act_all(rng, contexts, &handles, look);
         if look {
             look_at = at + LOOK;
-            blow = fate.sooner(rng, seats, reset_at).or(blow);
+            blow = fate.sooner(rng, contexts, reset_at).or(blow);
         }
-        let next = next(seats, look_at).min(reset_at).max(at + 1);
+        let next = next(contexts, look_at).min(reset_at).max(at + 1);
         clock::run_for(all.as_mut(), Duration::from_micros(next - at));
     }
 }

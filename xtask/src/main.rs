@@ -9,6 +9,7 @@ mod environment;
 mod pin;
 mod task;
 
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use task::Task;
 
@@ -43,6 +44,13 @@ fn prepare(arguments: &[String]) -> Result<Command, String> {
     environment::check_toolchain()?;
     for program in task.programs() {
         environment::check_program(program)?;
+    }
+    let target = std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target"), PathBuf::from);
+    if let Some((folder, text)) = task.first_build(&target)
+        && !folder.exists()
+    {
+        eprintln!("{text}");
     }
     let mut cargo = environment::cargo();
     cargo.args(task.cargo_arguments());

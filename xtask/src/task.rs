@@ -1,9 +1,10 @@
-//! The aliases, and the `cargo` command that each stands for.
+//! The aliases, and the `cargo` command of each.
 
 use crate::environment::Program;
 use crate::pin;
 use boards::{BOARDS, Board};
 use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
 
 const QEMU: Program = Program {
     name: "qemu-system-arm",
@@ -12,6 +13,11 @@ const QEMU: Program = Program {
 };
 const PROBE_RS: Program =
     Program { name: "probe-rs", install: "cargo install probe-rs-tools --locked (see https://probe.rs)" };
+
+/// Size of a target folder with the first image, for an STM32H743, in MB; 22 November 2026.
+const IMAGE_MB: u32 = 610;
+/// Size of the emulator's target folder with its tests, in MB; 22 November 2026.
+const EMULATION_MB: u32 = 760;
 
 /// The manifest of the emulator's workspace.
 const EMULATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml");
@@ -70,6 +76,30 @@ impl<'a> Task<'a> {
         }
     }
 
+    /// The folder that its first build makes, in the target folder named `target` or in that of the emulator, and what is printed
+    /// before it, as it takes minutes. `None`: it starts `cargo fw`, which prints it.
+    pub fn first_build(&self, target: &Path) -> Option<(PathBuf, String)> {
+        let image = target.join(pin::target()).join("release");
+        Some(match self {
+            Self::Image(_) | Self::Qemu(..) => return None,
+            Self::Emu(_) | Self::EmuRun(_) | Self::EmuRecord(..) => {
+                let folder = Path::new(EMULATION).with_file_name("target");
+                let text = format!(
+                    "the first time, the emulator and the images are built, which takes minutes and {EMULATION_MB} MB \
+                     in emulation/target, beside the images"
+                );
+                (folder, text)
+            }
+            _ => {
+                let text = format!(
+                    "the first time, all that an image is made of is built, which takes minutes and {IMAGE_MB} MB in {}",
+                    target.display()
+                );
+                (image, text)
+            }
+        })
+    }
+
     /// The arguments of `cargo`.
     pub fn cargo_arguments(&self) -> Vec<String> {
         let firmware =
@@ -79,16 +109,18 @@ impl<'a> Task<'a> {
         let emu = [run, &["--manifest-path", EMULATION, "--bin", "emu", "--"]].concat();
         match self {
             Self::Fw(features, more) => {
-                strings(&[&["build"], &firmware[..], &["--features", features]].concat(), more)
+                let flags = flags();
+                strings(
+                    &[&["build"], &firmware[..], &["--features", features, "--config", &flags]].concat(),
+                    more,
+                )
             }
-            Self::Image(more) => {
-                strings(&["run", "--package", "host", "--bin", "jetlink", "--", "image"], more)
-            }
+            Self::Image(more) => strings(&["run", "--package", "image", "--"], more),
             Self::Flash(board, more) => {
                 let features = format!("board-{}", board.name);
                 let chip = board.chip.probe_rs;
                 let runner = format!("target.{}.runner = 'probe-rs run --chip {chip}'", pin::target());
-                let these = ["--features", &features, "--config", &runner];
+                let these = ["--features", &features, "--config", &runner, "--config", &flags()];
                 strings(&[&["run"], &firmware[..], &these].concat(), more)
             }
             Self::Emu(more) => strings(&[&emu[..], &["emu"]].concat(), more),
@@ -103,6 +135,31 @@ impl<'a> Task<'a> {
             }
         }
     }
+}
+
+/// Where cargo unpacks what comes from crates.io, in its home.
+const REGISTRY: &str = "registry/src";
+/// The folder of crates.io in it, which is the same everywhere.
+const CRATES_IO: &str = "index.crates.io-1949cf8c6b5b557f";
+
+/// Flags of the compiler. They are here and not in `.cargo/config.toml`, because some depend on this machine.
+fn flags() -> String {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| std::env::home_dir().map(|home| home.join(".cargo"))).unwrap_or_default();
+    let registry = home.join(REGISTRY);
+    let flags = [
+        // A panic names its file from the name of its package on: an image holds 40 of these names, and is the same for every person who builds
+        // it. The names for a debugger stay whole. The last one that fits counts.
+        "--remap-path-scope=macro".to_owned(),
+        format!("--remap-path-prefix={}=", registry.display()),
+        format!("--remap-path-prefix={}=", registry.join(CRATES_IO).display()),
+        // 0.9 kB in place of 7.4 kB: what is hashed is a signed frame now and then, and no stream.
+        "--cfg=sha2_backend_soft=\"compact\"".to_owned(),
+        // Functions and constants that are the same to the byte are linked once.
+        "-Clink-arg=--icf=all".to_owned(),
+    ];
+    // Literal strings of TOML: the name of a folder may have a backslash.
+    format!("target.{}.rustflags = [{}]", pin::target(), flags.map(|flag| format!("'{flag}'")).join(", "))
 }
 
 fn strings(first: &[&str], more: &[String]) -> Vec<String> {

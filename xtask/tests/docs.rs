@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 #[test]
-fn each_page_says_first_for_whom_it_is() {
+fn each_page_begins_with_its_readers() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
     let mut pages = 0;
     for entry in fs::read_dir(folder).expect("docs/ is there") {
@@ -19,7 +19,7 @@ fn each_page_says_first_for_whom_it_is() {
         let first = lines.next().unwrap_or_default();
         assert!(title.starts_with("# "), "{}: {title}", path.display());
         assert!(
-            first.starts_with("For whoever ") || first.starts_with("For the "),
+            first.starts_with("For anyone who ") || first.starts_with("For the "),
             "{}: {first}",
             path.display()
         );

@@ -23,6 +23,7 @@ static STARTING: Mutex<()> = Mutex::new(());
 /// A computer: what is in PATH, and nothing else.
 struct Computer {
     folder: PathBuf,
+    target: PathBuf,
 }
 
 impl Computer {
@@ -52,7 +53,7 @@ impl Computer {
         let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
         let _ = fs::remove_dir_all(&folder); // it may be the first time
         fs::create_dir_all(&folder).expect("a folder");
-        Self { folder }
+        Self { folder, target: "/somewhere/target".into() }
     }
 
     fn program(&self, name: &str, script: &str) {
@@ -74,7 +75,8 @@ impl Computer {
             .env("CARGO_PKG_NAME", "xtask")
             .env("CARGO_MANIFEST_DIR", "/somewhere/xtask")
             .env("RUSTC", "/toolchains/1.95.0/bin/rustc")
-            .env("CARGO_TARGET_DIR", "/somewhere/target")
+            .env("CARGO_TARGET_DIR", &self.target)
+            .env("CARGO_HOME", "/somewhere/cargo")
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -105,7 +107,7 @@ impl Computer {
     }
 }
 
-/// A `cargo` that says what it was started with, and ends with status 7.
+/// A `cargo` that prints what it was started with, and ends with status 7.
 const CARGO: &str = "\
 [ \"$1\" = --version ] && { echo \"cargo $RUSTUP_TOOLCHAIN (0123abcd 2026-08-18)\"; exit 0; }
 echo \"$*\"
@@ -126,28 +128,52 @@ fn toolchains() -> [String; 2] {
 const TARGETS: [&str; 2] = [TARGET, "x86_64-unknown-linux-gnu"];
 
 #[test]
+fn before_a_first_build_it_prints_what_that_takes() {
+    let computer = Computer::new("first", &toolchains(), &TARGETS);
+    let printed = |computer: &Computer, arguments: &[&str]| {
+        String::from_utf8(computer.xtask(arguments).stderr).expect("UTF-8")
+    };
+    // Its target folder is not there.
+    let text = printed(&computer, &["fw", "board-pixracer"]);
+    assert!(text.contains("takes minutes and") && text.contains("MB in /somewhere/target"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    // This one starts `cargo fw`.
+    assert_eq!(printed(&computer, &["image", "pixracer"]), "");
+    let target = computer.folder.join("target");
+    fs::create_dir_all(target.join(TARGET).join("release")).expect("a folder");
+    let second = Computer { folder: computer.folder.clone(), target };
+    assert_eq!(printed(&second, &["fw", "board-pixracer"]), "");
+}
+
+#[test]
 fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
     let computer = Computer::new("complete", &toolchains(), &TARGETS);
     computer.program("probe-rs", "exit 0\n");
     computer.program("qemu-system-arm", "exit 0\n");
     let firmware = format!("--release --target {TARGET} --package jetlink-fw --bin jetlink-fw --features");
+    let registry = "/somewhere/cargo/registry/src";
+    let flags = format!(
+        "--config target.{TARGET}.rustflags = ['--remap-path-scope=macro', '--remap-path-prefix={registry}=', \
+         '--remap-path-prefix={registry}/index.crates.io-1949cf8c6b5b557f=', \
+         '--cfg=sha2_backend_soft=\"compact\"', '-Clink-arg=--icf=all']"
+    );
     let emu = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml --bin emu --");
     for (arguments, expected) in [
-        (&["fw", "board-pixracer", "--quiet"][..], format!("build {firmware} board-pixracer --quiet")),
         (
-            &["image", "pixracer", "--demo"],
-            "run --package host --bin jetlink -- image pixracer --demo".into(),
+            &["fw", "board-pixracer", "--quiet"][..],
+            format!("build {firmware} board-pixracer {flags} --quiet"),
         ),
+        (&["image", "pixracer", "--demo"], "run --package image -- pixracer --demo".into()),
         (
             &["flash-matek-h743"],
             format!(
-                "run {firmware} board-matek-h743 --config target.{TARGET}.runner = 'probe-rs run --chip STM32H743VITx'"
+                "run {firmware} board-matek-h743 --config target.{TARGET}.runner = 'probe-rs run --chip STM32H743VITx' {flags}"
             ),
         ),
         (
             &["flash-pixracer"],
             format!(
-                "run {firmware} board-pixracer --config target.{TARGET}.runner = 'probe-rs run --chip STM32F427VITx'"
+                "run {firmware} board-pixracer --config target.{TARGET}.runner = 'probe-rs run --chip STM32F427VITx' {flags}"
             ),
         ),
         (&["emu", "babble"], format!("run --quiet --manifest-path {emu} emu babble")),

@@ -37,10 +37,10 @@ enum Call {
         #[arg(long, value_name = "PORT", default_value_t = 5790, value_parser = clap::value_parser!(u16).range(1..))]
         tcp: u16,
     },
-    /// Writes what four named runs send on each port into a folder, a text file each.
+    /// Records what four named runs send on each port, as a text file for each run in a folder.
     #[command(name = "emu-record")]
     Record {
-        /// The folder; it is made if it is not there.
+        /// The folder. It is created if it does not exist.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
@@ -86,11 +86,11 @@ fn root() -> &'static Path {
 }
 
 fn cargo() -> Command {
-    // Cargo sets this for what it runs.
+    // Cargo sets this for the programs that it runs.
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// Runs a command that says itself what is wrong.
+/// Runs a command that reports its own errors.
 fn succeed(command: &mut Command, what: &str) -> Result<(), String> {
     match command.status() {
         Ok(status) if status.success() => Ok(()),
@@ -99,7 +99,7 @@ fn succeed(command: &mut Command, what: &str) -> Result<(), String> {
     }
 }
 
-/// Builds these images, one after the other, and says how far it is.
+/// Builds these images, one after the other, and shows the progress.
 fn build_each(images: &[(&Board, Image)]) -> Result<(), String> {
     images.iter().enumerate().try_for_each(|(i, &(board, image))| {
         print!("image {} of {}: ", i + 1, images.len());
@@ -107,7 +107,7 @@ fn build_each(images: &[(&Board, Image)]) -> Result<(), String> {
     })
 }
 
-/// Builds one image as everybody does, with `cargo fw`, and takes a copy.
+/// Builds one image as users do, with `cargo fw`, and copies it.
 fn build(board: &Board, image: Image) -> Result<(), String> {
     let mut features = format!("board-{}", board.name);
     if let Some(feature) = image.feature() {
@@ -116,7 +116,7 @@ fn build(board: &Board, image: Image) -> Result<(), String> {
     println!("cargo fw {features}");
     let mut build = cargo();
     build.current_dir(root()).args(["fw", &features]);
-    // A person sees how far a first build is; a log does not have a line for each package.
+    // A person sees the progress of a first build; a log gets no line for each package.
     if !std::io::stderr().is_terminal() {
         build.arg("--quiet");
     }
@@ -159,7 +159,7 @@ fn run(board: &str, image: &str, tcp: u16) -> Result<(), String> {
     let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
     println!("{} with an ECU on:", board.title);
     for engine in emulation::engines::of(board, image) {
-        println!("  {}: {}, {:?}, {} baud", engine.port, engine.name, engine.protocol, engine.line.baud);
+        println!("  {}: {}, {}, {} baud", engine.port, engine.name, engine.config(), engine.line.baud);
     }
     println!("{}, the telemetry UART: 127.0.0.1:{tcp}. Ctrl-C ends.\n", board.telemetry.name);
     Run::new(board, image).engines().tcp(board.telemetry.name, peer).live();

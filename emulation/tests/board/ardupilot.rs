@@ -1,8 +1,9 @@
-//! Images behind an ArduPilot bootloader, or behind what stands in its place (`emulation::bootloader`): instructions
+//! Images behind a substitute for an ArduPilot bootloader (`emulation::bootloader`): instructions
 //! that leave the part as the bootloader leaves it, and jump as it jumps.
 
 use crate::support::{Task, crash, engines, first_byte, hijack, on_each_board, others_are_well, symbol};
 use emulation::board::Part;
+use emulation::engines::Protocol;
 use emulation::{Board, Bootloader, Image, Jump, Leftover, MATEK_H743, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
@@ -41,41 +42,45 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
             assert_eq!(stack, Some(board.ram.end as u32));
         }
 
-        // The bootloader is told before the watchdog runs, at both boots, and again when Embassy has set the clocks.
+        // The word for the bootloader is written before the watchdog starts, at both boots, and again when Embassy has set the clocks.
         let is = |register, value| {
             move |write: &&emulation::Written| write.register == register && write.value == value
         };
-        let told: Vec<_> = report.written.iter().filter(is(board.backup, START_AT_ONCE.into())).collect();
+        let announced: Vec<_> =
+            report.written.iter().filter(is(board.backup, START_AT_ONCE.into())).collect();
         let started: Vec<_> = report.written.iter().filter(is(board.watchdog, START)).collect();
-        // The watchdog is started again when the supervisor sets its time.
-        assert_eq!((told.len(), started.len()), (4, 4), "{:?}", report.written);
-        for (told, started) in told.chunks(2).zip(started.chunks(2)) {
-            assert!(told[0].at < started[0].at, "{told:?} {started:?}");
+        assert_eq!((announced.len(), started.len()), (4, 2), "{:?}", report.written);
+        for (announced, started) in announced.chunks(2).zip(started) {
+            assert!(
+                announced[0].at < started.at && started.at < announced[1].at,
+                "{announced:?} {started:?}"
+            );
         }
         assert!(report.logged("last reset: Watchdog"), "{}", report.log_text());
 
-        // And otherwise it is the same: the same first bytes at the same time.
+        // And otherwise it is the same: the same first bytes at the same time, but for the settings, which are not read here. An H743
+        // without a bootloader reads them for some 13 ms before it opens its ports.
         let plain = Run::new(board, Image::Release).engines().until(2 * SECOND).go();
         for engine in engines(&report) {
-            let bytes = |report: &emulation::Report| -> Vec<u8> {
-                report
-                    .wire(engine.port)
-                    .tx
-                    .iter()
-                    .filter(|tx| tx.end < 1900 * MILLIS)
-                    .map(|tx| tx.byte)
-                    .collect()
+            // By frame, each once and in order: how often one is repeated depends on when the port opened.
+            let frames = |report: &emulation::Report| -> Vec<Vec<u8>> {
+                let sent = report.wire(engine.port).tx.iter().filter(|tx| tx.end < 1900 * MILLIS);
+                let bytes: Vec<u8> = sent.map(|tx| tx.byte).collect();
+                let length = if matches!(engine.protocol, Protocol::Amt(_)) { 5 } else { 4 };
+                let mut frames: Vec<Vec<u8>> = bytes.chunks_exact(length).map(<[u8]>::to_vec).collect();
+                frames.dedup();
+                frames
             };
-            assert_eq!(bytes(&report), bytes(&plain), "{}", engine.name);
+            assert_eq!(frames(&report), frames(&plain), "{}", engine.name);
             let (here, there) = (first_byte(&report, engine.port, 0), first_byte(&plain, engine.port, 0));
-            assert!(here.abs_diff(there) < MILLIS, "{}: {here} {there}", engine.name);
+            assert!(here < there + MILLIS && there < here + 20 * MILLIS, "{}: {here} {there}", engine.name);
         }
         assert!(report.ecu::<AmtEcu>("SERIAL2").stats.late == 0);
         others_are_well(&plain, &[]);
     });
 }
 
-/// What can only be left behind a mask: without one, the bootloader's own handlers would have taken it.
+/// State that only a masked interrupt leaves: without the mask, the bootloader's own handlers would have taken it.
 const PENDING: [Leftover; 3] = [Leftover::SysTick, Leftover::PendSv, Leftover::Interrupts];
 
 /// Behind a bootloader that leaves this, every ECU is served, and nothing is reset.
@@ -90,7 +95,7 @@ pub fn served(board: &'static Board, image: Image, jump: Jump, leaves: &[Leftove
 }
 
 #[test]
-fn each_thing_that_a_bootloader_leaves_is_put_right() {
+fn each_state_that_a_bootloader_leaves_is_corrected() {
     on_each_board(|board| {
         for leftover in Leftover::ALL {
             if PENDING.contains(&leftover) {
@@ -131,7 +136,7 @@ fn core_registers(board: &'static Board, leftover: Leftover, from: [u32; 2], wor
 
 /// A UART's interrupt below the engines' executor would wait while an engine works.
 #[test]
-fn priorities_that_a_bootloader_leaves_are_put_right() {
+fn priorities_that_a_bootloader_leaves_are_corrected() {
     on_each_board(|board| {
         // movw r0, #0xE400; movt r0, #0xE000: NVIC_IPR.
         let words = core_registers(board, Leftover::Priorities, [0x4000_F24E, 0x0000_F2CE], 60);
@@ -140,13 +145,20 @@ fn priorities_that_a_bootloader_leaves_are_put_right() {
     });
 }
 
-/// FPCCR: without ASPEN and LSPEN an interrupt would not save the floating-point registers of what it interrupts.
+/// CPACR: the floating-point unit is on. FPCCR: without ASPEN and LSPEN an interrupt would not save the floating-point registers
+/// of what it interrupts.
 #[test]
-fn floating_point_state_is_saved_whatever_a_bootloader_leaves() {
+fn floating_point_unit_is_on_and_saved_whatever_a_bootloader_leaves() {
     on_each_board(|board| {
-        // movw r0, #0xEF34; movt r0, #0xE000: FPCCR, where bit 31 is ASPEN and bit 30 LSPEN.
-        let control = core_registers(board, Leftover::Fpu, [0x7034_F64E, 0x0000_F2CE], 1)[0];
-        assert_eq!(control >> 30, 0b11, "{}: {control:#x}", board.name);
+        for leftover in [Leftover::Fpu, Leftover::FpuOff] {
+            let name = board.name;
+            // movw r0, #0xED88; movt r0, #0xE000: CPACR, where bits 20 to 23 let anybody use it.
+            let access = core_registers(board, leftover, [0x5088_F64E, 0x0000_F2CE], 1)[0];
+            assert_eq!(access >> 20 & 0xF, 0xF, "{name} {leftover:?}: {access:#x}");
+            // movw r0, #0xEF34; movt r0, #0xE000: FPCCR, where bit 31 is ASPEN and bit 30 LSPEN.
+            let control = core_registers(board, leftover, [0x7034_F64E, 0x0000_F2CE], 1)[0];
+            assert_eq!(control >> 30, 0b11, "{name} {leftover:?}: {control:#x}");
+        }
     });
 }
 
@@ -165,7 +177,7 @@ fn an_h743_stops_the_pll_before_the_crystal() {
     assert!(pll < crystal, "{after:x?}");
 }
 
-/// With it, what is kept over a reset would stay in it. Cache contents are not modelled: that it is cleaned first is not shown.
+/// With the cache on, retained memory would stay in it. Cache contents are not modelled, so the test cannot show that it is cleaned first.
 #[test]
 fn a_data_cache_that_a_bootloader_leaves_is_off() {
     on_each_board(|board| {
@@ -212,7 +224,7 @@ fn caches_that_a_bootloader_leaves_are_off_before_they_are_emptied() {
 }
 
 #[test]
-fn all_that_a_bootloader_leaves_together_is_put_right() {
+fn all_states_that_a_bootloader_leaves_are_corrected_together() {
     on_each_board(|board| {
         served(board, Image::Ardupilot, Jump::New, &Leftover::ALL);
         let with_vtor: Vec<_> = Leftover::ALL.into_iter().chain([Leftover::Vtor]).collect();
@@ -248,7 +260,7 @@ fn a_plain_image_that_a_loader_starts_sets_its_own_vectors() {
     });
 }
 
-/// When the firmware said hello.
+/// When the firmware logged its first line.
 fn boots(report: &Report) -> Vec<u64> {
     report.lines("last reset: ").map(|log| log.at).collect()
 }
@@ -260,7 +272,7 @@ fn deciding(board: &'static Board, image: Image) -> Run {
 }
 
 #[test]
-fn after_the_first_start_the_bootloader_waits_no_more() {
+fn the_bootloader_waits_only_at_the_first_start() {
     on_each_board(|board| {
         let wait = bootloader::WAIT_MS * MILLIS;
         let resets = [wait + SECOND, wait + 1500 * MILLIS, wait + 2 * SECOND];
@@ -283,7 +295,7 @@ fn after_the_first_start_the_bootloader_waits_no_more() {
             report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
         assert_eq!(causes, ["PowerOn", "Pin", "Watchdog", "Watchdog"]);
         // The crash: within 250 ms, and from there on 0.2 ms at most.
-        let said = report.when("has no handler, resetting");
-        assert!(report.resets[1].0 - said < MILLIS, "{said} {:?}", report.resets);
+        let logged = report.when("has no handler, resetting");
+        assert!(report.resets[1].0 - logged < MILLIS, "{logged} {:?}", report.resets);
     });
 }

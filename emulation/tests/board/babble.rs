@@ -10,7 +10,7 @@ use sim::zk::ZkEcu;
 const GARBAGE: [u8; 13] = [0xFF, 0x80, 0xF1, 0x00, 0xFF, 0xFF, 0x13, 0xF0, 0x55, 0x33, 0xFE, 0x81, 0x01];
 
 #[test]
-fn two_babbling_ecus_disturb_nobody_else() {
+fn two_babbling_ecus_disturb_no_other_engine() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release)
             .engines()
@@ -33,7 +33,7 @@ fn two_babbling_ecus_disturb_nobody_else() {
         let zk = report.ecu::<ZkEcu>("SERIAL5").stats;
         assert!(zk.intervals.max.expect("commands") < 21 * MILLIS, "{zk:?}");
         assert_eq!(zk.bad.total(), 0, "{zk:?}");
-        // Each comes back.
+        // Both links come back.
         for engine in ["left", "booster"] {
             let status = format!("{engine}: link");
             let status = report.lines(&status).next_back().expect("a status line");
@@ -47,7 +47,7 @@ fn two_babbling_ecus_disturb_nobody_else() {
 }
 
 #[test]
-fn good_frames_without_pause_are_each_answered() {
+fn each_of_good_frames_without_a_pause_is_answered() {
     // A normal set of an Olympus in standby, over and over: 40 frames a second, and a reply to each.
     const SET: [u8; 6] = [0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00];
     on_each_board(|board| {

@@ -18,7 +18,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
         let wire = report.wire(left.port);
         let first = wire.rx.iter().find(|rx| rx.last).expect("a frame").end;
         let reply = first_byte(&report, left.port, 0);
-        assert!(reply > first, "nobody speaks before he is spoken to");
+        assert!(reply > first, "nothing is sent before the first frame of the ECU");
         assert!(
             reply - first < 5 * MILLIS,
             "{} ns from the frame to the end of the first byte",
@@ -26,7 +26,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
         );
         assert_eq!(wire.tx[..5].iter().map(|tx| tx.byte).collect::<Vec<_>>(), STANDBY);
         no_window_missed(&report, &left);
-        // What the ECU's first frames say, in the order in which they say it.
+        // The events of the ECU's first frames, in their order.
         let events: Vec<_> = report.events(left.name).into_iter().map(|(_, event)| event).collect();
         let standby = "standby, from node";
         assert_eq!(
@@ -74,15 +74,15 @@ fn the_clock_is_right() {
         let seconds: Vec<_> = report.lines("left: link").map(|log| log.at).collect();
         assert_eq!(seconds.len(), 3);
         for pair in seconds.windows(2) {
-            // The firmware wakes at the tick and then logs: some instructions more or less.
-            assert!((pair[1] - pair[0]).abs_diff(SECOND) < 20_000, "{seconds:?}");
+            // The firmware wakes at the tick and then logs: some instructions later, or after those of a MAVLink frame.
+            assert!((pair[1] - pair[0]).abs_diff(SECOND) < 200_000, "{seconds:?}");
         }
         // 125 ms by the ECU's own clock, from frame to frame; and the firmware's ticker agrees.
         assert!(report.ecu::<AmtEcu>("SERIAL2").stats.frames.total() >= 27);
     });
 }
 
-/// What is soldered to the pins: the LED lights when it should, and what the firmware has to drive, it drives.
+/// The LED lights when it should, and the firmware drives the pins that it has to drive.
 #[test]
 fn led_and_held_pins_are_driven() {
     on_all_boards(|board| {
@@ -138,14 +138,14 @@ fn the_flash_has_its_wait_states_and_its_accelerator() {
         match board.part {
             // Five wait states; PRFTEN, ICEN, DCEN.
             Part::F427 => assert_eq!(flash, Some(0x705)),
-            // Two wait states at 200 MHz (WRHIGHFREQ 2). The instruction cache is in the core, where a test cannot look.
+            // Two wait states at 200 MHz (WRHIGHFREQ 2). The instruction cache is in the core, where a test cannot see it.
             Part::H743 => assert_eq!(flash.map(|word| word & 0x3F), Some(0x22)),
         }
     });
 }
 
-/// Before the image does anything else, each TX rests high. And how long it then hangs low when its port is opened:
-/// from the alternate function on, until the UART drives it.
+/// Before the RAM is initialised, each TX rests high. Also, how long it stays low when its port is opened: from the
+/// alternate function on, until the UART drives it.
 #[test]
 fn tx_is_pulled_up_first_of_all() {
     on_all_boards(|board| {
@@ -155,7 +155,7 @@ fn tx_is_pulled_up_first_of_all() {
             Part::F427 => (0x0C, 1 << 3 | 1 << 13),
         };
         let image = if board.is_first_of_its_part() { Image::AllPorts } else { Image::Release };
-        let mut run = Run::new(board, image).engines().record(board.watchdog).until(SECOND);
+        let mut run = Run::new(board, image).engines().watch("__pre_init_end").until(SECOND);
         for letter in 0..5 {
             run = run.record(board.gpio + 0x400 * letter).record(board.gpio + 0x400 * letter + 0x0C);
         }
@@ -170,14 +170,14 @@ fn tx_is_pulled_up_first_of_all() {
                 .find(|write| write.register == register && is(write.value))
                 .map(|write| write.at)
         };
-        let watchdog = first(board.watchdog, &|_| true).expect("a watchdog");
+        let [(before_ram, _)] = report.passed[..] else { panic!("{}: {:?}", board.name, report.passed) };
         for port in board.ports {
             for pin in [port.rx, port.tx] {
                 let field = |word: u64| word >> (2 * pin.number) & 3;
                 let pulled = first(gpio(pin) + 0x0C, &|word| field(word) == 1);
                 let input = first(gpio(pin), &|word| field(word) == 0);
-                assert!(pulled.is_some_and(|at| at < watchdog), "{} {}: {pulled:?}", board.name, port.name);
-                assert!(input.is_some_and(|at| at < watchdog), "{} {}: {input:?}", board.name, port.name);
+                assert!(pulled.is_some_and(|at| at < before_ram), "{} {}: {pulled:?}", board.name, port.name);
+                assert!(input.is_some_and(|at| at < before_ram), "{} {}: {input:?}", board.name, port.name);
             }
             let field = |word: u64| word >> (2 * port.tx.number) & 3;
             let pulled = first(gpio(port.tx) + 0x0C, &|word| field(word) == 1);

@@ -7,7 +7,7 @@ use emulation::board::Part;
 use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
-/// What the firmware says at a start without its crystal.
+/// The firmware's log line at a start without its crystal.
 pub const WITHOUT: &str = "the crystal does not run: on the chip's own oscillator";
 
 #[test]
@@ -68,7 +68,7 @@ fn a_dead_crystal_is_given_a_tenth_of_a_second() {
     });
 }
 
-/// From here on the crystal is dead, and when this task runs next, the NMI comes that says so.
+/// From here on the crystal is dead, and an NMI reports it when this task runs next.
 pub fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     bench.break_crystal();
     raise_alarm(bench, board, image, task);
@@ -77,7 +77,7 @@ pub fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Ta
 /// movw r0, #0xED04; movt r0, #0xE000; mov.w r1, #0x80000000; str r1, [r0]; bx lr: NMIPENDSET in ICSR.
 const RAISE_NMI: [u32; 4] = [0x5004_F64E, 0x0000_F2CE, 0x4100_F04F, 0x4770_6001];
 
-/// When this task runs next, the NMI comes that says that the crystal has stopped.
+/// An NMI reports that the crystal has stopped, when this task runs next.
 fn raise_alarm(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     let code = board.ram.start + 0x18000;
     for (i, word) in RAISE_NMI.into_iter().enumerate() {
@@ -133,7 +133,7 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
             );
             for (port, wire) in report.wires() {
                 let byte = board.port(port).byte_ns(wire.line());
-                let later = wire.rx.iter().filter(|rx| rx.start > 2800 * MILLIS && rx.fate == Fate::Heard);
+                let later = wire.rx.iter().filter(|rx| rx.start > 2800 * MILLIS && rx.fate == Fate::Received);
                 let wrong = later.clone().find(|rx| ((rx.end - rx.start) as f64 - byte).abs() > 2.0);
                 assert!(later.count() > 20 && wrong.is_none(), "{task:?} {port} {wrong:?}");
             }
@@ -144,7 +144,7 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
     });
 }
 
-/// Nor does a crash after that: the bootloader would wait for the crystal, so the image begins again without a reset.
+/// A crash after that does not reset it either: the bootloader would wait for the crystal, so the image starts again without a reset.
 #[test]
 fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
     on_each_board(|board| {
@@ -159,7 +159,7 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
             .0;
         assert!(report.resets.is_empty(), "{:?}\n{}", report.resets, report.log_text());
         assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
-        // What was retained is as good as after a reset: an engine that runs goes on with its order.
+        // What was retained is as good as after a reset: an engine that runs continues with its order.
         let causes: Vec<_> =
             report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
         assert_eq!(causes, ["PowerOn", "Restart", "Restart"], "{}", report.log_text());
@@ -202,9 +202,9 @@ fn crystal_that_stops_while_a_fault_is_handled_resets_no_image_behind_a_bootload
     });
 }
 
-/// Telemetry has it, and so has the log, every second, and the LED.
+/// Telemetry, the log (every second) and the LED show it.
 #[test]
-fn the_log_says_every_second_that_there_is_no_crystal() {
+fn a_missing_crystal_is_logged_every_second() {
     on_each_board(|board| {
         let led = Led::of(board);
         let run = |dead: bool| {
@@ -223,8 +223,8 @@ fn the_log_says_every_second_that_there_is_no_crystal() {
     });
 }
 
-/// The emulator's clock security system raises nothing, so its bit (19 of RCC_CR on both chips) is looked at: on once the crystal
-/// clocks the core, and never without one.
+/// The emulator's clock security system raises nothing, so the test checks its bit (19 of RCC_CR on both chips): set once the
+/// crystal clocks the core, and never without a crystal.
 #[test]
 fn the_clock_security_system_watches_a_crystal_that_runs() {
     on_each_board(|board| {

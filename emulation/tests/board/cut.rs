@@ -10,7 +10,7 @@ const AMT: &str = "SERIAL2";
 const ZK: &str = "SERIAL5";
 
 #[test]
-fn a_cut_wire_is_told_and_comes_back() {
+fn a_cut_wire_is_reported_and_so_is_its_return() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release)
             .engines()
@@ -27,12 +27,12 @@ fn a_cut_wire_is_told_and_comes_back() {
         for (engine, limit) in [("left", 1000), ("booster", 500)] {
             let lost = report.when(&format!("{engine}: ECU link lost"));
             let silent = lost - 3 * SECOND;
-            assert!(silent <= limit * MILLIS + 10 * MILLIS, "{engine}: told after {silent} ns");
+            assert!(silent <= limit * MILLIS + 10 * MILLIS, "{engine}: reported after {silent} ns");
             let again = report.lines(&format!("{engine}: ECU link up")).next_back().expect("up again").at;
             assert!((6 * SECOND..6500 * MILLIS).contains(&again), "{engine}: up again at {again}");
         }
         let stats = report.ecu::<AmtEcu>(AMT).stats;
-        // 24 frames went into the cut, the frame or the reply at either end of it may be one more.
+        // 24 frames fell into the cut, plus or minus the frame or reply at either end of it.
         assert!((23..=26).contains(&stats.none) && stats.late == 0 && stats.unsolicited == 0, "{stats:?}");
         let zk = report.ecu::<ZkEcu>(ZK).stats;
         let silence = zk.intervals.max.expect("commands");

@@ -1,11 +1,11 @@
-//! A fault of Embassy's UART driver on the F427 that this firmware cannot mend (docs/boards-upstream.md): how large it is.
+//! The size of a fault of Embassy's UART driver on the F427 that this firmware cannot mend (docs/boards-upstream.md).
 
 use emulation::{Fate, Image, PIXRACER, Run};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 const PORT: &str = "SERIAL5";
 
-/// How many bytes that the UART took in were not read, when a single one ends `end`.
+/// The number of bytes that the UART received and nobody read, where a single byte ends at `end`.
 fn unread(end: Nanos, byte: Nanos) -> usize {
     let start = end - byte;
     let report = Run::new(&PIXRACER, Image::Release)
@@ -16,11 +16,12 @@ fn unread(end: Nanos, byte: Nanos) -> usize {
         .until(end + MILLIS)
         .go();
     let later = start..end + MILLIS;
-    let heard = report.wire(PORT).rx.iter().filter(|rx| rx.fate == Fate::Heard && later.contains(&rx.end));
+    let received =
+        report.wire(PORT).rx.iter().filter(|rx| rx.fate == Fate::Received && later.contains(&rx.end));
     let read = report.taps.iter().filter(|tap| !tap.write && later.contains(&tap.at));
-    let (heard, read) = (heard.count(), read.count());
-    assert!(heard == 1 && read <= 2, "{heard} {read}");
-    // Behind the byte the line falls idle, for which the driver reads once more.
+    let (received, read) = (received.count(), read.count());
+    assert!(received == 1 && read <= 2, "{received} {read}");
+    // After the byte the line is idle, and the driver reads once more for that.
     2 - read.max(1)
 }
 

@@ -1,4 +1,4 @@
-//! Engines that start, run and go on after a reset, commanded by the demonstration image.
+//! Engines that start, run and resume after a reset, commanded by the demonstration image.
 //!
 //! The demonstration is silent for 5 s after a reset, then commands 10 s of standby, 180 s of idle, 15 s of 20 %.
 
@@ -10,9 +10,9 @@ use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::zk::{Sw, ZkCommand, ZkEcu};
 
-/// What an ECU was told to do.
+/// What an ECU was ordered to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Told {
+enum Sent {
     /// ZK only: nothing, but the node is there.
     Nothing,
     Standby,
@@ -20,30 +20,30 @@ enum Told {
     Run(u16),
 }
 
-/// What an ECU was told, and when.
-fn told(report: &Report, engine: &Engine) -> Vec<(Nanos, Told)> {
+/// What an ECU was ordered to do, and when.
+fn sent(report: &Report, engine: &Engine) -> Vec<(Nanos, Sent)> {
     match engine.protocol {
         Protocol::Amt(_) => {
             let commands = report.ecu::<AmtEcu>(engine.port).commands.iter();
-            let told = commands.map(|(at, command)| match command.ops {
-                Ops::AutoStop => (*at, Told::Standby),
-                Ops::Run => (*at, Told::Run(5 * u16::from(command.throttle_half_percent))),
-                other => panic!("{} was told {other:?}", engine.name),
+            let sent = commands.map(|(at, command)| match command.ops {
+                Ops::AutoStop => (*at, Sent::Standby),
+                Ops::Run => (*at, Sent::Run(5 * u16::from(command.throttle_half_percent))),
+                other => panic!("{} was reported {other:?}", engine.name),
             });
-            told.collect()
+            sent.collect()
         }
         Protocol::Zk(..) => {
             let commands = report.ecu::<ZkEcu>(engine.port).commands.iter();
-            let told = commands.map(|(at, command)| match command {
-                ZkCommand::Empty => (*at, Told::Nothing),
-                ZkCommand::Control { sw: Sw::Standby, .. } => (*at, Told::Standby),
-                ZkCommand::Control { sw: Sw::Run, throttle } => (*at, Told::Run(*throttle)),
-                ZkCommand::Switch { sw: Sw::Standby, .. } => (*at, Told::Standby),
-                // The throttle rules, not the speed; and the questions and settings of a link that comes up.
-                ZkCommand::Switch { sw: Sw::Run, factor: 0 } | ZkCommand::Action(_) => (*at, Told::Nothing),
-                other => panic!("{} was told {other:?}", engine.name),
+            let sent = commands.map(|(at, command)| match command {
+                ZkCommand::Empty => (*at, Sent::Nothing),
+                ZkCommand::Control { sw: Sw::Standby, .. } => (*at, Sent::Standby),
+                ZkCommand::Control { sw: Sw::Run, throttle } => (*at, Sent::Run(*throttle)),
+                ZkCommand::Switch { sw: Sw::Standby, .. } => (*at, Sent::Standby),
+                // Throttle modes, not speed; and the queries and settings of a link that comes up.
+                ZkCommand::Switch { sw: Sw::Run, factor: 0 } | ZkCommand::Action(_) => (*at, Sent::Nothing),
+                other => panic!("{} was reported {other:?}", engine.name),
             });
-            told.collect()
+            sent.collect()
         }
     }
 }
@@ -62,7 +62,7 @@ fn four_engines_start_one_after_the_other_and_run() {
         let mut running = 0;
         for engine in engines(&report) {
             assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
-            assert_eq!(told(&report, &engine).last().expect("commands").1, Told::Run(0), "{}", engine.name);
+            assert_eq!(sent(&report, &engine).last().expect("commands").1, Sent::Run(0), "{}", engine.name);
             let start = report.when(&format!("{}: run, ", engine.name));
             assert!(start > running, "{} starts before the one before runs", engine.name);
             running = report.when(&format!("{}: ECU reports running", engine.name));
@@ -78,7 +78,7 @@ fn four_engines_start_one_after_the_other_and_run() {
     });
 }
 
-/// The memory that start-up leaves alone is full of something, as after a power-up.
+/// Fills the memory that start-up does not clear with arbitrary bytes, as after a power-up.
 fn scramble(bench: &mut Bench<'_>, board: &Board) {
     let mut word = 0x9E37_79B9_u32;
     let retained = symbol(board, Image::Demo, "__sretained")..symbol(board, Image::Demo, "__eretained");
@@ -88,16 +88,16 @@ fn scramble(bench: &mut Bench<'_>, board: &Board) {
     }
 }
 
-/// A reset that belongs to a run.
+/// A reset that the run expects.
 struct Reset {
     at: Nanos,
-    /// What the firmware has to say of it.
+    /// How the firmware has to report it.
     cause: &'static str,
 }
 
 /// While four engines run at 20 %: the watchdog bites; then the firmware crashes, some time within 250 ms; then
-/// somebody presses reset, and the RAM is arbitrary, as after a dip of the supply. Each comes before the hold of the life
-/// before is over: no source speaks, and a loss goes on over a reset.
+/// the reset button is pressed, and the RAM is arbitrary, as after a dip of the supply. Each comes before the hold of the life
+/// before is over: no source commands, and a loss continues over a reset.
 const RESETS: [Reset; 3] = [
     Reset { at: 200 * SECOND, cause: "Watchdog" },
     Reset { at: 201_200 * MILLIS, cause: "Software" },
@@ -105,7 +105,7 @@ const RESETS: [Reset; 3] = [
 ];
 
 #[test]
-fn engines_that_run_go_on_after_any_reset() {
+fn running_engines_resume_after_any_reset() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Demo)
             .quick_engines()
@@ -124,15 +124,15 @@ fn engines_that_run_go_on_after_any_reset() {
             report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
         assert_eq!(causes, ["PowerOn", RESETS[0].cause, RESETS[1].cause, RESETS[2].cause]);
         for engine in engines(&report) {
-            let told = told(&report, &engine);
+            let sent = sent(&report, &engine);
             assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
-            let (_, before) = *told.iter().rfind(|(at, _)| *at < report.resets[0].0).expect("commands");
-            assert_eq!(before, Told::Run(200), "{}", engine.name);
+            let (_, before) = *sent.iter().rfind(|(at, _)| *at < report.resets[0].0).expect("commands");
+            assert_eq!(before, Sent::Run(200), "{}", engine.name);
             for (reset, cause) in &report.resets {
                 let after: Vec<_> =
-                    told.iter().filter(|(at, _)| (*reset..reset + SECOND).contains(at)).collect();
+                    sent.iter().filter(|(at, _)| (*reset..reset + SECOND).contains(at)).collect();
                 let (first, _) = after.first().expect("commands after the reset");
-                let (order, _) = after.iter().find(|(_, told)| *told != Told::Nothing).expect("an order");
+                let (order, _) = after.iter().find(|(_, sent)| *sent != Sent::Nothing).expect("an order");
                 println!(
                     "{}, {}, {cause:?}: first command {:.1} ms, first order {:.1} ms after the reset",
                     board.name,
@@ -147,22 +147,22 @@ fn engines_that_run_go_on_after_any_reset() {
                     Protocol::Zk { .. } => 1100 * MILLIS,
                 };
                 assert!(order - reset < rounds, "{}: {} ms", engine.name, (order - reset) / MILLIS);
-                // Nobody speaks: the silence goes on over the resets, so that the demand is held after the first and goes
-                // down after the others. It never rises.
+                // No source commands: the silence continues over the resets, so the demand is held after the first one and
+                // falls after the others. It never rises.
                 let mut highest = before;
-                for (at, now) in after.iter().filter(|(_, told)| *told != Told::Nothing) {
-                    let (Told::Run(most), Told::Run(now)) = (highest, *now) else {
-                        panic!("{} after {cause:?} was told {now:?} at {at}", engine.name);
+                for (at, now) in after.iter().filter(|(_, sent)| *sent != Sent::Nothing) {
+                    let (Sent::Run(most), Sent::Run(now)) = (highest, *now) else {
+                        panic!("{} after {cause:?} was reported {now:?} at {at}", engine.name);
                     };
                     assert!(now <= most, "{} after {cause:?}: {now} after {most}", engine.name);
                     assert!(*reset != report.resets[0].0 || now == 200, "{}: {now}", engine.name);
-                    highest = Told::Run(now);
+                    highest = Sent::Run(now);
                 }
             }
-            // No source speaks: the demand is held for a time, then goes down to idle, and the engine still runs.
-            let (_, last) = told.iter().rfind(|(_, told)| *told != Told::Nothing).expect("orders");
-            assert_eq!(*last, Told::Run(0), "{}", engine.name);
-            assert!(told.iter().all(|(at, told)| *at < report.resets[0].0 || *told != Told::Standby));
+            // No source commands: the demand is held for a time, then falls to idle, and the engine still runs.
+            let (_, last) = sent.iter().rfind(|(_, sent)| *sent != Sent::Nothing).expect("orders");
+            assert_eq!(*last, Sent::Run(0), "{}", engine.name);
+            assert!(sent.iter().all(|(at, sent)| *at < report.resets[0].0 || *sent != Sent::Standby));
             // Up to its first line, 2.3 ms after a reset, the firmware logs nothing: what is read with that are lines of before,
             // which are still in the log's buffer.
             let old =
@@ -180,7 +180,7 @@ fn engines_that_run_go_on_after_any_reset() {
 }
 
 #[test]
-fn after_a_reset_where_no_engine_runs_there_is_standby() {
+fn a_reset_without_a_running_engine_ends_in_standby() {
     on_each_board(|board| {
         let reset = 3 * SECOND;
         let report = Run::new(board, Image::Release)
@@ -191,14 +191,14 @@ fn after_a_reset_where_no_engine_runs_there_is_standby() {
             .go();
         assert!(report.logged("last reset: Watchdog") && !report.logged("resumed"), "{}", report.log_text());
         for engine in engines(&report) {
-            let told = told(&report, &engine);
+            let sent = sent(&report, &engine);
             assert!(
-                told.iter().all(|(_, told)| matches!(told, Told::Standby | Told::Nothing)),
+                sent.iter().all(|(_, sent)| matches!(sent, Sent::Standby | Sent::Nothing)),
                 "{}",
                 engine.name
             );
             let (at, _) =
-                told.iter().find(|(at, told)| *at > reset && *told == Told::Standby).expect("standby");
+                sent.iter().find(|(at, sent)| *at > reset && *sent == Sent::Standby).expect("standby");
             // Two reports have to agree; a ZK ECU's comes round every 0.45 s.
             assert!(at - reset < 1_200 * MILLIS, "{} at {at}", engine.name);
         }

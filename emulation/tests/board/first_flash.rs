@@ -14,15 +14,15 @@ use sim::line::Line;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-/// What was found, each at its place on the page.
+/// Measured values, each with its place on the page.
 type Measured = BTreeMap<Place, String>;
 
-/// A time with three digits.
+/// A time with three digits. What rounds to 1000 of a unit is 1 of the next.
 fn time(ns: Nanos) -> String {
     let (value, unit) = match ns {
         0..1_000 => (ns as f64, "ns"),
-        1_000..1_000_000 => (ns as f64 / 1e3, "µs"),
-        1_000_000..1_000_000_000 => (ns as f64 / 1e6, "ms"),
+        1_000..999_500 => (ns as f64 / 1e3, "µs"),
+        999_500..999_500_000 => (ns as f64 / 1e6, "ms"),
         _ => (ns as f64 / 1e9, "s"),
     };
     let digits = if value < 10.0 {
@@ -43,7 +43,7 @@ fn span(values: impl IntoIterator<Item = Nanos>) -> String {
     if time(first) == time(last) { time(first) } else { format!("{} to {}", time(first), time(last)) }
 }
 
-/// As it stands in the log.
+/// As in the log.
 fn quoted(text: &str) -> String {
     format!("`{text}`")
 }
@@ -99,8 +99,8 @@ fn control(board: &Board) -> (u64, u64) {
     }
 }
 
-/// When the firmware said hello, and the cause of the reset as it says it.
-fn hellos(report: &Report) -> Vec<(Nanos, String)> {
+/// When the firmware started, and the cause of the reset that it logged.
+fn starts(report: &Report) -> Vec<(Nanos, String)> {
     let cause = |text: &str| text.find("last reset: ").map(|at| quoted(&text[at..]));
     report.logs.iter().filter_map(|log| cause(&log.text).map(|cause| (log.at, cause))).collect()
 }
@@ -111,8 +111,8 @@ fn flashes(report: &Report, board: &Board, from: Nanos) -> String {
     lit.into_iter().filter(|at| (from..from + SECOND).contains(at)).count().to_string()
 }
 
-/// The log's line with this text, without what stands before the text.
-fn said(report: &Report, text: &str) -> String {
+/// The log line with this text, from the text on.
+fn logged(report: &Report, text: &str) -> String {
     let line = report.lines(text).next_back();
     let line = line.unwrap_or_else(|| panic!("the firmware never logged \"{text}\":\n{}", report.log_text()));
     quoted(&line.text[line.text.find(text).expect("it has the text")..])
@@ -183,15 +183,15 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
         written(port.registers() + enable, &|word| word & enabled == enabled) - driven
     });
     note(3, "TX low", span(low));
-    let (hello, cause) = &hellos(&report)[0];
-    note(3, "first log line", format!("{}, {cause}", time(*hello)));
+    let (started, cause) = &starts(&report)[0];
+    note(3, "first log line", format!("{}, {cause}", time(*started)));
     let led = Led::of(board);
     let lit = led.lit(&report)[0];
     let dark = led.dark(&report).into_iter().find(|at| *at > lit).expect("it goes out");
     note(3, "first flash", time(lit));
     note(3, "length of a flash", time(dark - lit));
     note(3, "flashes in a second", flashes(&report, board, lit - 100 * MILLIS));
-    note(3, "stack", said(&report, "board: "));
+    note(3, "stack", logged(&report, "board: "));
 
     // A port's bytes back to back, and its commands of four bytes from one to the next.
     for (port, byte_row, rate_row) in [
@@ -205,8 +205,8 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
             commands.iter().map(|command| command[0].end).filter(|end| *end > SECOND).collect();
         note(4, rate_row, span(ends.windows(2).map(|two| two[1] - two[0])));
     }
-    let unasked = report.wire("SERIAL2").tx.iter().filter(|tx| tx.end < 2 * SECOND).count();
-    note(4, "AMT ports", (unasked + report.wire("SERIAL3").tx.len()).to_string());
+    let unsolicited = report.wire("SERIAL2").tx.iter().filter(|tx| tx.end < 2 * SECOND).count();
+    note(4, "AMT ports", (unsolicited + report.wire("SERIAL3").tx.len()).to_string());
 
     let sent = &report.wire("SERIAL2").tx;
     let replies: Vec<_> = sent.chunks(5).collect();
@@ -224,8 +224,8 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
     let distances = turnaround::of(&report, "SERIAL2");
     note(5, "to the start bit of the reply", span(distances.iter().map(|each| each.ns)));
     note(5, "`left: ECU link up`", time(report.when("left: ECU link up") - 2 * SECOND));
-    let heard = report.wire("SERIAL2").rx.iter().filter(|rx| rx.end < pull);
-    let last = heard.map(|rx| rx.end).max().expect("the sets were heard");
+    let received = report.wire("SERIAL2").rx.iter().filter(|rx| rx.end < pull);
+    let last = received.map(|rx| rx.end).max().expect("the sets were received");
     let lost = report.lines("left: ECU link lost").find(|log| log.at > last).expect("it is lost").at;
     note(5, "`left: ECU link lost`", time(lost - last));
 }
@@ -235,16 +235,16 @@ fn resets(board: &'static Board, note: &mut Note<'_>) {
     let at = 3 * SECOND;
     let run = with_adapter(board, Image::Release, SECOND).at(at, |bench| bench.press_reset()).resets(1);
     let report = run.until(4 * SECOND).go();
-    let (hello, cause) = &hellos(&report)[1];
-    note(6, "press reset", format!("{}, {cause}", time(hello - at)));
+    let (started, cause) = &starts(&report)[1];
+    note(6, "press reset", format!("{}, {cause}", time(started - at)));
     note(6, "first byte on the fourth port", time(first_byte(&report, "SERIAL5", at) - at));
     note(6, "first reply to a set", time(first_byte(&report, "SERIAL2", at) - at));
 
     let run = with_adapter(board, Image::Wedge, SECOND).resets(1).with_errors().until(7 * SECOND);
     let report = run.go();
-    let (reset, (hello, cause)) = (report.resets[0].0, &hellos(&report)[1]);
-    note(6, "a task stands still", time(reset - report.when("left: its runner is stuck")));
-    note(6, "first log line after the reset by the watchdog", format!("{}, {cause}", time(hello - reset)));
+    let (reset, (started, cause)) = (report.resets[0].0, &starts(&report)[1]);
+    note(6, "a task hangs", time(reset - report.when("left: its runner is stuck")));
+    note(6, "first log line after the reset by the watchdog", format!("{}, {cause}", time(started - reset)));
 }
 
 /// Section 7: a crystal that is dead at the start and comes back, and one that stops.
@@ -261,8 +261,8 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
         .with_errors()
         .until(5 * SECOND)
         .go();
-    let boots = hellos(&report);
-    note(7, "ground it, power on", format!("{}, {}", said(&report, WITHOUT), time(boots[0].0)));
+    let boots = starts(&report);
+    note(7, "ground it, power on", format!("{}, {}", logged(&report, WITHOUT), time(boots[0].0)));
     note(7, "LED", flashes(&report, board, 2 * SECOND));
     let every = report.lines("board: no crystal").map(|log| log.at).filter(|at| *at < reset);
     let every: Vec<_> = every.collect();
@@ -278,8 +278,8 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
     let run = with_adapter(board, Image::Release, SECOND).at(1500 * MILLIS, stop).resets(1).with_errors();
     let report = run.until(2500 * MILLIS).go();
     assert!(report.logged(WITHOUT), "{}", report.log_text());
-    let told = said(&report, "the crystal has stopped, resetting");
-    note(7, "ground it while it runs", format!("{told}, {}", hellos(&report)[1].1));
+    let line = logged(&report, "the crystal has stopped, resetting");
+    note(7, "ground it while it runs", format!("{line}, {}", starts(&report)[1].1));
 }
 
 /// Section 8: an F427's supply that falls. The H743 has nothing that looks at it.
@@ -293,9 +293,9 @@ fn supply(board: &'static Board, note: &mut Note<'_>) {
             .with_errors()
             .until(3 * SECOND)
             .go();
-        let (hello, cause) = &hellos(&report)[1];
-        assert!(*hello > 2500 * MILLIS, "it waits for 2.93 V: {hello}");
-        note(8, "lower it slowly", format!("{}, then {cause}", said(&report, "the supply is below")));
+        let (started, cause) = &starts(&report)[1];
+        assert!(*started > 2500 * MILLIS, "it waits for 2.93 V: {started}");
+        note(8, "lower it slowly", format!("{}, then {cause}", logged(&report, "the supply is below")));
     }
 }
 
@@ -312,10 +312,10 @@ fn behind_a_bootloader(board: &'static Board, note: &mut Note<'_>) {
         .with_errors()
         .until(wait + 2500 * MILLIS)
         .go();
-    let boots = hellos(&report);
+    let boots = starts(&report);
     let after = |nth: usize| {
-        let (hello, cause) = &boots[nth];
-        format!("{}, {cause}", time(hello - report.resets[nth - 1].0))
+        let (started, cause) = &boots[nth];
+        format!("{}, {cause}", time(started - report.resets[nth - 1].0))
     };
     note(9, "power on | first log line", time(boots[0].0));
     note(9, "press reset", after(1));
@@ -328,13 +328,13 @@ fn behind_a_bootloader(board: &'static Board, note: &mut Note<'_>) {
     // The firmware starts twice without a reset, which the checks of every run do not expect.
     let (report, _) = run.at(1500 * MILLIS, stop).with_errors().until(4500 * MILLIS).go_unchecked();
     assert!(report.resets.is_empty() && report.logged(WITHOUT), "{}", report.log_text());
-    let cause = hellos(&report)[1].1.clone();
+    let cause = starts(&report)[1].1.clone();
     let lit = flashes(&report, board, 3 * SECOND);
     note(9, "grounded while it runs", format!("{cause}, {lit}"));
 }
 
 #[test]
-fn the_page_of_the_first_flash_says_what_the_emulated_boards_do() {
+fn the_page_of_the_first_flash_has_the_values_of_the_emulated_boards() {
     let measured = Mutex::new(Measured::new());
     on_each_board(|board| {
         let chip = match board.part {

@@ -1,4 +1,4 @@
-//! The checks that every run makes do find what they look for.
+//! The checks of every run find the faults that they are for.
 
 use crate::support::{on_each_board, symbol};
 use emulation::{Board, Image, Run};
@@ -65,13 +65,13 @@ fn an_access_to_nothing_is_found() {
 }
 
 #[test]
-fn a_fault_is_found_and_the_firmware_says_where_and_resets() {
+fn a_fault_is_found_and_the_firmware_logs_its_place_and_resets() {
     on_each_board(|board| {
         // udf: an undefined instruction.
         let (report, complaints) = with_broken_handler(board, &[0xDE00]).go_unchecked();
         let complaints = complaints.join("\n");
         assert!(complaints.contains("a hard fault at"), "{complaints}");
-        assert!(complaints.contains("resets are right here"), "{complaints}");
+        assert!(complaints.contains("resets expected"), "{complaints}");
         let handler = symbol(board, Image::Release, &format!("{:?}", board.ports[0].uart).to_uppercase());
         assert!(report.logged(&format!("hard fault at {handler:#010x}")), "{}", report.log_text());
         assert!(report.logged("last reset: Software"), "{}", report.log_text());
@@ -82,8 +82,8 @@ fn a_fault_is_found_and_the_firmware_says_where_and_resets() {
 fn an_unexpected_reset_is_found_and_an_expected_one_that_does_not_come() {
     on_each_board(|board| {
         let reset = || Run::new(board, Image::Release).engines().at(SECOND, |bench| bench.press_reset());
-        assert!(complaints(reset().until(2 * SECOND)).contains("0 resets are right here"));
+        assert!(complaints(reset().until(2 * SECOND)).contains("0 resets expected"));
         assert_eq!(complaints(reset().resets(1).until(2 * SECOND)), "");
-        assert!(complaints(reset().resets(2).until(2 * SECOND)).contains("2 resets are right here"));
+        assert!(complaints(reset().resets(2).until(2 * SECOND)).contains("2 resets expected"));
     });
 }

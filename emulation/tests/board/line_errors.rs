@@ -1,6 +1,6 @@
 //! Noise, missing stop bits and lost bytes on the line.
 
-use crate::support::{errors_told, on_each_board, others_are_well};
+use crate::support::{line_errors_of, on_each_board, others_are_well};
 use emulation::{Fate, Image, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::SECOND;
@@ -24,9 +24,9 @@ fn noise_and_framing_errors_are_counted_and_survived() {
             })
             .until(20 * SECOND)
             .go();
-        let (framing, noise, overruns) = errors_told(&report, "left");
+        let (framing, noise, overruns) = line_errors_of(&report, "left");
         assert!((3..30).contains(&framing) && noise == 0 && overruns == 0, "{framing} {noise} {overruns}");
-        let (framing, noise, overruns) = errors_told(&report, "booster");
+        let (framing, noise, overruns) = line_errors_of(&report, "booster");
         assert!((30..110).contains(&noise) && framing == 0 && overruns == 0, "{framing} {noise} {overruns}");
 
         // Nothing that the ECU takes for a command was sent on account of a damaged frame, and from the end of
@@ -48,7 +48,7 @@ fn noise_and_framing_errors_are_counted_and_survived() {
 }
 
 #[test]
-fn every_byte_damaged_is_a_lost_link_and_no_more() {
+fn a_line_that_damages_every_byte_only_loses_its_link() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release)
             .engines()
@@ -63,11 +63,11 @@ fn every_byte_damaged_is_a_lost_link_and_no_more() {
             .until(8 * SECOND)
             .go();
         let damaged = |port| {
-            let bytes = report.wire(port).rx.iter().filter(|rx| rx.fate == Fate::Heard);
+            let bytes = report.wire(port).rx.iter().filter(|rx| rx.fate == Fate::Received);
             bytes.filter(|rx| (2 * SECOND..5 * SECOND).contains(&rx.end)).count() as u32
         };
         for (engine, port) in [("left", AMT), ("booster", ZK)] {
-            let (framing, ..) = errors_told(&report, engine);
+            let (framing, ..) = line_errors_of(&report, engine);
             assert!(framing.abs_diff(damaged(port)) <= 1, "{engine}: {framing} of {}", damaged(port));
         }
         assert!(report.logged("booster: ECU link lost"));
@@ -76,7 +76,7 @@ fn every_byte_damaged_is_a_lost_link_and_no_more() {
 }
 
 #[test]
-fn lost_bytes_and_what_the_ecu_does_not_understand_cost_single_frames() {
+fn lost_bytes_and_damaged_replies_cost_single_frames() {
     on_each_board(|board| {
         let mut run = Run::new(board, Image::Release).engines();
         for second in 2..12 {
@@ -86,7 +86,7 @@ fn lost_bytes_and_what_the_ecu_does_not_understand_cost_single_frames() {
             });
         }
         let report = run.at(SECOND, |bench| bench.garble("SERIAL3", 20_000)).until(15 * SECOND).go();
-        assert_eq!(errors_told(&report, "left"), (0, 0, 0), "a byte that never came is no line error");
+        assert_eq!(line_errors_of(&report, "left"), (0, 0, 0), "a byte that never came is no line error");
         let stats = report.ecu::<AmtEcu>(AMT).stats;
         assert!((1..=11).contains(&stats.none) && stats.late == 0 && stats.bad.total() == 0, "{stats:?}");
         let stats = report.ecu::<AmtEcu>("SERIAL3").stats;

@@ -5,15 +5,15 @@ use emulation::{Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
 
-/// Of the stack while the firmware runs, and while it starts.
-const RUNNING: u64 = 8 * 1024;
+/// Limits of the stack, while the firmware runs and while it starts.
+const RUNNING: u64 = 12 * 1024;
 const STARTING: u64 = 40 * 1024;
 /// What the firmware paints its stack with, and how much of it.
 const PAINTED: u64 = 64 * 1024;
 const PAINT: u32 = 0xC5C5_C5C5;
 
 #[test]
-fn stack_statics_and_vectors_are_where_they_should_be() {
+fn stack_statics_and_vectors_are_in_their_regions() {
     on_each_board(|board| {
         let symbol = |name| symbol(board, Image::Release, name);
         let (vectors, reset) = (symbol("__vector_table"), symbol("Reset"));
@@ -61,12 +61,12 @@ fn stack_statics_and_vectors_are_where_they_should_be() {
 }
 
 #[test]
-fn what_is_kept_over_a_reset_has_a_place_of_its_own() {
+fn retained_memory_has_a_place_of_its_own() {
     on_all_boards(|board| {
         for image in Image::of(board) {
             let symbol = |name| symbol(board, image, name);
             let retained = symbol("__sretained")..symbol("__eretained");
-            // 1 KiB from here on, and the last 7 KiB of the RAM are nobody's.
+            // 1 KiB from here on. The last 7 KiB of the RAM are unused.
             assert_eq!(retained.start, board.above.start, "{image:?}");
             assert!(
                 retained.end > retained.start && retained.end <= retained.start + 1024,

@@ -1,7 +1,7 @@
-//! Boards with a part that another board has shown everything of: their own pins, clocks and places in memory.
+//! Boards whose part is tested in full on another board: their own pins, clocks and places in memory.
 
 use crate::ardupilot::served;
-use crate::support::{engines, errors_told, on_the_other_boards, others_are_well, symbol};
+use crate::support::{engines, line_errors_of, on_the_other_boards, others_are_well, symbol};
 use emulation::{Image, Jump, Leftover, Run};
 use sim::ecu::SECOND;
 
@@ -15,7 +15,7 @@ fn every_engine_of_the_release_image_is_served() {
         let report = Run::new(board, Image::Release).engines().until(10 * SECOND).go();
         others_are_well(&report, &[]);
         for engine in engines(&report) {
-            assert_eq!(errors_told(&report, engine.name), (0, 0, 0));
+            assert_eq!(line_errors_of(&report, engine.name), (0, 0, 0));
         }
         assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
         let first = &report.logs[0].text;

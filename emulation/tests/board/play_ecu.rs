@@ -17,7 +17,7 @@ struct Crossed {
     looked: Nanos,
 }
 
-/// It looks so often for bytes.
+/// How often it looks for bytes.
 const LOOK: Nanos = MILLIS / 10;
 
 impl Ecu for Crossed {

@@ -1,4 +1,4 @@
-//! Who has power first: the ECU, the board, and an ECU that restarts.
+//! The ECU powered before the board, the board before the ECU, and an ECU that restarts.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run, turnaround};
@@ -19,7 +19,7 @@ fn zk() -> ZkEcu {
 }
 
 #[test]
-fn the_ecu_first() {
+fn a_board_that_is_powered_after_its_ecu_answers() {
     on_each_board(|board| {
         // The board gets power in the middle of a frame: 10.5 s is the start of one, in step with 125 ms.
         let report = Run::new(board, Image::Release)
@@ -42,7 +42,7 @@ fn the_ecu_first() {
 }
 
 #[test]
-fn the_board_first() {
+fn an_ecu_that_is_powered_after_its_board_is_answered() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release)
             .engines()
@@ -56,7 +56,7 @@ fn the_board_first() {
             })
             .until(6 * SECOND)
             .go();
-        assert!(report.wire(AMT).tx[0].end > 3 * SECOND, "an AMT ECU is not spoken to before it speaks");
+        assert!(report.wire(AMT).tx[0].end > 3 * SECOND, "an AMT ECU gets no bytes before its first frame");
         assert!(report.when("left: ECU link lost") < 2 * SECOND);
         assert!(report.when("left: ECU link up") > 3 * SECOND);
         assert!(report.when("booster: ECU link up") > 3 * SECOND);
@@ -69,7 +69,7 @@ fn the_board_first() {
 }
 
 #[test]
-fn an_ecu_restarts() {
+fn an_ecu_that_restarts_gets_its_link_back() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release)
             .engines()

@@ -14,6 +14,6 @@ fn two_runs_are_identical() {
     on_each_board(|board| {
         let first = fingerprint(board, 50_000);
         assert_eq!(first, fingerprint(board, 50_000));
-        assert_ne!(first, fingerprint(board, 60_000), "a fingerprint that is always the same says nothing");
+        assert_ne!(first, fingerprint(board, 60_000), "a fingerprint that is always the same shows nothing");
     });
 }

@@ -1,5 +1,5 @@
-//! The self-test's report: what it measures is what the emulated part has. The part has oscillators without an error, no
-//! wait states and no levels on its pins, so what a real board may show is not in here.
+//! The self-test's report, compared with the emulated part. The part has exact oscillators, no wait states and no levels on
+//! its pins, so a real board may differ.
 
 use crate::support::on_each_board;
 use emulation::board::Part;
@@ -20,7 +20,7 @@ fn run(board: &'static Board) -> Run {
 }
 
 #[test]
-fn the_report_says_what_the_part_has() {
+fn the_report_has_the_values_of_the_part() {
     on_each_board(|board| {
         let report = run(board).until(8 * SECOND).go();
         let block = block(&report);
@@ -63,7 +63,7 @@ fn the_report_says_what_the_part_has() {
 }
 
 #[test]
-fn the_report_says_that_there_is_no_crystal() {
+fn the_report_names_a_missing_crystal() {
     on_each_board(|board| {
         let report = run(board).at(0, |bench| bench.break_crystal()).until(8 * SECOND).go();
         let block = block(&report);

@@ -46,8 +46,8 @@ fn a_supply_that_falls_resets_and_the_next_start_waits() {
     assert!(report.lines("left: ECU link up").next_back().expect("up again").at > again);
 }
 
-/// No line leads from the emulator's detector to an interrupt, so the registers of that line are looked at: 2.84 V, rising, what
-/// came before is cleared, and only then it is on.
+/// No line leads from the emulator's detector to an interrupt, so the test checks the registers of that line: 2.84 V, rising
+/// edge, a pending flag cleared, and only then enabled.
 #[test]
 fn the_detector_raises_an_interrupt_from_the_start_on() {
     const PWR_CR: u64 = 0x4000_7000;

@@ -1,4 +1,4 @@
-//! What several tests ask of a run.
+//! Helpers and checks that several tests share.
 
 use emulation::engines::{self, Engine, Protocol};
 use emulation::{BOARDS, Bench, Board, Image, Report};
@@ -11,7 +11,7 @@ pub fn on_each_board(test: impl Fn(&'static Board) + Sync) {
     on(|board| board.is_first_of_its_part(), test);
 }
 
-/// Runs a test on the boards that have a part which another board has shown everything of.
+/// Runs a test on the boards whose part is tested in full on another board.
 pub fn on_the_other_boards(test: impl Fn(&'static Board) + Sync) {
     on(|board| !board.is_first_of_its_part(), test);
 }
@@ -40,7 +40,7 @@ fn on(wanted: impl Fn(&Board) -> bool, test: impl Fn(&'static Board) + Sync) {
     });
 }
 
-/// An address that the linker has settled.
+/// The address of a symbol.
 pub fn symbol(board: &Board, image: Image, name: &str) -> u64 {
     let bytes = image.read(board).expect("an image");
     emulation::image::symbol(&bytes, name).unwrap_or_else(|| panic!("the image has no symbol {name}"))
@@ -54,27 +54,27 @@ pub fn engines(report: &Report) -> Vec<Engine> {
 /// The AMT ECU of an engine got one reply to each of its frames, in time, and nothing else.
 pub fn no_window_missed(report: &Report, engine: &Engine) {
     let stats = report.ecu::<AmtEcu>(engine.port).stats;
-    let told = format!("{} {}: {stats:?}", report.board.name, engine.name);
-    assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0), "{told}");
-    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{told}");
+    let text = format!("{} {}: {stats:?}", report.board.name, engine.name);
+    assert_eq!((stats.late, stats.none, stats.unsolicited), (0, 0, 0), "{text}");
+    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{text}");
     // The last frame may still wait for its reply.
     let unanswered = stats.frames.total() - stats.in_window;
-    assert!(stats.in_window > 0 && unanswered <= 1, "{told}");
+    assert!(stats.in_window > 0 && unanswered <= 1, "{text}");
 }
 
-/// The ZK ECU of an engine got a good command at every period of the rate that the firmware asked for.
-pub fn cadence_kept(report: &Report, engine: &Engine) {
+/// The ZK ECU of an engine got a good command at every period of the rate that the firmware has set.
+pub fn no_slot_missed(report: &Report, engine: &Engine) {
     let Protocol::Zk(rate, _) = engine.protocol else { panic!("{} is no ZK engine", engine.name) };
     let ecu = report.ecu::<ZkEcu>(engine.port);
     let stats = ecu.stats;
-    let told = format!("{} {}: {stats:?}", report.board.name, engine.name);
-    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{told}");
-    // Until its first status each ECU is sent to at the same rate, and while it boots it does not listen.
+    let text = format!("{} {}: {stats:?}", report.board.name, engine.name);
+    assert_eq!((stats.bad.total(), stats.stray_bytes, stats.framing_errors), (0, 0, 0), "{text}");
+    // Until its first status each ECU gets commands at the same rate, and while it boots it does not listen.
     let expected = (report.at - ecu.config().boot) / rate.period();
-    assert!(stats.accepted.abs_diff(expected) <= 2, "{told}: {expected} expected");
+    assert!(stats.accepted.abs_diff(expected) <= 2, "{text}: {expected} expected");
     let (shortest, longest) = (stats.intervals.min.unwrap_or(0), stats.intervals.max.unwrap_or(0));
     let slip = MILLIS / 2;
-    assert!(shortest + slip >= rate.period() && longest <= rate.period() + slip, "{told}");
+    assert!(shortest + slip >= rate.period() && longest <= rate.period() + slip, "{text}");
 }
 
 /// The AMT engines of an image.
@@ -83,7 +83,7 @@ pub fn amt_engines(report: &Report) -> Vec<Engine> {
     all.into_iter().filter(|engine| matches!(engine.protocol, Protocol::Amt(_))).collect()
 }
 
-/// Every engine but those on these ports did not notice a thing.
+/// Every engine but those on these ports was served without a fault.
 pub fn others_are_well(report: &Report, but: &[&str]) {
     for engine in engines(report) {
         if !but.contains(&engine.port) {
@@ -96,7 +96,7 @@ pub fn others_are_well(report: &Report, but: &[&str]) {
 pub fn well(report: &Report, engine: &Engine) {
     match engine.protocol {
         Protocol::Amt(_) => no_window_missed(report, engine),
-        Protocol::Zk(..) => cadence_kept(report, engine),
+        Protocol::Zk(..) => no_slot_missed(report, engine),
     }
 }
 
@@ -106,8 +106,8 @@ pub fn first_byte(report: &Report, port: &str, after: Nanos) -> Nanos {
     bytes.find(|tx| tx.end >= after).unwrap_or_else(|| panic!("nothing was sent on {port}")).end
 }
 
-/// The line errors that the firmware's last status line of an engine tells, as (framing, noise, overrun).
-pub fn errors_told(report: &Report, engine: &str) -> (u32, u32, u32) {
+/// The line errors in the firmware's last status line of an engine, as (framing, noise, overrun).
+pub fn line_errors_of(report: &Report, engine: &str) -> (u32, u32, u32) {
     let name = format!("{engine}: link");
     let line = report.lines(&name).next_back().expect("a status line");
     let Some((_, counts)) = line.text.split_once(" in control").and_then(|(_, rest)| rest.split_once("; "))
@@ -119,8 +119,8 @@ pub fn errors_told(report: &Report, engine: &str) -> (u32, u32, u32) {
     (next(), next(), next())
 }
 
-/// The supervisor's task, which runs every 250 ms, begins with a jump to the handler of interrupts that nobody
-/// expects: the firmware says so and resets itself.
+/// Makes the supervisor's task, which runs every 250 ms, jump to the handler of unexpected interrupts: the firmware logs it
+/// and resets.
 pub fn crash(bench: &mut Bench<'_>, board: &Board, image: Image) {
     let handler = symbol(board, image, "DefaultHandler");
     hijack(bench, board, image, Task::Supervisor, handler);

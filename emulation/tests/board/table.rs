@@ -5,7 +5,7 @@ use emulation::BOARDS;
 use emulation::board::{Before, Part, Pin};
 
 #[test]
-fn the_emulators_boards_are_those_of_the_table() {
+fn the_emulators_boards_equal_those_of_the_table() {
     let names = |port: &emulation::board::Port| {
         let pin = |pin: Pin| format!("P{}{}", pin.port, pin.number);
         let name = port.name.to_string();
@@ -34,6 +34,8 @@ fn the_emulators_boards_are_those_of_the_table() {
         let ports: Vec<_> = here.ports.iter().map(names).collect();
         assert_eq!(ports, table.ports.iter().map(same).collect::<Vec<_>>(), "{name}");
         assert_eq!(names(&here.telemetry), same(&table.telemetry), "{name}");
+        assert_eq!(here.radio, table.ports[usize::from(table.radio)].name, "{name}");
+        assert_eq!(here.inverts, table.chip.family.inverts(), "{name}");
 
         let pin = |(port, number, level): (char, u8, bool)| (format!("P{port}{number}"), level);
         let high = |level| level == Level::High;

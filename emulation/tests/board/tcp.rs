@@ -1,7 +1,6 @@
 //! A port on TCP instead of an ECU, as `cargo emu-run` offers the telemetry UART: bytes go both ways.
 //!
-//! The firmware does not open its telemetry UART yet, so here the port of an engine is on TCP and the test is
-//! the ECU.
+//! Here the port of an engine is on TCP and the test is the ECU.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run};
@@ -12,9 +11,9 @@ use std::net::TcpStream;
 use std::time::Duration;
 
 /// A normal set of an AMT ECU in standby. The second one of a kind is answered.
-fn say(ecu: &mut TcpStream) {
+fn send_set(ecu: &mut TcpStream) {
     ecu.write_all(&[0xFF, 0x0A, 0x00, 0x10, 0x00, 0x00]).expect("the board takes it");
-    // Sockets keep real time: let it arrive before virtual time goes on.
+    // Sockets are in real time: let it arrive before virtual time continues.
     std::thread::sleep(Duration::from_millis(100));
 }
 
@@ -30,8 +29,8 @@ fn bytes_go_both_ways_over_tcp() {
         let report = Run::new(board, Image::Release)
             .engines()
             .tcp("SERIAL2", peer)
-            .at(SECOND / 2, move |_| say(&mut ecu))
-            .at(SECOND / 2 + SECOND / 8, move |_| say(&mut second))
+            .at(SECOND / 2, move |_| send_set(&mut ecu))
+            .at(SECOND / 2 + SECOND / 8, move |_| send_set(&mut second))
             .until(SECOND)
             .go();
         let mut reply = [0; 5];

@@ -1,4 +1,4 @@
-//! The watchdog bites when a task stands still, and only then.
+//! The watchdog bites when a task hangs, and only then.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::board::Part;
@@ -6,13 +6,13 @@ use emulation::{Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
 #[test]
-fn it_bites_when_an_engines_task_stands_still() {
+fn a_hanging_task_of_an_engine_resets_the_chip() {
     on_each_board(|board| {
         let run = Run::new(board, Image::Wedge).engines().resets(1).with_errors().until(8 * SECOND);
         let report = run.go();
         let (at, cause) = report.resets[0];
         assert_eq!(format!("{cause:?}"), "Model(\"IWDG\")");
-        // The task stands still from 5 s on, and the last food was given within 250 ms of that.
+        // The task hangs from 5 s on, and the watchdog was last fed within 250 ms of that.
         assert!((5500 * MILLIS..6500 * MILLIS).contains(&at), "{at}");
         assert!(report.when("left: its runner is stuck") > 5 * SECOND);
         assert!(report.when("last reset: Watchdog") < at + 5 * MILLIS, "back at once");
@@ -23,9 +23,9 @@ fn it_bites_when_an_engines_task_stands_still() {
 }
 
 #[test]
-fn it_does_not_bite_while_all_is_well() {
+fn a_working_image_is_not_reset() {
     on_each_board(|board| {
-        // Long enough for the wedged image to have been reset; resets fail a run by themselves.
+        // Long enough for the wedged image to have been reset. A reset fails the run.
         let report = Run::new(board, Image::Release).engines().until(8 * SECOND).go();
         assert!(report.resets.is_empty());
         others_are_well(&report, &[]);
@@ -33,7 +33,7 @@ fn it_does_not_bite_while_all_is_well() {
 }
 
 #[test]
-fn a_silent_line_is_no_reason_to_bite() {
+fn a_silent_line_resets_nothing() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).until(5 * SECOND).go();
         assert!(report.resets.is_empty() && report.logged("left: ECU link lost"));
@@ -41,9 +41,9 @@ fn a_silent_line_is_no_reason_to_bite() {
 }
 
 /// A probe that halts the core must not be answered by a reset: the bit in DBGMCU comes before the watchdog. That the
-/// watchdog then stands still is the part's to do; nothing halts the core here.
+/// watchdog then pauses is the part's to do; nothing halts the core here.
 #[test]
-fn it_is_told_to_stand_still_while_a_probe_halts_the_core_before_it_starts() {
+fn it_is_set_to_pause_while_a_probe_halts_the_core() {
     on_each_board(|board| {
         let (freeze, bit) = match board.part {
             Part::H743 => (0x5C00_1054, 18), // APB4FZ1, WDGLSD1 (RM0433, 60.5.8)

@@ -1,4 +1,4 @@
-//! The library inside somebody's own Embassy firmware: one ZK engine on USART1 of an STM32H743.
+//! The library inside an Embassy firmware of your own: one ZK engine on USART1 of an STM32H743.
 //!
 //! A package of its own, with its own tick rate and without defmt: `cargo build --release` in this folder.
 //! `docs/porting.md` of jetlink walks through it.
@@ -28,11 +28,11 @@ bind_interrupts!(struct Irqs {
 
 // 2. What has to survive a reset: order, demand, source, arming, a latched emergency stop.
 // SAFETY: cortex-m-rt's section `.uninit` is RAM that start-up leaves as it is. Every bit pattern is a valid
-// `RetainedMemory` (it is atomics throughout), and what it holds is only believed with a right checksum.
+// `RetainedMemory` (it is atomics throughout), and its content is only used with a right checksum.
 #[unsafe(link_section = ".uninit.retained")]
 static RETAINED: RetainedMemory = RetainedMemory::new();
 
-// What of it may be believed: after a power-up or a brown-out nothing that could start or raise an engine, because the
+// Which part of it is used: after a power-up or a brown-out nothing that could start or raise an engine, because the
 // RAM may have been without power. The chip's flags stay on until they are cleared.
 fn reset() -> Reset {
     let rcc = embassy_stm32::pac::RCC;
@@ -42,7 +42,7 @@ fn reset() -> Reset {
     if warm && !flags.porrstf() && !flags.borrstf() { Reset::Warm } else { Reset::PowerLost }
 }
 
-// 3. A task that owns the UART. It wants a higher priority than whatever computes for long: see how the firmware of
+// 3. A task that owns the UART. It needs a higher priority than anything that computes for long: see how the firmware of
 //    jetlink uses an InterruptExecutor.
 #[embassy_executor::task]
 async fn engine(runner: Runner<'static>, uart: BufferedUart<'static>) {
@@ -52,8 +52,8 @@ async fn engine(runner: Runner<'static>, uart: BufferedUart<'static>) {
     runner.run(rx, tx, &ERRORS).await
 }
 
-// 4. Whoever commands holds a source, of which there is one. This one commands standby: the second command also shuts down
-//    an engine that went on after a reset.
+// 4. Code that commands holds a source, of which there is one. This one commands standby: the second command also shuts down
+//    an engine that resumed after a reset.
 #[embassy_executor::task]
 async fn pilot(source: Source<'static>) {
     let mut tick = Ticker::every(Duration::from_millis(100));
@@ -82,7 +82,7 @@ async fn main(spawner: Spawner) {
     let channel: &'static Channel = CHANNEL.init(Channel::new(&ENGINE, Some((&RETAINED, reset()))));
     spawner.spawn(engine(channel.runner(), uart).unwrap());
     spawner.spawn(pilot(channel.handle().source(Origin::Bench).unwrap()).unwrap());
-    // 5. A watchdog is fed only while `channel.handle().progress()` changes. There is none here: see
+    // 5. A watchdog is fed only while `jetlink::watch::RunnerWatch` finds no runner stuck. There is none here: see
     //    `supervisor` in jetlink's src/firmware.rs.
 }
 

@@ -1,7 +1,7 @@
-//! One engine on a serial port of a computer: shows what its ECU says, and keeps it in standby.
+//! One engine on a serial port of a computer: shows what its ECU reports, and keeps it in standby.
 //!
 //! `cargo run -- /dev/ttyUSB0` for a ZK ECU at 9600 baud. A computer may stall for longer than the 9 ms that an AMT reply
-//! has to begin in, so this is for looking and for a bench without fuel: an engine belongs to a board.
+//! has to begin in, so this is for a bench without fuel: an engine belongs to a board.
 
 use embedded_io_adapters::tokio_1::FromTokio;
 use jetlink::channel::{Channel, Source};
@@ -10,6 +10,7 @@ use jetlink::config::{EngineConfig, check};
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 use jetlink::runner::LineErrors;
+use std::process::ExitCode;
 use std::time::Duration;
 use tokio_serial::SerialPortBuilderExt;
 
@@ -17,7 +18,13 @@ const ENGINE: EngineConfig = EngineConfig::zk("engine", 0, Line::new(9600), Rate
 const _: () = check(&[ENGINE]);
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn std::error::Error>> {
+async fn main() -> ExitCode {
+    let Err(error) = run().await else { return ExitCode::SUCCESS };
+    eprintln!("{error}");
+    ExitCode::FAILURE
+}
+
+async fn run() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("name the serial port, for example /dev/ttyUSB0")?;
     let port = tokio_serial::new(path, ENGINE.line.baud).open_native_async()?;
     let (rx, tx) = tokio::io::split(port);

@@ -11,21 +11,22 @@
 //! - after a start, a take-over, a gap in what the ECU sent, or a reset: a demand that rises from the last one on the wire
 //!   to the commanded one, at most at 50 % a second;
 //! - its source is lost, or another one is about to take over: no higher throttle than before;
-//! - a run that the node withdraws: standby, where the simulated engine had stopped, or its ECU fell silent in the start;
+//! - a run that the node cancels: standby, where the simulated engine had stopped, or its ECU fell silent in the start;
 //! - ZK beside these: ID 0, and ID 2 with the configured rate.
 //!
-//! Anything else is a command that nobody gave.
+//! Anything else is an unsolicited command.
 
-use super::engines::{Ecu as Kind, Engine};
-use super::simulated::{cadence, parameters};
+mod amt;
+mod zk;
+
+use super::engines::Engine;
+use super::simulated::parameters;
 use jetlink::command::{Demand, Order};
-use sim::amt::Ops;
-use sim::any::Protocol;
 use sim::control::{self, Command, Found, Reader, Switch};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
-use sim::zk::{Action, Sw, ZkCommand};
+use sim::zk::{Action, ZkCommand};
 use std::collections::VecDeque;
 
 /// A frame may be so much older than its first bit: it was made before the order changed.
@@ -34,9 +35,9 @@ const MADE_BEFORE: Nanos = 50 * MILLIS;
 const LONGEST_GAP: Nanos = 5 * MILLIS;
 /// Findings that are kept; all are counted.
 const KEPT: usize = 5;
-/// Where nothing else is configured a demand rises at this rate, in thousandths of the maximum a second.
+/// Where nothing else is configured a demand rises at this rate, in per mille of the maximum per second.
 const RISE: u64 = 500;
-/// The demand on the wire was computed up to so long before its frame went out.
+/// Longest time from the computation of a demand to its frame on the wire.
 const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
 /// A rise after a gap or a reset has begun and ended after this: 10 s of doubt, 2 s from idle to full, and a frame.
 const RISE_WITHIN: Nanos = 13 * SECOND;
@@ -50,7 +51,7 @@ const START_TAKES: Nanos = 30 * SECOND;
 const REPORTED_WITHIN: Nanos = 3 * SECOND;
 /// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
 const UNCONFIRMED: Nanos = 11 * SECOND;
-/// When no source has spoken for so long, an engine is shut down of which it is not known that it runs: 10 s, of which the
+/// Time without any source after which an engine is shut down that is not known to run: 10 s, of which the
 /// node reckons 0.2 s for each reset, however short it was.
 const ALL_SILENT: Nanos = 8 * SECOND;
 
@@ -61,11 +62,11 @@ pub struct Finding {
     pub at: Nanos,
     /// The frame.
     pub bytes: Vec<u8>,
-    /// What it says, and what was in force.
+    /// Its command, and what was in force.
     pub what: String,
 }
 
-/// What a frame of the node says, in the terms of either protocol.
+/// The command in a frame of the node, in the terms of either protocol.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum WireCommand {
     /// Emergency stop.
@@ -80,6 +81,18 @@ pub enum WireCommand {
     Nothing,
 }
 
+impl core::fmt::Display for WireCommand {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Stop => f.write_str("emergency stop"),
+            Self::Standby => f.write_str("standby"),
+            Self::Run(tenths) => write!(f, "run, throttle {:.1} %", f64::from(*tenths) / 10.0),
+            Self::RunRpm(rpm) => write!(f, "run, {rpm} rpm"),
+            Self::Nothing => f.write_str("no order"),
+        }
+    }
+}
+
 /// A frame of the node on the wire.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct TransmittedFrame {
@@ -91,15 +104,25 @@ pub struct TransmittedFrame {
     pub command: WireCommand,
 }
 
-/// What the node may say.
+/// What the node may send.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Allowed {
-    /// What this order asks for.
+    /// What this order allows.
     Order(Order),
     /// A run at this throttle or any lower one.
     UpTo(u16),
-    /// What it said last before it was reset, as exactly as the ECU tells it.
+    /// What it sent last before it was reset, to the resolution that the ECU reports.
     Again(WireCommand),
+}
+
+impl core::fmt::Display for Allowed {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Order(order) => order.fmt(f),
+            Self::UpTo(tenths) => write!(f, "run, throttle up to {:.1} %", f64::from(*tenths) / 10.0),
+            Self::Again(command) => write!(f, "as before the reset: {command}"),
+        }
+    }
 }
 
 /// What the ECU's frames on the wire show of gaps, by what became of each byte.
@@ -179,7 +202,7 @@ pub struct Audit {
     level: Option<Level>,
     /// The demand may still be on its way up to the commanded one, until then.
     rises_until: Option<Nanos>,
-    heard: Received,
+    received: Received,
     /// The last gap that a rise was allowed for.
     gap_seen: Option<Nanos>,
     /// When run was ordered after something else.
@@ -187,30 +210,30 @@ pub struct Audit {
     /// When the engine was last seen to stop, and whether it was live when it was last seen.
     stopped_at: Option<Nanos>,
     was_live: bool,
-    /// When a source last spoke.
-    word_at: Nanos,
-    /// The first bit of the frame of the last turn (ZK).
-    last_turn: Option<Nanos>,
+    /// When a source last commanded.
+    commanded_at: Nanos,
+    /// The first bit of the frame in the last send slot (ZK).
+    last_slot: Option<Nanos>,
     /// The first bit of the last frame, if it was a switch in a command of its own (ZK).
     switched_at: Option<Nanos>,
-    /// What the node said last that concerns the switch or the demand.
+    /// What the node sent last that concerns the switch or the demand.
     pub on_wire: Option<WireCommand>,
     /// The first bit of the first frame of the last emergency stop.
     pub stop_at: Option<Nanos>,
-    /// All that it said; kept for a scenario's judge.
+    /// All that it sent; kept for a scenario's judge.
     pub transmitted: Option<Vec<TransmittedFrame>>,
     /// Frames of the node.
     pub frames: u64,
-    /// Those of them that went out before the ECU said anything: it was still starting up.
+    /// Those of them that went out before the ECU sent anything: it was still starting up.
     pub frames_before_ecu: u64,
-    ecu_spoke: bool,
-    /// The largest difference of two turns' distance from the cadence (ZK), see [`Audit::measure_cadence`].
+    ecu_sent: bool,
+    /// The largest difference of two slots' distance from the cadence (ZK), see [`Audit::measure_cadence`].
     pub worst_cadence_error: Option<Nanos>,
     /// Frames that nothing allows.
     pub not_given: u64,
     /// The first of them.
     pub findings: Vec<Finding>,
-    /// What the frames say is judged.
+    /// The frames' commands are judged.
     pub judged: bool,
 }
 
@@ -218,7 +241,7 @@ impl Audit {
     /// For this engine's line. The node begins by listening, and the ECU obeys no run.
     pub fn new(engine: &Engine) -> Self {
         let parameters = parameters(engine);
-        let cadence = cadence(engine);
+        let cadence = engine.cadence();
         Self {
             cadence,
             rate_action: cadence.map(|cadence| match cadence / MILLIS {
@@ -235,20 +258,14 @@ impl Audit {
             on_wire: None,
             stop_at: None,
             transmitted: None,
-            reader: Reader::strict(
-                match engine.ecu {
-                    Kind::Amt(_) => Protocol::Amt,
-                    Kind::Zk { .. } => Protocol::Zk,
-                },
-                LONGEST_GAP,
-            ),
+            reader: Reader::strict(engine.ecu.protocol(), LONGEST_GAP),
             frame_start: 0,
             reset_at: 0,
             level: None,
             rises_until: None,
-            heard: Received {
+            received: Received {
                 period: cadence.unwrap_or(125 * MILLIS),
-                unchecked: matches!(engine.ecu, Kind::Amt(_)),
+                unchecked: !engine.ecu.protocol().has_checksum(),
                 frame: None,
                 whole: None,
                 gap: None,
@@ -257,12 +274,12 @@ impl Audit {
             started_at: 0,
             stopped_at: None,
             was_live: false,
-            word_at: 0,
-            last_turn: None,
+            commanded_at: 0,
+            last_slot: None,
             switched_at: None,
             frames: 0,
             frames_before_ecu: 0,
-            ecu_spoke: false,
+            ecu_sent: false,
             worst_cadence_error: None,
             not_given: 0,
             findings: Vec::new(),
@@ -270,7 +287,7 @@ impl Audit {
         }
     }
 
-    /// Who commands is not known here: what the frames say is not judged.
+    /// Who commands is not known here: the frames' commands are not judged.
     pub fn judge_no_orders(&mut self) {
         self.judged = false;
     }
@@ -290,9 +307,9 @@ impl Audit {
         self.allow(at, Allowed::Order(order));
     }
 
-    /// A source has spoken, whatever it said.
-    pub fn word(&mut self, at: Nanos) {
-        self.word_at = at;
+    /// A source has commanded, whatever it was.
+    pub fn commanded(&mut self, at: Nanos) {
+        self.commanded_at = at;
     }
 
     fn may_rise(&mut self, until: Nanos) {
@@ -305,7 +322,7 @@ impl Audit {
         let now = match (self.on_wire, self.orders.back()) {
             (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
             (Some(WireCommand::Run(now)), _) => now,
-            // After a reset: what the ECU tells of it.
+            // After a reset: what the ECU reports of it.
             (None, Some(&(_, Allowed::Again(WireCommand::Run(before))))) => before + REPORTED_GRAIN,
             (None, Some(&(_, Allowed::UpTo(most)))) => most,
             _ => return,
@@ -313,13 +330,13 @@ impl Audit {
         self.allow(at, Allowed::UpTo(tenths.max(now)));
     }
 
-    /// The node was reset: it may say again what it said before, and nothing else, until something is ordered.
+    /// The node was reset: it may send again what it sent before, and nothing else, until something is ordered.
     pub fn reset(&mut self, at: Nanos) {
         self.reader.restart();
         self.reset_at = at;
-        // The node hears nothing meanwhile.
-        (self.heard.gap, self.heard.whole) = (Some(at), None);
-        self.last_turn = None;
+        // The node receives nothing meanwhile.
+        (self.received.gap, self.received.whole) = (Some(at), None);
+        self.last_slot = None;
         self.switched_at = None;
         let before = self.on_wire.take();
         self.allow(at, Allowed::Again(before.unwrap_or(WireCommand::Standby)));
@@ -340,27 +357,27 @@ impl Audit {
         self.was_live = phase.is_live();
     }
 
-    /// The node goes to standby by itself. It may, and may have said so a little late, where the engine had stopped,
-    /// where its ECU fell silent in the start, where a start has had its time, and where nobody has spoken for long and
+    /// The node goes to standby by itself. It may, and may have reported it a little late, where the engine had stopped,
+    /// where its ECU fell silent in the start, where a start has had its time, and where no source has commanded for long and
     /// it still starts or its ECU fell silent.
-    pub fn withdrawn(&mut self, at: Nanos, phase: Phase) {
+    pub fn cancelled(&mut self, at: Nanos, phase: Phase) {
         self.see_engine(at, phase);
-        self.heard.find_gap(at);
+        self.received.find_gap(at);
         let stopped =
             !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
         let starting = phase.is_starting()
-            && (at >= self.started_at + START_TAKES || self.heard.gap >= Some(self.started_at));
-        let in_doubt = phase.is_starting() || self.heard.gap >= Some(self.word_at);
-        let forsaken = at >= self.word_at + ALL_SILENT && in_doubt;
+            && (at >= self.started_at + START_TAKES || self.received.gap >= Some(self.started_at));
+        let in_doubt = phase.is_starting() || self.received.gap >= Some(self.commanded_at);
+        let forsaken = at >= self.commanded_at + ALL_SILENT && in_doubt;
         if stopped || starting || forsaken {
             self.standby_took_effect(at);
         } else {
-            // On the wire that is a standby that nobody gave, but the pilot may be there with one of its own first.
+            // On the wire that is an unsolicited standby, but the pilot may be there with one of its own first.
             self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
         }
     }
 
-    /// The standby that a source has said before is in force, and may have been a little before. It is told by an event, which
+    /// The standby that a source commanded before is in force, and may have been a little before. It is reported by an event, which
     /// may be older than an emergency stop: that is latched, and only its release ends it.
     pub fn standby_took_effect(&mut self, at: Nanos) {
         if let Some(&(_, Allowed::Order(Order::EmergencyStop))) = self.orders.back() {
@@ -371,10 +388,10 @@ impl Audit {
     }
 
     /// The node has given up an order that nothing has confirmed for too long. It may, where its ECU fell silent. Then
-    /// it may say nothing, or again what it said before.
+    /// it may send nothing, or again what it sent before.
     pub fn given_up(&mut self, at: Nanos) {
-        self.heard.find_gap(at);
-        if self.heard.gap.is_some_and(|gap| at <= gap + UNCONFIRMED) {
+        self.received.find_gap(at);
+        if self.received.gap.is_some_and(|gap| at <= gap + UNCONFIRMED) {
             self.allow(at, Allowed::Again(self.on_wire.unwrap_or(WireCommand::Standby)));
             self.may_rise(at + RISE_WITHIN);
         } else {
@@ -386,13 +403,13 @@ impl Audit {
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
             if entry.direction == Direction::ToNode {
-                self.heard.byte(entry);
+                self.received.byte(entry);
             }
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
                 // The byte that the reset has cut.
                 (Direction::ToEcu, _) if entry.start <= self.reset_at && self.reset_at > 0 => {}
-                (Direction::ToNode, _) => self.ecu_spoke = true,
+                (Direction::ToNode, _) => self.ecu_sent = true,
                 (Direction::ToEcu, _) => self.byte(entry),
             }
         }
@@ -415,11 +432,11 @@ impl Audit {
 
     fn whole(&mut self, frame: &control::Frame) {
         self.frames += 1;
-        self.frames_before_ecu += u64::from(!self.ecu_spoke);
+        self.frames_before_ecu += u64::from(!self.ecu_sent);
         let start = frame.start;
         self.frame_start = start;
-        self.heard.find_gap(start);
-        if let Some(gap) = self.heard.gap
+        self.received.find_gap(start);
+        if let Some(gap) = self.received.gap
             && self.gap_seen.replace(gap) != Some(gap)
         {
             self.may_rise(gap + RISE_WITHIN);
@@ -427,7 +444,9 @@ impl Audit {
         self.measure_cadence(start, frame);
         let command = match frame.command {
             Ok(command) => command,
-            Err(bad) => return self.find(start, frame.bytes().to_vec(), &format!("no command: {bad:?}")),
+            Err(bad) => {
+                return self.find(start, frame.bytes().to_vec(), &format!("not a valid frame: {bad}"));
+            }
         };
         let wire = self.wire_command(command);
         let allowed = self.any_order(wire, |order| match command {
@@ -444,11 +463,11 @@ impl Audit {
         let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire };
         self.transmitted.iter_mut().for_each(|all| all.push(transmitted));
         if !allowed {
-            self.find(start, frame.bytes().to_vec(), &format!("{command:?}"));
+            self.find(start, frame.bytes().to_vec(), &command.to_string());
         }
     }
 
-    /// From turn to turn. What may go out ahead of its turn does not count, and leaves the turns where they are: the
+    /// From slot to slot. What may be sent before its slot does not count, and leaves the slots where they are: the
     /// first frame of an emergency stop, and the frame right behind a switch, when the way of commanding changes.
     fn measure_cadence(&mut self, start: Nanos, frame: &control::Frame) {
         let Some(cadence) = self.cadence else { return };
@@ -460,14 +479,14 @@ impl Audit {
         let begins_stop = self.on_wire != Some(WireCommand::Stop)
             && command.is_some_and(|command| self.wire_command(command) == WireCommand::Stop);
         let behind_switch = switched_at.is_some_and(|at| start < at + LONGEST_GAP);
-        let Some(last) = self.last_turn else {
-            self.last_turn = Some(start);
+        let Some(last) = self.last_slot else {
+            self.last_slot = Some(start);
             return;
         };
         if start < last + cadence && (begins_stop || behind_switch) {
             return;
         }
-        self.last_turn = Some(start);
+        self.last_slot = Some(start);
         let error = (start - last).abs_diff(cadence);
         self.worst_cadence_error = self.worst_cadence_error.max(Some(error));
     }
@@ -491,7 +510,7 @@ impl Audit {
             })
     }
 
-    /// What a frame says; a speed with the RPM_X that this engine needs, which may follow it.
+    /// The command in a frame; a speed with the RPM_X that this engine needs, which may follow it.
     fn wire_command(&self, command: Command) -> WireCommand {
         match (command.switch(), command) {
             (Some(Switch::Stop), _) => WireCommand::Stop,
@@ -503,21 +522,6 @@ impl Audit {
                 WireCommand::RunRpm(u32::from(code) * u32::from(self.factor) * 10)
             }
             _ => WireCommand::Nothing,
-        }
-    }
-
-    fn amt_allows(&self, order: Order, command: sim::amt::AmtCommand) -> bool {
-        let throttle = u16::from(command.throttle_half_percent) * 5;
-        match (command.ops, order) {
-            // An ECU that was just powered up obeys auto stop: that is what it is told while the node listens.
-            (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby | Order::Listen) => {
-                throttle == 0
-            }
-            (Ops::Run, Order::Run(Demand::Throttle(given))) => {
-                let given = given.tenths() / 5 * 5;
-                throttle == 0 || throttle == given || self.rises(throttle.into(), given.into(), 1000, 5)
-            }
-            _ => false,
         }
     }
 
@@ -551,43 +555,8 @@ impl Audit {
             (WireCommand::Nothing, _) => return,
         };
         self.level = Some(Level { at, value });
-        if arrived && self.heard.gap.is_none_or(|gap| at > gap + MADE_BEFORE) {
+        if arrived && self.received.gap.is_none_or(|gap| at > gap + MADE_BEFORE) {
             self.rises_until = None;
-        }
-    }
-
-    fn zk_allows(&self, order: Order, command: ZkCommand) -> bool {
-        let switch = match order {
-            Order::EmergencyStop => Sw::Stop,
-            Order::Standby => Sw::Standby,
-            Order::Run(_) => Sw::Run,
-            Order::Pwm => Sw::None,
-            // Nothing but ID 0, until the ECU has reported what its engine does; in mode 3 the rpm as well.
-            Order::Listen => return command == ZkCommand::Empty,
-            Order::Doubt(_) => return matches!(command, ZkCommand::Empty | ZkCommand::Rpm(_)),
-        };
-        match (command, order) {
-            (ZkCommand::Empty, _) => true,
-            (ZkCommand::Action(action), _) => Some(action) == self.rate_action,
-            (ZkCommand::Control { sw, throttle }, Order::Run(Demand::Throttle(given))) => {
-                let given = given.tenths();
-                let rises = self.rises(throttle.into(), given.into(), 1000, 1);
-                sw == switch && (throttle == 0 || throttle == given || rises)
-            }
-            (ZkCommand::Control { .. }, Order::Run(Demand::Rpm(_))) => false,
-            (ZkCommand::Control { sw, throttle }, _) => sw == switch && throttle == 0,
-            (ZkCommand::Switch { sw, factor }, Order::Run(Demand::Rpm(_))) => {
-                sw == switch && factor == self.factor
-            }
-            (ZkCommand::Switch { sw, factor }, _) => sw == switch && factor == 0,
-            (ZkCommand::Rpm(code), Order::Run(Demand::Rpm(given))) => {
-                let given = given.get();
-                let step = u32::from(self.factor) * 10;
-                let exact =
-                    [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
-                exact || self.rises(u32::from(code) * step, given, self.max_rpm, step)
-            }
-            _ => false,
         }
     }
 
@@ -599,7 +568,7 @@ impl Audit {
         if self.findings.len() < KEPT {
             let order = self.orders.iter().rev().find(|&&(from, _)| from <= at);
             let order = order.map_or(Allowed::Order(Order::Listen), |&(_, order)| order);
-            let what = format!("{what}, while what was allowed was {order:?}");
+            let what = format!("{what}; allowed: {order}");
             self.findings.push(Finding { at, bytes, what });
         }
     }

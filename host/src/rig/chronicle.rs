@@ -35,7 +35,7 @@ pub struct Subject {
     pub by_rpm: bool,
 }
 
-/// All of a run that pictures show, gathered while it goes on.
+/// The content of the pictures of a run, gathered during it.
 #[derive(Debug)]
 pub struct Chronicle {
     /// What the run is.
@@ -62,7 +62,7 @@ const SHOWN: [(&str, &str); 19] = [
     ("faults on all lines end", "noise ends"),
     ("the flame goes out", "flame out"),
     ("its source falls silent", "source silent"),
-    ("its source speaks again", "source speaks"),
+    ("its source commands again", "source back"),
     ("source received again", "in control"),
     ("source lost: hold", "held"),
     ("source lost: fail-safe", "to idle"),
@@ -113,7 +113,7 @@ impl Chronicle {
         }
         let shown = SHOWN.iter().find_map(|(begins, words)| {
             let rest = note.text.strip_prefix(begins)?;
-            // What is named stands behind its name, up to the next comma.
+            // A name is followed by its value, up to the next comma.
             let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
             Some(format!("{words}{rest}"))
         });

@@ -37,12 +37,9 @@ pub fn of_start(telemetry: &Telemetry, config: &EngineConfig, others_start: bool
         add(false, "emergency stop", String::new(), Interlock::NotStandby);
     }
     add(telemetry.armed || !rules.arming, "armed", "armed".to_owned(), Interlock::NotArmed);
-    let since = telemetry.last_rx.map(|heard| seconds_between(heard, now));
+    let since = telemetry.last_rx.map(|last_rx| seconds_between(last_rx, now));
     let link = since.map_or_else(String::new, |since| {
-        format!(
-            "last frame {since:.2} s ago; stable for {} s needed",
-            rules.link_stable.as_millis() as f64 / 1e3
-        )
+        format!("last frame {since:.2} s ago, needs {} s stable", rules.link_stable.as_millis() as f64 / 1e3)
     });
     add(telemetry.link == LinkState::Up, "link", link, Interlock::Link);
     let faulty = report.faults.is_some_and(|faults| !faults.value.is_empty());
@@ -73,7 +70,7 @@ pub fn of_start(telemetry: &Telemetry, config: &EngineConfig, others_start: bool
     {
         first.text = jetlink::command::Rejected::StopLatched.to_string();
     }
-    // A limit is said with its value.
+    // A limit is shown with its value.
     for condition in all.iter_mut().filter(|condition| !condition.met && condition.what == "EGT") {
         if report.egt.is_some() {
             condition.text += &format!(", limit {} °C", whole(limit));
@@ -93,7 +90,7 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
         Order::Listen => all.push("the node has started and listens before it obeys".to_owned()),
         Order::Doubt(_) => {
             all.push(
-                "it is in doubt whether the engine runs: nothing goes out that could start it".to_owned(),
+                "it is in doubt whether the engine runs: nothing that could start it is sent".to_owned(),
             );
         }
         Order::Pwm => all.push("the ECU's PWM input is in control".to_owned()),
@@ -106,7 +103,7 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
             loss.hold.as_millis() as f64 / 1e3
         )),
         LossStage::FailSafe => all.push(format!(
-            "the source is lost: the demand goes to {:.0} % at {:.0} % a second",
+            "the source is lost: the demand falls to {:.0} % at {:.0} % a second",
             f64::from(loss.throttle.tenths()) / 10.0,
             f64::from(loss.ramp) / 10.0
         )),
@@ -123,7 +120,7 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
         all.push(format!("{}, for {left:.0} s at most", Interlock::OtherStarting));
     }
     if telemetry.transmitter_failed {
-        all.push("nothing goes out: the transmitter has failed".to_owned());
+        all.push("nothing is sent: the transmitter has failed".to_owned());
     }
     if let Order::Run(Demand::Throttle(_) | Demand::Rpm(_)) = telemetry.ordered.order
         && matches!(telemetry.state, EngineState::Starting(_) | EngineState::StartRequested)
@@ -149,14 +146,14 @@ mod tests {
     use jetlink::report::Timed;
 
     #[test]
-    fn what_is_not_met_is_said_as_the_refusal_says_it_with_the_limit() {
+    fn a_condition_that_is_not_met_has_the_text_of_the_refusal_and_the_limit() {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines);
         let mut telemetry = node.telemetry(0);
         telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(3120), Instant::MIN));
         let all = of_start(&telemetry, &engines[0].config, true);
         let of = |what| all.iter().find(|condition| condition.what == what).unwrap();
-        assert_eq!(of("EGT").text, "the exhaust has 312 °C: let it cool in standby, limit 100 °C");
+        assert_eq!(of("EGT").text, "the exhaust is at 312 °C: let it cool in standby, limit 100 °C");
         assert_eq!(of("armed").text, Interlock::NotArmed.to_string());
         assert_eq!(of("other engines").text, Interlock::OtherStarting.to_string());
         assert!(of("faults").met && !of("link").met);

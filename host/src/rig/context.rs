@@ -1,4 +1,4 @@
-//! What the tasks of one engine share: what it is told, what was noted, and the audit of its line.
+//! What the tasks of one engine share: what it is commanded, what was noted, and the audit of its line.
 
 use super::audit::Audit;
 use super::engines::Engine;
@@ -25,7 +25,7 @@ pub enum Stage {
     Idle,
     /// Running, the demand goes in steps.
     Steps,
-    /// Standby commanded, until the engine is cool and stands.
+    /// Standby commanded, until the engine is cool and at rest.
     Cooling,
     /// All was done.
     Done,
@@ -35,6 +35,8 @@ pub enum Stage {
     Event,
     /// It was taken from its script, and is played.
     Played,
+    /// It has no script: MAVLink or radio control commands it.
+    Commanded,
 }
 
 impl Stage {
@@ -50,11 +52,12 @@ impl Stage {
             Self::Failed => "failed",
             Self::Event => "event",
             Self::Played => "played",
+            Self::Commanded => "commanded",
         }
     }
 }
 
-/// What the pilot's input says.
+/// The pilot's input.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum PilotInput {
     /// Standby.
@@ -80,7 +83,7 @@ impl PilotInput {
         }
     }
 
-    /// The throttle it asks for, in percent.
+    /// The throttle it commands, in percent.
     pub fn throttle_percent(self) -> Option<f64> {
         match self {
             Self::Run(Demand::Throttle(throttle)) => Some(f64::from(throttle.tenths()) / 10.0),
@@ -88,7 +91,7 @@ impl PilotInput {
         }
     }
 
-    /// The speed it asks for.
+    /// The speed it commands, in rpm.
     pub fn rpm(self) -> Option<u32> {
         match self {
             Self::Run(Demand::Rpm(rpm)) => Some(rpm.get()),
@@ -167,15 +170,15 @@ pub struct EngineContext<'a> {
     pub stage: Cell<Stage>,
     /// What its pilot commands.
     pub input: Cell<PilotInput>,
-    /// Its pilot says nothing.
+    /// Its pilot commands nothing.
     pub silent: Cell<bool>,
-    /// It was taken from its script, and somebody else commands it.
+    /// It was taken from its script, and is commanded by hand.
     pub played: Cell<bool>,
     /// When the last fault on its line ends.
     pub clean_from: Instant,
     /// Holds the line against the commands.
     pub audit: RefCell<Audit>,
-    /// The bytes on the line, for whoever looks at them.
+    /// The bytes on the line, for views and files.
     pub tap: RefCell<Tap>,
     /// How often the engine stopped although it was to run.
     pub stops: Cell<u32>,
@@ -183,7 +186,7 @@ pub struct EngineContext<'a> {
     pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
-    /// When each source last said standby.
+    /// When each source last commanded standby.
     standbys: RefCell<Vec<(Origin, Nanos)>>,
     /// For what may come in any number.
     limiter: RefCell<Limiter>,
@@ -221,18 +224,18 @@ impl<'a> EngineContext<'a> {
 
     /// Sees whether the link is up again after the last fault.
     pub fn watch_recovery(&self, telemetry: &Telemetry) {
-        let heard = telemetry.last_rx.filter(|&heard| heard >= self.clean_from);
-        if let (Some(heard), LinkState::Up, None) = (heard, telemetry.link, self.recovered_after.get())
+        let last_rx = telemetry.last_rx.filter(|&last_rx| last_rx >= self.clean_from);
+        if let (Some(last_rx), LinkState::Up, None) = (last_rx, telemetry.link, self.recovered_after.get())
             && self.clean_from > Instant::MIN
         {
-            self.recovered_after.set(Some(heard - self.clean_from));
+            self.recovered_after.set(Some(last_rx - self.clean_from));
         }
     }
 
-    /// Tells the audit what was commanded, and what became of it.
+    /// Reports to the audit what was commanded, and with what answer.
     pub fn judge(&self, at: Nanos, order: Order, origin: Origin, answer: Result<Accepted, Rejected>) {
         let mut audit = self.audit.borrow_mut();
-        audit.word(at);
+        audit.commanded(at);
         if order == Order::Standby {
             self.standbys.borrow_mut().retain(|(other, _)| *other != origin);
             self.standbys.borrow_mut().push((origin, at));
@@ -245,12 +248,12 @@ impl<'a> EngineContext<'a> {
             (Ok(Accepted::Held), Order::Run(_)) => audit.ordered(at, order),
             // It takes effect when the rules of sources say so: see `standby_of`.
             (Ok(Accepted::Held), _) => {}
-            // Refused, behind another source, a start that waits, the first of two words: nothing changes yet.
+            // Refused, behind another source, a start that waits, the first of two commands: nothing changes yet.
             (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::RepeatStandby) | Err(_), _) => {}
         }
     }
 
-    /// The node says that this source's standby has taken effect: it has to have said it lately.
+    /// The node reports that this source's standby has taken effect: the source has to have commanded it lately.
     pub fn standby_of(&self, at: Nanos, origin: Origin) {
         let wire = self.standbys.borrow().iter().any(|&(other, when)| other == origin && at <= when + SECOND);
         if wire {
@@ -281,10 +284,10 @@ impl<'a> EngineContext<'a> {
 }
 
 /// Holds what was on the lines against what was commanded.
-pub fn look(desks: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>]) {
-    for (desk, plug) in desks.iter().zip(plugs) {
-        desk.take_log(plug);
-        let mut audit = desk.audit.borrow_mut();
+pub fn look(contexts: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>]) {
+    for (context, plug) in contexts.iter().zip(plugs) {
+        context.take_log(plug);
+        let mut audit = context.audit.borrow_mut();
         audit.see_engine(clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
         audit.looked_until(clock::now_ns());
     }

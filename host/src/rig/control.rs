@@ -1,4 +1,4 @@
-//! What steers a run while it goes on: nothing, a script file, or a person at the keyboard.
+//! What steers a run: nothing, a script file, or a person at the keyboard.
 
 use super::context::Stage;
 use super::ending::EndRequest;
@@ -11,9 +11,9 @@ use sim::clock::Pace;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration as WallDuration;
 
-/// While the run stands still, an end is looked for so often.
+/// While the run is paused, an end is looked for so often.
 const LOOK_EVERY: WallDuration = WallDuration::from_millis(50);
-/// What whoever steers looks at.
+/// What the one who steers sees.
 #[derive(Debug)]
 pub struct Situation<'a> {
     /// The engine time.
@@ -35,11 +35,11 @@ pub struct Turn {
     pub passing: Option<Passing>,
     /// The run ends.
     pub end: bool,
-    /// No engine time passes: ask again.
+    /// No engine time passes: another turn follows.
     pub again: bool,
 }
 
-/// Steers a run. It is asked ten times a second of engine time.
+/// Steers a run. It is called ten times per second of engine time.
 pub trait Control {
     /// What is to be done now. It may wait, and no engine time passes then.
     fn turn(&mut self, situation: &Situation<'_>) -> Turn;
@@ -84,14 +84,14 @@ impl Control for Scripted {
     }
 }
 
-/// What a person asks for.
+/// What a person requests.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Request {
     /// Of an engine, or of all.
     Wish(Option<usize>, Wish),
-    /// Stand still, or go on.
+    /// Pause, or continue.
     Pause,
-    /// Stand still, and let 0.1 s pass.
+    /// Pause, and let 0.1 s pass.
     Step,
     /// The next higher speed.
     Faster,
@@ -111,7 +111,7 @@ pub struct Live {
     shown: Option<Passing>,
     stepping: bool,
     /// Something was done since the run was complete.
-    goes_on: bool,
+    continues: bool,
     /// Its actions come beside those of the keys.
     script: Option<Scripted>,
 }
@@ -120,7 +120,7 @@ impl Live {
     /// With a tour the run chooses its speed itself; without, it is real time.
     pub fn new(requests: Receiver<Request>, end: EndRequest, tour: Option<Tour>) -> Self {
         let passing = Passing { speed: 1, auto: tour.is_some(), paused: false };
-        Self { requests, end, tour, passing, shown: None, stepping: false, goes_on: false, script: None }
+        Self { requests, end, tour, passing, shown: None, stepping: false, continues: false, script: None }
     }
 
     /// Plays a script file beside the keys. Its end is the run's.
@@ -133,7 +133,7 @@ impl Live {
         let set = |place: usize| SPEEDS.get(place).copied();
         match request {
             Request::Wish(engine, wish) => {
-                self.goes_on = true;
+                self.continues = true;
                 turn.wishes.push((engine, wish));
             }
             Request::Pause => self.passing.paused = !self.passing.paused,
@@ -169,20 +169,20 @@ impl Control for Live {
                 self.passing.speed = speed;
             }
         }
-        let finished = situation.complete && !self.goes_on;
-        let stands = (self.passing.paused && !self.stepping) || finished;
+        let finished = situation.complete && !self.continues;
+        let paused = (self.passing.paused && !self.stepping) || finished;
         if self.shown != Some(self.passing) {
             self.shown = Some(self.passing);
             turn.passing = Some(self.passing);
             turn.pace = Some(Pace::Times(self.passing.speed));
         }
         if !situation.complete {
-            self.goes_on = false;
+            self.continues = false;
         }
         turn.end |= self.end.requested().is_some();
-        turn.again = stands;
+        turn.again = paused;
         // What has to be shown or done first is shown or done first.
-        if stands && !turn.end && turn.wishes.is_empty() && turn.passing.is_none() {
+        if paused && !turn.end && turn.wishes.is_empty() && turn.passing.is_none() {
             match self.requests.recv_timeout(LOOK_EVERY) {
                 Ok(request) => {
                     self.take(request, &mut turn);
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_complete_run_stands_until_something_is_done() {
+    fn a_complete_run_pauses_until_a_key_acts() {
         let (keys, requests) = channel();
         let mut live = Live::new(requests, EndRequest::default(), None);
         turn(&mut live, false);

@@ -1,5 +1,5 @@
 //! The CSV file: one row for each engine and sample. It is written directly and flushed every second, so that it can be
-//! read while the run goes on, and a kill loses a second.
+//! read during the run, and a kill loses a second.
 
 use super::audit::WireCommand;
 use super::context::{Note, PilotInput};
@@ -11,7 +11,6 @@ use super::unshown::ShowError;
 use csv::Writer;
 use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
-use serde::{Serialize, Serializer};
 use std::fs::File;
 use std::io;
 use std::time::{Duration as WallDuration, Instant as WallInstant};
@@ -19,52 +18,12 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 /// Between two times that rows are handed to the file.
 const FLUSH_EVERY: WallDuration = WallDuration::from_secs(1);
 
-/// One row; its fields are the columns. Empty where nothing is known.
-#[derive(Serialize)]
-struct Row<'a> {
-    t_s: Tenths,
-    engine: &'a str,
-    phase: &'static str,
-    state: Option<&'a str>,
-    rpm: Option<u32>,
-    egt_c: Option<Tenths>,
-    command: &'static str,
-    demand_throttle_pct: Option<Tenths>,
-    demand_rpm: Option<u32>,
-    throttle_pct: Option<Tenths>,
-    link: &'static str,
-    frames: u32,
-    sent: u32,
-    missed: u32,
-    decode_errors: u32,
-    rejected: u32,
-    engine_state: &'static str,
-    rules: &'static str,
-    waiting: Option<&'static str>,
-    loss: &'static str,
-    limited: &'static str,
-    armed: &'static str,
-    order: &'static str,
-    wire_throttle_pct: Option<Tenths>,
-    wire_rpm: Option<u32>,
-    faults: String,
-    events: String,
-}
-
-/// A number with one decimal.
-struct Tenths(f64);
-
-impl Serialize for Tenths {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&format_args!("{:.1}", self.0))
-    }
-}
-
 /// A CSV file that is being written.
 #[derive(Debug)]
 pub struct Csv {
     path: String,
     file: Writer<File>,
+    has_head: bool,
     flushed: WallInstant,
     /// What happened since the last rows, by the place of the engine; `None`: to the whole run.
     happened: Vec<(Option<usize>, String)>,
@@ -75,10 +34,10 @@ impl Csv {
     pub fn create(path: &str) -> Result<Self, String> {
         let file = File::create(path).map_err(|error| cannot_write(path, &error))?;
         let (file, flushed) = (Writer::from_writer(file), WallInstant::now());
-        Ok(Self { path: path.to_owned(), file, flushed, happened: Vec::new() })
+        Ok(Self { path: path.to_owned(), file, has_head: false, flushed, happened: Vec::new() })
     }
 
-    /// Something happened: it stands in the next row of its engine.
+    /// Something happened: the next row of its engine has it.
     pub fn note(&mut self, note: &Note) {
         self.happened.push((note.engine, note.text.clone()));
     }
@@ -87,11 +46,18 @@ impl Csv {
     pub fn samples(&mut self, at: Instant, names: &[&str], samples: &[Sample]) -> Result<(), ShowError> {
         let happened = core::mem::take(&mut self.happened);
         for (i, (name, sample)) in names.iter().zip(samples).enumerate() {
-            let row = Row::new(at, name, sample, events(&happened, i));
-            let written = self.file.serialize(row);
-            written.map_err(|error| match error.into_kind() {
-                csv::ErrorKind::Io(error) => self.failed(error),
-                other => ShowError::File(cannot_write(&self.path, &io::Error::other(format!("{other:?}")))),
+            let row = row(at, name, sample, events(&happened, i));
+            let head =
+                (!self.has_head).then(|| self.file.write_record(row.each_ref().map(|(head, _)| *head)));
+            self.has_head = true;
+            let written = head.unwrap_or(Ok(()));
+            let written = written.and_then(|()| self.file.write_record(row.each_ref().map(|(_, cell)| cell)));
+            written.map_err(|error| {
+                let text = error.to_string();
+                match error.into_kind() {
+                    csv::ErrorKind::Io(error) => self.failed(error),
+                    _ => ShowError::File(cannot_write(&self.path, &io::Error::other(text))),
+                }
             })?;
         }
         if self.flushed.elapsed() >= FLUSH_EVERY {
@@ -121,7 +87,7 @@ impl Csv {
     }
 }
 
-/// What happened to this engine, in a cell without commas. What concerns all stands with the first.
+/// What happened to this engine, in a cell without commas. What concerns all engines is with the first.
 fn events(happened: &[(Option<usize>, String)], engine: usize) -> String {
     let of_engine = happened.iter().filter(|(of, _)| of.unwrap_or(0) == engine);
     let texts = of_engine.map(|(of, text)| {
@@ -137,54 +103,64 @@ fn faults(sample: &Sample) -> String {
     faults.map_or_else(String::new, |faults| faults.to_string().replace(',', ";"))
 }
 
-impl<'a> Row<'a> {
-    fn new(at: Instant, name: &'a str, sample: &'a Sample, events: String) -> Self {
-        let yes_no = |yes| if yes { "yes" } else { "no" };
-        Self {
-            t_s: Tenths(seconds(at - Instant::MIN)),
-            engine: name,
-            phase: sample.stage.name(),
-            state: sample.state,
-            rpm: sample.rpm,
-            egt_c: sample.egt.map(Tenths),
-            command: match (sample.silent, sample.input) {
-                (true, _) => "",
-                (false, PilotInput::Standby) => "standby",
-                (false, PilotInput::Run(_)) => "run",
-            },
-            demand_throttle_pct: sample.asked_percent().map(Tenths),
-            demand_rpm: sample.asked_rpm(),
-            throttle_pct: sample.throttle.map(Tenths),
-            link: sample.link_name(),
-            frames: sample.counters.frames,
-            sent: sample.counters.sent,
-            missed: sample.missed(),
-            decode_errors: sample.decode_errors(),
-            rejected: sample.counters.commands_rejected,
-            engine_state: sample.does.name(),
-            rules: sample.in_control.name(),
-            waiting: sample.waiting.map(Origin::name),
-            loss: loss(sample.loss),
-            limited: yes_no(sample.limited),
-            armed: yes_no(sample.armed),
-            order: match sample.order {
-                Order::EmergencyStop => "stop",
-                Order::Standby => "standby",
-                Order::Run(_) => "run",
-                Order::Pwm => "pwm",
-                Order::Listen => "listen",
-                Order::Doubt(_) => "doubt",
-            },
-            wire_throttle_pct: match sample.on_wire {
-                Some(WireCommand::Run(tenths)) => Some(Tenths(f64::from(tenths) / 10.0)),
-                _ => None,
-            },
-            wire_rpm: match sample.on_wire {
-                Some(WireCommand::RunRpm(rpm)) => Some(rpm),
-                _ => None,
-            },
-            faults: faults(sample),
-            events,
-        }
-    }
+/// A cell; empty where nothing is known.
+fn cell(value: Option<impl ToString>) -> String {
+    value.map_or_else(String::new, |value| value.to_string())
+}
+
+/// A number with one decimal.
+fn tenths(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+/// One row: its columns, each with its cell.
+fn row(at: Instant, name: &str, sample: &Sample, events: String) -> [(&'static str, String); 27] {
+    let yes_no = |yes| if yes { "yes" } else { "no" }.to_owned();
+    let command = match (sample.silent, sample.input) {
+        (true, _) => "",
+        (false, PilotInput::Standby) => "standby",
+        (false, PilotInput::Run(_)) => "run",
+    };
+    let order = match sample.order {
+        Order::EmergencyStop => "stop",
+        Order::Standby => "standby",
+        Order::Run(_) => "run",
+        Order::Pwm => "pwm",
+        Order::Listen => "listen",
+        Order::Doubt(_) => "doubt",
+    };
+    let (wire_percent, wire_rpm) = match sample.on_wire {
+        Some(WireCommand::Run(tenths)) => (Some(f64::from(tenths) / 10.0), None),
+        Some(WireCommand::RunRpm(rpm)) => (None, Some(rpm)),
+        _ => (None, None),
+    };
+    [
+        ("t_s", tenths(seconds(at - Instant::MIN))),
+        ("engine", name.to_owned()),
+        ("phase", sample.stage.name().to_owned()),
+        ("state", cell(sample.state)),
+        ("rpm", cell(sample.rpm)),
+        ("egt_c", cell(sample.egt.map(tenths))),
+        ("command", command.to_owned()),
+        ("demand_throttle_pct", cell(sample.commanded_percent().map(tenths))),
+        ("demand_rpm", cell(sample.commanded_rpm())),
+        ("throttle_pct", cell(sample.throttle.map(tenths))),
+        ("link", sample.link_name().to_owned()),
+        ("frames", sample.counters.frames.to_string()),
+        ("sent", sample.counters.sent.to_string()),
+        ("missed", sample.missed().to_string()),
+        ("decode_errors", sample.decode_errors().to_string()),
+        ("rejected", sample.counters.commands_rejected.to_string()),
+        ("engine_state", sample.does.name().to_owned()),
+        ("in_control", sample.in_control.name().to_owned()),
+        ("waiting", cell(sample.waiting.map(Origin::name))),
+        ("loss", loss(sample.loss).to_owned()),
+        ("limited", yes_no(sample.limited)),
+        ("armed", yes_no(sample.armed)),
+        ("order", order.to_owned()),
+        ("wire_throttle_pct", cell(wire_percent.map(tenths))),
+        ("wire_rpm", cell(wire_rpm)),
+        ("faults", faults(sample)),
+        ("events", events),
+    ]
 }

@@ -48,7 +48,7 @@ pub struct EndRequest {
 }
 
 impl EndRequest {
-    /// From here on the signals that end a program ask for the end of the run, but for those that are ignored.
+    /// From here on the signals that end a program request the end of the run, but for those that are ignored.
     pub fn by_signals() -> Result<Self, String> {
         let request = Self::default();
         for (signal, by) in signals() {
@@ -61,12 +61,12 @@ impl EndRequest {
         Ok(request)
     }
 
-    /// Asks for the end.
+    /// Requests the end.
     pub fn request(&self, by: EndedBy) {
         self.code.store(code(by), Ordering::SeqCst);
     }
 
-    /// Who asked for the end, if anybody did.
+    /// Who requested the end, if anybody did.
     pub fn requested(&self) -> Option<EndedBy> {
         self.code.load(Ordering::SeqCst).checked_sub(1).and_then(|i| EndedBy::ALL.get(i).copied())
     }
@@ -86,7 +86,7 @@ fn signals() -> Vec<(i32, EndedBy)> {
     ]
 }
 
-/// Whether whoever started this program wants the signal ignored, as `nohup` does. Known on Linux only.
+/// Whether the parent process has the signal ignored, as `nohup` does. Known on Linux only.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

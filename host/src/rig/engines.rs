@@ -1,10 +1,12 @@
-//! The engines of a run: what `--engine` says about each, for the node and for the simulated ECU.
+//! The engines of a run: what `--engine` sets for each, for the node and for the simulated ECU.
 
 use jetlink::config::{EngineConfig, validate};
 use jetlink::ecu::EcuConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
+use sim::any::{AnyConfig, Protocol};
+use sim::ecu::Nanos;
 
 /// The engines of a run without `--engine`.
 const DEFAULT: [&str; 4] = [
@@ -36,16 +38,25 @@ impl Engine {
 
     /// Its name and what it is.
     pub fn caption(&self) -> String {
-        let ecu = match self.ecu {
-            Ecu::Amt(engine) => format!("AMT {engine:?}"),
-            Ecu::Zk { version, .. } => format!("ZK version {version}"),
-        };
-        format!("{}: {ecu}, {} baud", self.name(), self.config.line.baud)
+        format!("{}: {}, {} baud", self.name(), self.ecu.config(), self.config.line.baud)
     }
 
     /// Whether the pilot commands a speed instead of a throttle.
     pub fn by_rpm(&self) -> bool {
         matches!(self.ecu, Ecu::Zk { mode: Mode::Rpm, .. })
+    }
+
+    /// Interval of the node's send slots; `None` where it only replies to frames of its ECU (AMT).
+    pub const fn cadence(&self) -> Option<Nanos> {
+        let EcuConfig::Zk(config) = self.config.ecu else { return None };
+        Some(
+            match config.rate {
+                Rate::Hz20 => sim::zk::Rate::Hz20,
+                Rate::Hz50 => sim::zk::Rate::Hz50,
+                Rate::Hz100 => sim::zk::Rate::Hz100,
+            }
+            .period(),
+        )
     }
 }
 
@@ -61,6 +72,21 @@ pub enum Ecu {
         /// How it is commanded.
         mode: Mode,
     },
+}
+
+impl Ecu {
+    /// Its configuration in the simulation.
+    pub fn config(self) -> AnyConfig {
+        match self {
+            Self::Amt(engine) => AnyConfig::amt(engine),
+            Self::Zk { version, .. } => AnyConfig::zk(version),
+        }
+    }
+
+    /// Its protocol.
+    pub fn protocol(self) -> Protocol {
+        self.config().protocol()
+    }
 }
 
 /// The three control modes of a ZK ECU (ZK-9).
@@ -97,7 +123,7 @@ pub fn engines(descriptions: &[String]) -> Result<Vec<Engine>, String> {
     Ok(engines)
 }
 
-/// What a description says; `None` where it says nothing.
+/// The keys of a description; `None` where it has none.
 #[derive(Debug, Default)]
 struct Description<'a> {
     name: Option<&'a str>,
@@ -172,21 +198,14 @@ fn amt(index: usize, name: &str, description: &Description<'_>) -> Result<Engine
             return Err(format!("`{key}` is for ecu=zk only"));
         }
     }
-    let (simulated, expected) = match description.engine.unwrap_or("olympus") {
-        "mercury" => (sim::amt::EngineModel::Mercury, EngineModel::Mercury),
-        "pegasus" => (sim::amt::EngineModel::Pegasus, EngineModel::Pegasus),
-        "olympus" => (sim::amt::EngineModel::Olympus, EngineModel::Olympus),
-        "titan" => (sim::amt::EngineModel::Titan, EngineModel::Titan),
-        "nike" => (sim::amt::EngineModel::Nike, EngineModel::Nike),
-        "lynx" => (sim::amt::EngineModel::Lynx, EngineModel::Lynx),
-        other => {
-            return Err(format!(
-                "engine=`{other}` is not simulated: write mercury, pegasus, olympus, titan, nike or lynx"
-            ));
-        }
+    let wanted = description.engine.unwrap_or("olympus");
+    let Some(simulated) = sim::amt::EngineModel::named(wanted) else {
+        let names = sim::amt::EngineModel::ALL.map(sim::amt::EngineModel::name).join(", ");
+        return Err(format!("engine=`{wanted}` is not simulated: write one of {names}"));
     };
+    let expected = EngineModel::ALL.into_iter().find(|engine| engine.name() == simulated.name());
     let line = line(description, 2400)?;
-    let config = EngineConfig::amt(leaked(name), port(index), line, Some(expected));
+    let config = EngineConfig::amt(leaked(name), port(index), line, expected);
     Ok(Engine { config, ecu: Ecu::Amt(simulated) })
 }
 

@@ -59,7 +59,7 @@ const LIGHT: &str = "noise=0.001,lose=0.001,add=0.001,framing=0.001,jitter=0.5ms
 const HEAVY: &str = "noise=0.03,lose=0.02,add=0.02,framing=0.02,jitter=3ms";
 
 impl Faults {
-    /// From what stands on the command line.
+    /// From the command line.
     pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
         let mut faults = Self::default();
         faults.read(text, engines)?;

@@ -1,18 +1,17 @@
-//! Frames out of the bytes on a line, as the wire view shows them: both ways, with their times, and what they say.
+//! Frames out of the bytes on a line, as the wire view shows them: both ways, with their times and their content.
 
-use super::engines::{Ecu as Kind, Engine};
+use super::engines::Engine;
 use super::tap::received;
-use jetlink::ecu::amt::codec as amt;
-use jetlink::ecu::zk::codec as zk;
+use crate::telemetry::decoder::Decoder;
+use crate::telemetry::{self, Hints};
+use sim::any::Protocol;
+use sim::control::Command;
 use sim::ecu::{MILLIS, Nanos};
 use sim::wire::{Direction, Entry, Fate};
 use std::collections::VecDeque;
 
 /// Bytes of one frame of the node follow each other.
 const LONGEST_GAP: Nanos = 5 * MILLIS;
-/// Bytes of a command, by protocol.
-const AMT_COMMAND: usize = 5;
-const ZK_COMMAND: usize = 4;
 /// Frames that are kept.
 const KEPT: usize = 200;
 /// Bytes without a frame that are shown in one piece.
@@ -29,23 +28,17 @@ pub struct Frame {
     pub to: Nanos,
     /// As the receiver got it; of the node, as it was sent.
     pub bytes: Vec<u8>,
-    /// What it says; `None`: it is no frame, and was skipped.
+    /// Its content in words; `None`: it is no frame, and was skipped.
     pub text: Option<String>,
     /// A byte of it did not arrive as it was sent.
     pub damaged: bool,
 }
 
-#[derive(Debug)]
-enum Decoder {
-    Amt(amt::Decoder),
-    Zk(zk::Decoder),
-}
-
 /// Finds the frames of one line.
 #[derive(Debug)]
 pub struct Frames {
-    kind: Kind,
-    decoder: Decoder,
+    protocol: Protocol,
+    decoder: Box<dyn Decoder>,
     /// Bytes from the ECU that belong to no frame yet.
     pending: VecDeque<Entry>,
     /// The frame of the node under way.
@@ -56,13 +49,10 @@ pub struct Frames {
 impl Frames {
     /// Of this engine's line.
     pub fn new(engine: &Engine) -> Self {
-        let decoder = match engine.ecu {
-            Kind::Amt(_) => Decoder::Amt(amt::Decoder::new()),
-            Kind::Zk { .. } => Decoder::Zk(zk::Decoder::new()),
-        };
+        let protocol = engine.ecu.protocol();
         Self {
-            kind: engine.ecu,
-            decoder,
+            protocol,
+            decoder: telemetry::Protocol::from(protocol).decoder(&Hints::default()),
             pending: VecDeque::new(),
             command: Vec::new(),
             kept: VecDeque::new(),
@@ -104,15 +94,9 @@ impl Frames {
     fn ecu_byte(&mut self, entry: &Entry) {
         let Some(byte) = received(entry) else { return };
         self.pending.push_back(*entry);
-        let (length, text) = match &mut self.decoder {
-            Decoder::Amt(decoder) => match decoder.feed(&[byte]).1 {
-                Some(frame) => (frame.raw().len(), Some(amt_text(&frame))),
-                None => (decoder.pending(), None),
-            },
-            Decoder::Zk(decoder) => match decoder.feed(&[byte]).1 {
-                Some(frame) => (frame.raw().len(), Some(zk_text(&frame))),
-                None => (decoder.pending(), None),
-            },
+        let (length, text) = match self.decoder.next_text(&[byte]).1 {
+            Some((length, text)) => (length, Some(text)),
+            None => (self.decoder.pending(), None),
         };
         // What came before the frame, or before the one begun, belongs to none.
         let skipped = self.pending.len().saturating_sub(length);
@@ -132,103 +116,13 @@ impl Frames {
             self.keep(Direction::ToEcu, &bytes, None);
         }
         self.command.push(*entry);
-        let length = match self.kind {
-            Kind::Amt(_) => AMT_COMMAND,
-            Kind::Zk { .. } => ZK_COMMAND,
-        };
-        if self.command.len() == length {
+        if self.command.len() == self.protocol.control_length() {
             let entries = core::mem::take(&mut self.command);
             let bytes: Vec<u8> = entries.iter().map(|entry| entry.byte).collect();
-            let text = command_text(self.kind, &bytes);
+            let text = Command::read(self.protocol, &bytes).ok().map(|command| command.to_string());
             self.keep(Direction::ToEcu, &entries, text);
         }
     }
-}
-
-fn command_text(kind: Kind, bytes: &[u8]) -> Option<String> {
-    match kind {
-        Kind::Amt(_) => {
-            let command = sim::amt::parse_command(bytes).ok()?;
-            let throttle = f64::from(command.throttle_half_percent) / 2.0;
-            Some(match command.ops {
-                sim::amt::Ops::EmergencyStop => "emergency stop".to_owned(),
-                sim::amt::Ops::AutoStop => "standby (auto stop)".to_owned(),
-                sim::amt::Ops::Run => format!("run, throttle {throttle:.1} %"),
-                sim::amt::Ops::Ctf => "special functions".to_owned(),
-            })
-        }
-        Kind::Zk { .. } => {
-            use sim::zk::{Sw, ZkCommand};
-            let command = sim::zk::parse_command(<&[u8; 4]>::try_from(bytes).ok()?).ok()?;
-            let switch = |sw: Sw| match sw {
-                Sw::Stop => "stop",
-                Sw::Standby => "standby",
-                Sw::Run => "run",
-                _ => "no switch",
-            };
-            let percent = |tenths: u16| f64::from(tenths) / 10.0;
-            Some(match command {
-                ZkCommand::Empty => "ID 0: keeps the connection".to_owned(),
-                ZkCommand::Control { sw, throttle } => {
-                    format!("ID 1: {}, throttle {:.1} %", switch(sw), percent(throttle))
-                }
-                ZkCommand::Action(action) => format!("ID 2: {action:?}"),
-                ZkCommand::Switch { sw, factor } => format!("ID 6: {}, RPM_X {factor}", switch(sw)),
-                ZkCommand::Rpm(code) => format!("ID 7: rpm / 10 / RPM_X = {code}"),
-                ZkCommand::Pressure(pressure) => format!("ID 8: {pressure} hPa"),
-                other => format!("ID {}", other.id()),
-            })
-        }
-    }
-}
-
-fn amt_text(frame: &amt::Frame) -> String {
-    match frame.message() {
-        amt::Message::Normal { switch, state, rpm, egt, throttle, .. } => format!(
-            "{}, {}, rpm byte {rpm}, EGT {} °C, throttle {:.1} %",
-            switch.name(),
-            state.name(),
-            egt.celsius().tenths() / 10,
-            f64::from(throttle.tenths()) / 10.0
-        ),
-        amt::Message::Error { errors, egt, .. } => {
-            let names: Vec<&str> = errors.names().collect();
-            format!("faults: {}; EGT {} °C; no rpm", names.join(", "), egt.celsius().tenths() / 10)
-        }
-        amt::Message::Alternate { engine_id, .. } => {
-            format!(
-                "alternate: {}",
-                amt::EngineModel::from_id(engine_id).map_or("unknown engine", amt::EngineModel::name)
-            )
-        }
-        amt::Message::Setup(_) => "set-up".to_owned(),
-        amt::Message::Unknown => "unknown kind".to_owned(),
-    }
-}
-
-fn zk_text(frame: &zk::StatusFrame) -> String {
-    let rpm = frame.rpm().get();
-    let what = match frame.status() {
-        zk::Status::Engine { state, error, egt, switch } => format!(
-            "{}, {}, fault {}, EGT {} °C",
-            switch.name(),
-            state.name(),
-            error.name(),
-            egt.tenths() / 10
-        ),
-        zk::Status::Throttle { percent, pressure } => format!("throttle {percent} %, {} Pa", pressure.get()),
-        zk::Status::Voltages { .. } => "voltages".to_owned(),
-        zk::Status::Load { current, thrust } => format!("{} mA, thrust {} g", current.get(), thrust.get()),
-        zk::Status::Settings { .. } => "settings".to_owned(),
-        zk::Status::Identity { max_rpm, version, .. } => {
-            format!("maximum {} rpm, protocol version {}", max_rpm.get(), version.get())
-        }
-        zk::Status::Fuel { .. } => "fuel".to_owned(),
-        zk::Status::Idle { idle_rpm, .. } => format!("idle {} rpm", idle_rpm.get()),
-        zk::Status::Temperature { ecu } => format!("ECU {} °C", ecu.tenths() / 10),
-        zk::Status::Unknown => "unknown".to_owned(),
-    };
-    format!("status {}: {rpm} rpm, {what}", frame.id())
 }
 
 /// A frame of an AMT ECU with the reply to it, for the window: when the reply began and ended, counted from the end of

@@ -40,7 +40,7 @@ impl Limiter {
         false
     }
 
-    /// What is to be said of those that were held back, when their time is over.
+    /// The line for those that were held back, when their time is over.
     pub fn over(&mut self, now: Instant) -> Option<String> {
         if now >= self.end { self.rest() } else { None }
     }
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rest_is_told_at_the_end() {
+    fn the_rest_is_reported_at_the_end() {
         let mut limiter = Limiter::new();
         assert_eq!(limiter.rest(), None);
         for _ in 0..7 {

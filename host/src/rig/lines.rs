@@ -1,4 +1,4 @@
-//! Plain lines, for an output that is not a terminal and for runs that are quicker than anybody reads.
+//! Plain lines, for an output that is not a terminal and for runs that are faster than a person reads.
 
 use super::context::Note;
 use super::out::Out;

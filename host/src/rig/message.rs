@@ -15,7 +15,7 @@ pub enum Message {
         at: Instant,
         /// In the order of the list of engines.
         samples: Vec<Sample>,
-        /// In the same order, or none, if nobody looks at them.
+        /// In the same order, or none, where no view shows them.
         details: Vec<Detail>,
     },
     /// How the run passes from now on.

@@ -10,6 +10,7 @@ mod csv;
 mod ending;
 mod engines;
 mod faults;
+mod fit;
 mod frames;
 mod limiter;
 mod lines;
@@ -25,7 +26,9 @@ mod pilot;
 mod plan;
 mod play;
 mod plot;
+mod port;
 mod quantity;
+mod radio;
 mod record;
 mod report;
 mod row;
@@ -51,7 +54,7 @@ use self::ending::{EndRequest, EndedBy};
 use self::engines::Engine;
 use self::lines::Lines;
 use self::options::Order;
-use self::out::{Out, reader_left};
+use self::out::{Out, Stream, reader_left};
 use self::outcome::{End, Outcomes};
 use self::output::{Kind, Problem, Wanted};
 use self::play::script;
@@ -71,6 +74,8 @@ use std::sync::mpsc;
 
 /// Messages that may wait for the screen before the session waits for it.
 const MESSAGES: usize = 1000;
+/// Columns of an output whose width is not known.
+const USUAL_WIDTH: u16 = 80;
 /// Between two lines of one engine, in engine time.
 const LINES_EVERY: Duration = Duration::from_secs(5);
 /// The same with `--fast` on a terminal.
@@ -123,9 +128,10 @@ fn wanted(args: &Args, order: &Order) -> Vec<Wanted> {
 fn list_scenarios() -> ExitCode {
     let text: String =
         scenario::ALL.iter().map(|scenario| format!("{:<22}  {}\n", scenario.name, scenario.line)).collect();
-    match Out::Stdout.write(&text) {
+    let out = Out { to: Stream::Stdout, ascii: false };
+    match out.write(&text) {
         Err(error) if !reader_left(&error) => {
-            complain(&Out::Stdout.cannot_write(&error));
+            complain(&out.cannot_write(&error));
             ExitCode::FAILURE
         }
         _ => ExitCode::SUCCESS,
@@ -174,15 +180,19 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let csv = args.csv.as_deref().map(Csv::create).transpose()?;
     let files = Files { names: names.clone(), csv, chronicle, plot, capture };
     let to_stdout = wanted(args, order).iter().any(|file| output::is_stdout(&file.path));
-    let out = if to_stdout { Out::Stderr } else { Out::Stdout };
-    let on_terminal = out == Out::Stdout && io::stdout().is_terminal() && !is_dumb();
+    let is_terminal = !to_stdout && io::stdout().is_terminal();
+    let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
+    let to = if to_stdout { Stream::Stderr } else { Stream::Stdout };
+    let out = Out { to, ascii: args.ascii || is_terminal && theme.ascii };
+    let on_terminal = is_terminal && !is_dumb();
 
     // The last of all: from here on the terminal may not be as it was.
     let (requests, wanted_live) = mpsc::channel();
     let screen = (on_terminal && !order.setup.fast && !args.plain).then(|| {
         let setup = &order.setup;
-        let model = Model::new(&setup.engines, setup.plan.length, setup.scenario.is_some());
-        let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
+        let length = (!setup.is_commanded() || setup.ends).then_some(setup.plan.length);
+        let mut model = Model::new(&setup.engines, length, setup.scenario.is_some());
+        model.transmitter = setup.radio.as_ref().is_some_and(|radio| radio.transmitter().is_some());
         Screen::enter(model, theme, requests, end.clone())
     });
     let script = order.script.take();
@@ -224,7 +234,12 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         .requested()
         .filter(|by| outcomes.end == End::Interrupted || (outcomes.is_played() && *by != EndedBy::Key));
     let problems = summary::problems(&outcomes);
-    let mut text = summary::text(&outcomes, &problems, ended_by);
+    let width = if is_terminal {
+        crossterm::terminal::size().map_or(USUAL_WIDTH, |(width, _)| width)
+    } else {
+        USUAL_WIDTH
+    };
+    let mut text = summary::text(&outcomes, &problems, ended_by, width.into());
     // With the terminal or the reader gone, nobody reads.
     let nobody_reads = end.requested() == Some(EndedBy::HangUp)
         || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));
@@ -259,11 +274,11 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     })
 }
 
-/// Writes what was done by hand to the file that is asked for; without one, and if anything was done, to one of its own.
+/// Writes what was done by hand to the requested file; without one, and if anything was done, to one of its own.
 fn save_script(args: &Args, order: &Order, outcomes: &Outcomes) -> Result<Option<PathBuf>, String> {
     let path = match &args.save_script {
         Some(path) => PathBuf::from(path),
-        None if outcomes.is_played() && args.script.is_none() => {
+        None if outcomes.is_played() && args.script.is_none() && order.setup.plays_again() => {
             std::env::temp_dir().join(format!("jetlink-rig-{}.txt", std::process::id()))
         }
         None => return Ok(None),
@@ -276,7 +291,7 @@ fn save_script(args: &Args, order: &Order, outcomes: &Outcomes) -> Result<Option
     }
 }
 
-/// Whether the terminal says of itself that it takes no control sequences.
+/// Whether the terminal reports that it takes no control sequences.
 fn is_dumb() -> bool {
     std::env::var_os("TERM").is_some_and(|term| term == "dumb")
 }

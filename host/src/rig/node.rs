@@ -1,6 +1,6 @@
 //! The node of a run, as all others see it: it can be reset, and is then away for a while.
 //!
-//! The tasks that own the lines live and die with the [`Channel`]s. Everybody else asks here, and gets what was
+//! The tasks that own the lines live and die with the [`Channel`]s. All other code reads here, and gets what was
 //! known last while the node is away.
 
 use super::engines::Engine;
@@ -118,12 +118,12 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Asks for a reset.
+    /// Requests a reset.
     pub fn reset(&self, reset: Reset) {
         self.wanted.set(Some(reset));
     }
 
-    /// Waits for one. Whoever asks for it shares a task with whoever waits.
+    /// Waits for one. The code that requests it shares a task with the code that waits.
     pub async fn wanted(&self) -> Reset {
         poll_fn(|_| self.wanted.take().map_or(Poll::Pending, Poll::Ready)).await
     }
@@ -134,18 +134,18 @@ impl<'a> Node<'a> {
     }
 
     /// What is known of an engine; while the node is away, what was known last. The node begins to count again when
-    /// it was reset: here the counts go on.
+    /// it was reset: here the counts continue.
     pub fn telemetry(&self, engine: usize) -> Telemetry {
         self.look();
         let mut telemetry = self.last.borrow()[engine];
         telemetry.counters = sum(&self.before.borrow()[engine], &telemetry.counters);
-        // Those of its first moments are no fault of whoever commands.
+        // Those of its first moments are not the fault of a source.
         let at_start = self.rejected_at_start.borrow()[engine];
         telemetry.counters.commands_rejected = telemetry.counters.commands_rejected.saturating_sub(at_start);
         telemetry
     }
 
-    /// A command. `None`: the node is away and nobody hears it.
+    /// A command. `None`: the node is away and does not receive it.
     pub fn command(
         &self,
         engine: usize,
@@ -158,7 +158,7 @@ impl<'a> Node<'a> {
             Origin::Emergency => handle.emergency_source(),
             origin => handle.source(origin),
         };
-        // Held for this command only, so that everybody in the rig may speak for any source.
+        // Held for this command only, so that all code of the rig may command as any source.
         let answer = source.ok()?.command(command);
         if answer == Err(Rejected::Listening) {
             self.rejected_at_start.borrow_mut()[engine] += 1;
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_of_two_boots_are_added_and_the_worst_of_both_is_kept() {
+    fn counts_of_two_boots_are_added_and_the_worst_of_both_remains() {
         let ms = |ms| Some(Duration::from_millis(ms));
         let first = Counters { frames: 500, worst_reply_margin: ms(9), ..Counters::default() };
         let second = Counters { frames: 30, worst_slot_delay: ms(2), ..Counters::default() };

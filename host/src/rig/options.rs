@@ -2,11 +2,13 @@
 
 use super::engines;
 use super::faults::Faults;
-use super::mavlink::{Address, MOST_PORTS, Mavlink};
+use super::mavlink::{MOST_PORTS, Mavlink};
 use super::plan::Plan;
 use super::play::action::Action;
 use super::play::script::{Header, Script, USUAL_SEED};
+use super::port::Address;
 use super::quantity;
+use super::radio::{Choice, Radio, RadioError};
 use super::scenario::Scenario;
 use super::session::Setup;
 use embassy_time::{Duration, Instant};
@@ -27,8 +29,8 @@ Columns:
   errors     bytes and frames from the ECU that could not be decoded
 
 Summary:
-  commands rejected    refused by an interlock or by the rules of sources. A start that waits for another engine is
-                       none, nor is what was commanded while the node still listened after its own start
+  commands rejected    refused by an interlock or by the rules of sources. Neither a start that waits for another
+                       engine nor a command while the node still listened after its own start is counted
   unsolicited commands frames on the wire that no order in force allows
   worst cadence error  ZK: the node sends in fixed send slots. An emergency stop, and the frame right behind a change
                        of the control mode, are sent ahead of their slot and do not count
@@ -67,7 +69,7 @@ CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
   demand_throttle_pct, demand_rpm, throttle_pct (as the ECU reports it), link, frames (received), sent, missed
   (replies and send slots, by the node's count), decode_errors, rejected (commands, see the summary),
-  engine_state (in plain words), rules (the source in control), waiting (the source about to take over), loss (stage
+  engine_state (in plain words), in_control (the active source), waiting (the source about to take over), loss (stage
   of the loss of the source), limited (a limit has lowered the demand), armed, order (of the node),
   wire_throttle_pct and wire_rpm (last sent), faults (as the ECU reports them), events (since the row before,
   separated by |)
@@ -78,8 +80,17 @@ MAVLink:
   --mavlink tcpout:127.0.0.1:5762        connects to an autopilot, as a board's telemetry port does (SERIAL1 of a
                                          simulated ArduPlane)
   udpin:HOST:PORT, udpout:HOST:PORT and serial:DEVICE:BAUD are the same over UDP and on a serial port. tcpout, udpout
-  and serial are the autopilot's side. The pilots do not fly then: who speaks MAVLink commands the engines, and the run
-  goes on until it is ended or for --duration. Settings are kept in memory until then. docs/mavlink.md has the rest.
+  and serial are the autopilot's side. The pilots do not fly then: the engines are commanded by MAVLink, and the run
+  continues until it is ended or for --duration. Settings stay in memory until then. docs/mavlink.md has the rest.
+
+Radio control:
+  --rc sbus, --rc crsf                   the keys move a simulated transmitter: t the switch to standby, s to run
+                                         allowed, Space to stop; Up and Down the stick
+  --rc sbus=tcpout:127.0.0.1:5763        real frames from outside (SERIAL2 of a simulated ArduPlane as SBUS output);
+                                         addresses as for MAVLink but udpout. A serial port gets 8E2 with sbus; an
+                                         adapter has to undo the inversion of SBUS
+  One receiver for all engines, throttle on channel 3, switch on channel 5. The pilots do not fly then, and --mavlink
+  beside it is the lower source. docs/rc.md has what stick and switch do.
 
 Exit status:
   0  no reply window was missed on a clean line, and every engine reached its targets; with --scenario: all expected
@@ -154,7 +165,7 @@ pub struct Args {
     pub script: Option<String>,
 
     /// Write what was done by key into this file, to be played again with --script
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scenario", "mavlink"])]
     pub save_script: Option<String>,
 
     /// For the test of what a panic leaves behind
@@ -169,8 +180,12 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["fast", "standby", "script", "scenario"])]
     pub mavlink: Vec<String>,
 
-    /// For tests: engine time passes so many times as fast
-    #[arg(long, value_name = "NUMBER", hide = true, requires = "mavlink")]
+    /// Radio control in place of the pilots: sbus or crsf, moved by the keys; sbus=ADDRESS or crsf=ADDRESS, frames from outside
+    #[arg(long, value_name = "RECEIVER", conflicts_with_all = ["fast", "standby", "script", "scenario"])]
+    pub rc: Option<String>,
+
+    /// For tests: engine time passes this many times as fast
+    #[arg(long, value_name = "NUMBER", hide = true, conflicts_with = "fast")]
     pub speed: Option<u32>,
 
     /// Explain each scenario in a line
@@ -190,7 +205,7 @@ pub struct Order {
     pub header: Header,
     /// The actions of a script file, and its end.
     pub script: Option<Actions>,
-    /// Nothing is asked for in particular: somebody looks on.
+    /// No option was given: a person watches.
     pub tour: bool,
 }
 
@@ -219,6 +234,9 @@ pub fn order(args: &Args) -> Result<Order, String> {
     let setup = setup(args, &header, scenario, &described, tour)?;
     let script = match (script, &args.script) {
         (Some(script), Some(path)) => {
+            if setup.radio.is_some() && script.end.is_none() {
+                return Err(RadioError::NoEnd.to_string());
+            }
             let actions = script.actions(&setup.engines).map_err(|what| format!("{path}: {what}"))?;
             Some((actions, script.end))
         }
@@ -239,6 +257,7 @@ fn header(args: &Args) -> Result<Header, String> {
         duration: args.duration.clone(),
         standby: args.standby,
         faults: args.faults.clone(),
+        rc: args.rc.clone(),
     })
 }
 
@@ -250,8 +269,26 @@ fn mavlink(addresses: &[String], engines: &[engines::Engine]) -> Result<Option<M
             addresses.len()
         ));
     }
-    let addresses = addresses.iter().map(|text| Address::parse(text)).collect::<Result<Vec<_>, _>>()?;
-    if addresses.is_empty() { Ok(None) } else { Mavlink::open(&addresses, engines).map(Some) }
+    let addresses = addresses.iter().map(|text| Address::parse(text)).collect::<Result<Vec<_>, _>>();
+    let addresses = addresses.map_err(|error| format!("--mavlink: {error}"))?;
+    if addresses.is_empty() {
+        return Ok(None);
+    }
+    Mavlink::open(&addresses, engines).map(Some).map_err(|error| format!("--mavlink: {error}"))
+}
+
+/// Opens the receiver of `--rc`, or of a script file.
+fn radio(args: &Args, header: &Header) -> Result<Option<Radio>, RadioError> {
+    let Some(text) = &header.rc else { return Ok(None) };
+    let choice = Choice::parse(text)?;
+    if choice.address.is_some() {
+        for (given, option) in [(&args.script, "a script file"), (&args.save_script, "--save-script")] {
+            if given.is_some() {
+                return Err(RadioError::NotWith(option));
+            }
+        }
+    }
+    Radio::open(&choice).map(Some)
 }
 
 fn setup(
@@ -272,7 +309,8 @@ fn setup(
         .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
         .transpose()?;
     let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
-    let mut plan = Plan::new(&engines, duration, header.standby || !args.mavlink.is_empty(), &mut faults)?;
+    let stands_by = header.standby || !args.mavlink.is_empty() || header.rc.is_some();
+    let mut plan = Plan::new(&engines, duration, stands_by, &mut faults)?;
     faults.check(&plan, &engines)?;
     if let Some(scenario) = scenario {
         plan.length = scenario.length();
@@ -282,6 +320,7 @@ fn setup(
     }
     let details = args.capture.is_some();
     let mavlink = mavlink(&args.mavlink, &engines)?;
+    let radio = radio(args, header).map_err(|error| error.to_string())?;
     Ok(Setup {
         engines,
         plan,
@@ -292,6 +331,7 @@ fn setup(
         details,
         panic_at,
         mavlink,
+        radio,
         speed: args.speed.unwrap_or(1),
         ends: duration.is_some(),
     })

@@ -1,10 +1,20 @@
 //! Where text for people goes: to the standard output, unless a file of the run goes there.
 
+use super::fit::ascii;
 use std::io::{self, ErrorKind, Write};
+
+/// Where, and in which characters.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Out {
+    /// Where.
+    pub to: Stream,
+    /// ASCII only.
+    pub ascii: bool,
+}
 
 /// One of the two.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Out {
+pub enum Stream {
     /// The standard output.
     Stdout,
     /// The standard error.
@@ -14,21 +24,28 @@ pub enum Out {
 impl Out {
     /// Writes it all.
     pub fn write(self, text: &str) -> io::Result<()> {
-        match self {
-            Self::Stdout => {
+        let converted;
+        let text = if self.ascii {
+            converted = ascii(text);
+            &converted
+        } else {
+            text
+        };
+        match self.to {
+            Stream::Stdout => {
                 let mut out = io::stdout().lock();
                 out.write_all(text.as_bytes())?;
                 out.flush()
             }
-            Self::Stderr => io::stderr().lock().write_all(text.as_bytes()),
+            Stream::Stderr => io::stderr().lock().write_all(text.as_bytes()),
         }
     }
 
     /// That it takes nothing, for people.
     pub fn cannot_write(self, error: &io::Error) -> String {
-        let name = match self {
-            Self::Stdout => "standard output",
-            Self::Stderr => "standard error",
+        let name = match self.to {
+            Stream::Stdout => "standard output",
+            Stream::Stderr => "standard error",
         };
         format!("cannot write to the {name}: {error}")
     }

@@ -1,11 +1,11 @@
-//! What came of a run, for whoever judges and shows it.
+//! The outcome of a run, as it is judged and shown.
 
 use super::audit::Audit;
 use super::play::action::Action;
 use super::play::judge::Verdict;
-use super::simulated::EcuCounts;
 use embassy_time::{Duration, Instant};
 use jetlink::report::{Counters, LinkState};
+use sim::ecu::Counts;
 
 /// What had to happen, and whether it did.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -19,6 +19,8 @@ pub struct Check {
 /// What came of one engine.
 #[derive(Clone, Debug)]
 pub struct Outcome {
+    /// A pilot flies its script; else MAVLink or radio control commands it.
+    pub has_pilot: bool,
     /// The engine's name.
     pub name: &'static str,
     /// What the pilot did not reach; `None` when it was cut short.
@@ -32,7 +34,7 @@ pub struct Outcome {
     /// Whether the link is up at the end.
     pub link: LinkState,
     /// What the ECU has counted.
-    pub ecu: EcuCounts,
+    pub ecu: Counts,
     /// What was seen on the line.
     pub audit: Audit,
     /// How often the engine stopped by itself.
@@ -50,7 +52,7 @@ pub struct Outcome {
 pub enum End {
     /// All was played.
     Complete,
-    /// Before its time, because nobody wanted more.
+    /// Before its time, on request.
     Interrupted,
     /// By a panic with this message: a mistake in the rig or in jetlink.
     Panicked(String),
@@ -67,7 +69,7 @@ pub struct Outcomes {
     pub end: End,
     /// What had to happen in a scenario, and whether it did.
     pub checks: Vec<Check>,
-    /// Frames that each ECU of a scenario may have heard damaged.
+    /// Frames that each ECU of a scenario may have received damaged.
     pub bad_commands: u64,
     /// What was done by hand.
     pub actions: Vec<(Instant, Action)>,

@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// A file that is asked for on the command line.
+/// A file named on the command line.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     /// The option that names it, or its folder.

@@ -4,7 +4,7 @@
 //! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
 //! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
 //! is the end of the run for this engine, unless its flame was put out. A start that an interlock refuses is
-//! asked for again: another engine of the group may be starting, or the exhaust still be hot.
+//! commanded again: another engine of the group may be starting, or the exhaust still be hot.
 
 use super::context::{EngineContext, PilotInput, Stage};
 use super::faults::{Failure, Faults};
@@ -20,9 +20,9 @@ use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
 use std::collections::VecDeque;
 
-/// Between two commands; the age limit of a source is 0.5 s.
+/// Between two commands; the timeout of a source is 0.5 s.
 const TICK: Duration = Duration::from_millis(100);
-/// For the ECU to be heard and to report standby.
+/// For the ECU to be received and to report standby.
 const READY_WITHIN: Duration = Duration::from_secs(10);
 /// For the interlocks to allow a start: engines start one after the other, and some starts fail.
 const ALLOWED_WITHIN: Duration = Duration::from_secs(300);
@@ -32,7 +32,7 @@ const RECOVER_WITHIN: Duration = Duration::from_secs(3);
 const IDLE: Duration = Duration::from_secs(5);
 /// The shortest step.
 const STEP: Duration = Duration::from_secs(10);
-/// A speed counts as reached when it has been steady for so many ticks.
+/// A speed counts as reached when it has been steady for this number of ticks.
 const STEADY_TICKS: usize = 10;
 /// EGT, in tenths of a degree, below which an engine is cool.
 const COOL: i16 = 1000;
@@ -42,7 +42,7 @@ const SILENCE: Duration = Duration::from_secs(6);
 const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
 /// Demands before a silence, in percent: the fall to idle is to be seen.
 const BEFORE_SILENCE: [u8; 2] = [80, 60];
-/// Slower than this the shaft counts as standing.
+/// Slower than this the shaft counts as stopped.
 const STANDING_RPM: u32 = 1000;
 
 /// Why something was not waited for to the end.
@@ -50,7 +50,7 @@ const STANDING_RPM: u32 = 1000;
 enum Cut {
     /// The time is over.
     TimeUp,
-    /// The engine stopped: the node withdrew the run, or the ECU reports faults and no state any more.
+    /// The engine stopped: the node cancelled the run, or the ECU reports faults and no state any more.
     Stopped,
     /// The node refused the command.
     Refused(Rejected),
@@ -59,7 +59,7 @@ enum Cut {
 /// The pilot of one engine.
 #[derive(Debug)]
 pub struct Pilot<'a> {
-    desk: &'a EngineContext<'a>,
+    context: &'a EngineContext<'a>,
     node: &'a Node<'a>,
     plan: EnginePlan,
     standby_only: bool,
@@ -75,23 +75,24 @@ pub struct Pilot<'a> {
 impl<'a> Pilot<'a> {
     /// For one engine.
     pub fn new(
-        desk: &'a EngineContext<'a>,
+        context: &'a EngineContext<'a>,
         node: &'a Node<'a>,
         plan: EnginePlan,
         standby_only: bool,
         faults: &Faults,
         seed: u64,
     ) -> Self {
-        let flame_out =
-            |failure: &(usize, Failure)| failure.0 == desk.index && matches!(failure.1, Failure::FlameOut(_));
+        let flame_out = |failure: &(usize, Failure)| {
+            failure.0 == context.index && matches!(failure.1, Failure::FlameOut(_))
+        };
         Self {
-            desk,
+            context,
             node,
             plan,
             standby_only,
             rng: fastrand::Rng::with_seed(seed),
             // Faults that never end are not waited for.
-            clean_from: desk.clean_from.min(plan.shutdown_at),
+            clean_from: context.clean_from.min(plan.shutdown_at),
             silent_at: plan.silent_at,
             flame_outs: faults.failures.iter().filter(|failure| flame_out(failure)).count(),
         }
@@ -103,11 +104,11 @@ impl<'a> Pilot<'a> {
         match &result {
             Ok(()) => self.stage(Stage::Done),
             Err(why) => {
-                self.desk.note(format!("NOT REACHED: {why}"));
-                self.desk.failure.replace(Some(why.clone()));
+                self.context.note(format!("NOT REACHED: {why}"));
+                self.context.failure.replace(Some(why.clone()));
                 self.stage(Stage::Failed);
                 // Nothing is left running.
-                self.desk.input.set(PilotInput::Standby);
+                self.context.input.set(PilotInput::Standby);
                 let limit = Instant::now() + self.plan.cooling_takes + READY_WITHIN;
                 let _ = self
                     .keep(limit, |telemetry| {
@@ -133,7 +134,7 @@ impl<'a> Pilot<'a> {
                 // Nothing disturbs the line: only a flame that was put out is a reason to start again.
                 flame_outs_left = flame_outs_left.checked_sub(1).ok_or_else(|| why.clone())?;
             }
-            self.desk.note(format!("{why}; it will be started again"));
+            self.context.note(format!("{why}; it will be started again"));
         }
         self.shut_down().await
     }
@@ -147,26 +148,31 @@ impl<'a> Pilot<'a> {
         Ok(())
     }
 
-    /// Standby, until the ECU is heard, cool and ready.
+    /// Standby, until the ECU is received, cool and ready.
     async fn ready(&mut self) -> Result<(), String> {
         self.stage(Stage::Standby);
-        self.desk.input.set(PilotInput::Standby);
-        self.node.command(self.desk.index, Command::Arm, Origin::Bench);
+        self.context.input.set(PilotInput::Standby);
+        self.node.command(self.context.index, Command::Arm, Origin::Bench);
         let hot = self.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
         let cooling = if hot { self.plan.cooling_takes } else { Duration::MIN };
         let limit = self.clean_from.max(Instant::now()) + READY_WITHIN + cooling;
-        let by_rpm = self.desk.engine.by_rpm();
-        let told_speeds = |telemetry: &Telemetry| {
+        let by_rpm = self.context.engine.by_rpm();
+        let reported_speeds = |telemetry: &Telemetry| {
             let report = &telemetry.report;
             report.version.is_some() && report.idle_rpm.is_some() && report.max_rpm.is_some()
         };
         let ready = self
             .keep(limit, |telemetry| {
-                (telemetry.link == LinkState::Up && is_cool(telemetry) && (!by_rpm || told_speeds(telemetry)))
-                    .then_some(())
+                (telemetry.link == LinkState::Up
+                    && is_cool(telemetry)
+                    && (!by_rpm || reported_speeds(telemetry)))
+                .then_some(())
             })
             .await;
-        ready.map_err(|_| format!("not ready for a start in time: {}", self.describe()))?;
+        ready.map_err(|cut| match cut {
+            Cut::Refused(why) => format!("standby was refused: {why}"),
+            Cut::TimeUp | Cut::Stopped => format!("not ready for a start in time: {}", self.describe()),
+        })?;
         // A node takes two reports of the version before it commands a speed.
         self.hold(Instant::now() + TICK * 10).await;
         if !self.standby_only {
@@ -178,7 +184,7 @@ impl<'a> Pilot<'a> {
     async fn start(&mut self) -> Result<(), String> {
         self.stage(Stage::Start);
         let Some(idle) = self.demand(0) else { return Err("the ECU has not reported its speeds".to_owned()) };
-        self.desk.input.set(PilotInput::Run(idle));
+        self.context.input.set(PilotInput::Run(idle));
         self.allowed().await?;
         let takes = self.plan.start_takes;
         let started = Instant::now();
@@ -189,7 +195,7 @@ impl<'a> Pilot<'a> {
             .await;
         match running {
             Ok(()) => {
-                self.desk
+                self.context
                     .note(format!("running {:.1} s after the command", seconds(Instant::now() - started)));
                 Ok(())
             }
@@ -199,18 +205,18 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Asks for the start until every interlock allows it.
+    /// Commands the start until every interlock allows it.
     async fn allowed(&self) -> Result<(), String> {
         let limit = Instant::now() + ALLOWED_WITHIN;
         let mut ticker = Ticker::every(TICK);
         loop {
-            if self.desk.silent.get() && Instant::now() < limit {
+            if self.context.silent.get() && Instant::now() < limit {
                 ticker.next().await;
                 continue;
             }
-            match self.command(self.desk.input.get()) {
+            match self.command(self.context.input.get()) {
                 Ok(()) => return Ok(()),
-                // It waits, for as long as it is asked for.
+                // It waits, for as long as it is commanded.
                 Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))) if Instant::now() < limit => {
                     ticker.next().await;
                 }
@@ -279,7 +285,7 @@ impl<'a> Pilot<'a> {
         let Some(demand) = self.demand(percent) else {
             return Err("the ECU no longer reports its speeds".to_owned());
         };
-        self.desk.input.set(PilotInput::Run(demand));
+        self.context.input.set(PilotInput::Run(demand));
         let first = speed(&self.telemetry());
         let mut last = Steady::default();
         let reached = self
@@ -299,7 +305,7 @@ impl<'a> Pilot<'a> {
             Err(Cut::TimeUp) => {
                 return Err(format!(
                     "{} was not reached in time: {}",
-                    self.desk.input.get(),
+                    self.context.input.get(),
                     self.describe()
                 ));
             }
@@ -308,16 +314,16 @@ impl<'a> Pilot<'a> {
         self.keep_running(end).await
     }
 
-    /// The source says nothing for a while: the demand is held, goes to idle, and comes back with it.
+    /// The source is silent for a while: the demand is held, goes to idle, and comes back with it.
     async fn fall_silent(&self) -> Result<(), String> {
         self.stage(Stage::Event);
-        self.desk.note("its source falls silent");
-        self.desk.silent.set(true);
+        self.context.note("its source falls silent");
+        self.context.silent.set(true);
         let silent = self.keep_running(Instant::now() + SILENCE).await;
-        self.desk.silent.set(false);
+        self.context.silent.set(false);
         silent?;
-        self.desk.note(format!("its source speaks again after {} s", seconds(SILENCE)));
-        let PilotInput::Run(demand) = self.desk.input.get() else { return Ok(()) };
+        self.context.note(format!("its source commands again after {} s", seconds(SILENCE)));
+        let PilotInput::Run(demand) = self.context.input.get() else { return Ok(()) };
         // The throttle is back before the shaft speed: the next step has to begin at the speed of its demand.
         let mut last = Steady::default();
         let follows = self
@@ -338,7 +344,7 @@ impl<'a> Pilot<'a> {
 
     async fn shut_down(&mut self) -> Result<(), String> {
         self.stage(Stage::Cooling);
-        self.desk.input.set(PilotInput::Standby);
+        self.context.input.set(PilotInput::Standby);
         let limit = Instant::now() + self.plan.cooling_takes * 3 / 2 + READY_WITHIN;
         let mut cool_ticks = 0;
         let cooled = self
@@ -358,7 +364,8 @@ impl<'a> Pilot<'a> {
         let limit = self.clean_from.max(Instant::now()) + RECOVER_WITHIN;
         let up = self
             .keep(limit, |telemetry| {
-                (telemetry.link == LinkState::Up && self.desk.recovered_after.get().is_some()).then_some(())
+                (telemetry.link == LinkState::Up && self.context.recovered_after.get().is_some())
+                    .then_some(())
             })
             .await;
         match up {
@@ -382,13 +389,13 @@ impl<'a> Pilot<'a> {
 
     /// Holds the input until this has come, or the time is over, or the engine stops.
     async fn keep<T>(&self, until: Instant, mut come: impl FnMut(&Telemetry) -> Option<T>) -> Result<T, Cut> {
-        let input = self.desk.input.get();
+        let input = self.context.input.get();
         let mut ticker = Ticker::every(TICK);
         self.command(input)?;
         loop {
             let telemetry = self.telemetry();
-            let withdrawn = !matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
-            if matches!(input, PilotInput::Run(_)) && (withdrawn || reports_only_faults(&telemetry)) {
+            let cancelled = !matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
+            if matches!(input, PilotInput::Run(_)) && (cancelled || reports_only_faults(&telemetry)) {
                 return Err(Cut::Stopped);
             }
             if let Some(what) = come(&telemetry) {
@@ -405,14 +412,14 @@ impl<'a> Pilot<'a> {
     fn command(&self, input: PilotInput) -> Result<(), Cut> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
-        if self.desk.silent.get() {
-            self.desk.audit.borrow_mut().may_be_up_to(at, 0);
+        if self.context.silent.get() {
+            self.context.audit.borrow_mut().may_be_up_to(at, 0);
             return Ok(());
         }
-        let Some(answer) = self.node.command(self.desk.index, input.command(), Origin::Bench) else {
+        let Some(answer) = self.node.command(self.context.index, input.command(), Origin::Bench) else {
             return Ok(());
         };
-        self.desk.judge(at, input.order(), Origin::Bench, answer);
+        self.context.judge(at, input.order(), Origin::Bench, answer);
         match answer {
             // After a reset it listens first.
             Ok(Accepted::StartWaits) => Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))),
@@ -423,12 +430,12 @@ impl<'a> Pilot<'a> {
     }
 
     fn telemetry(&self) -> Telemetry {
-        self.node.telemetry(self.desk.index)
+        self.node.telemetry(self.context.index)
     }
 
     /// Percent of the way from idle to full, as this engine is commanded.
     fn demand(&self, percent: u8) -> Option<Demand> {
-        if !self.desk.engine.by_rpm() {
+        if !self.context.engine.by_rpm() {
             return Throttle::from_percent(percent).ok().map(Demand::Throttle);
         }
         let report = self.telemetry().report;
@@ -438,8 +445,8 @@ impl<'a> Pilot<'a> {
     }
 
     fn stage(&self, stage: Stage) {
-        if self.desk.stage.replace(stage) != stage {
-            self.desk.note(format!("-> {}", stage.name()));
+        if self.context.stage.replace(stage) != stage {
+            self.context.note(format!("-> {}", stage.name()));
         }
     }
 
@@ -447,13 +454,13 @@ impl<'a> Pilot<'a> {
         match cut {
             Cut::Refused(why) => format!("a command was refused: {why}"),
             Cut::Stopped | Cut::TimeUp => {
-                self.desk.stops.set(self.desk.stops.get() + 1);
+                self.context.stops.set(self.context.stops.get() + 1);
                 format!("uncommanded shutdown: {}", self.describe())
             }
         }
     }
 
-    /// What the ECU says, for people.
+    /// What the ECU reports, for people.
     fn describe(&self) -> String {
         let telemetry = self.telemetry();
         let report = &telemetry.report;
@@ -513,7 +520,7 @@ fn reports_only_faults(telemetry: &Telemetry) -> bool {
     stale && faulty
 }
 
-/// In standby, below 100 °C, and the shaft stands.
+/// In standby, below 100 °C, and the shaft at rest.
 fn is_cool(telemetry: &Telemetry) -> bool {
     let report = &telemetry.report;
     matches!(phase(telemetry), Some(Phase::Standby | Phase::Stopped))

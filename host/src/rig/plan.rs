@@ -6,7 +6,7 @@ use super::quantity::seconds;
 use super::simulated::parameters;
 use embassy_time::{Duration, Instant};
 
-/// What a run lasts unless `--duration` says otherwise, or the engines need longer.
+/// Duration of a run unless `--duration` sets another, or the engines need longer.
 const USUAL_LENGTH: Duration = Duration::from_secs(180);
 /// The first start.
 const FIRST_START: Duration = Duration::from_secs(3);
@@ -31,7 +31,7 @@ pub struct Plan {
 /// The times of one engine.
 #[derive(Clone, Copy, Debug)]
 pub struct EnginePlan {
-    /// When its start is asked for.
+    /// When its start is commanded.
     pub start_at: Instant,
     /// What a start takes, roughly.
     pub start_takes: Duration,
@@ -60,7 +60,7 @@ impl Plan {
             .map(|engine| {
                 let p = parameters(engine);
                 let start = p.ignition_s + p.preheat_s + p.ramp_s + p.learn_s + 4.0;
-                // From idle to 100 °C, and until the shaft stands.
+                // From idle to 100 °C, and until the shaft is at rest.
                 let cooling = 1.8 * p.cooling_s + 9.0;
                 let plan = EnginePlan {
                     start_at,

@@ -8,7 +8,7 @@ mod svg;
 use self::palette::Palette;
 use self::panel::Panel;
 use self::scale::Scale;
-use self::svg::{Anchor, Svg, width};
+use self::svg::{Anchor, Stroke, Svg, width};
 use super::chronicle::{Chronicle, Happening};
 use super::output::Whole;
 use super::record::thinned;
@@ -97,7 +97,7 @@ impl Picture<'_> {
         svg.finish()
     }
 
-    /// The title and the legend, which holds for all panels. `each`: samples that the points stand for.
+    /// The title and the legend, which holds for all panels. `each`: samples that each point replaces.
     fn head(&self, svg: &mut Svg, palette: Palette, each: usize, title: &[String]) {
         let mut y = 30.0;
         for line in title {
@@ -117,8 +117,13 @@ impl Picture<'_> {
             svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, name);
             x += 70.0 + width(name, 16);
         }
-        svg.path(&[(x, y), (x + 34.0, y)], palette.ink, 2.0, true);
-        svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, "no new value");
+        for (name, color, stroke) in
+            [("no new value", palette.ink, Stroke::Dashed), ("EGT limit", palette.egt, Stroke::Dotted)]
+        {
+            svg.path(&[(x, y), (x + 34.0, y)], color, 2.0, stroke);
+            svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, name);
+            x += 70.0 + width(name, 16);
+        }
         if each > 1 {
             let text =
                 format!("long run: each point is {:.1} s, a band from least to most", each as f64 / 10.0);

@@ -1,4 +1,4 @@
-//! Times and shares as they stand on the command line: `30s`, `3ms`, `2m`, `0.02`.
+//! Times and shares on the command line: `30s`, `3ms`, `2m`, `0.02`.
 
 use embassy_time::Duration;
 

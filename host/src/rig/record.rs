@@ -4,7 +4,7 @@
 use super::audit::WireCommand;
 use super::context::Stage;
 use super::quantity::seconds;
-use super::sample::Sample;
+use super::sample::{SAMPLE_EVERY, Sample};
 use embassy_time::Instant;
 
 /// Points of an engine; when there are more, each two become one.
@@ -42,11 +42,11 @@ pub struct Point {
     pub rpm: Option<Band>,
     /// EGT in °C; `None` as above.
     pub egt: Option<Band>,
-    /// The shaft speed is not new any more.
+    /// The shaft speed is from before, and no newer one has come.
     pub rpm_old: bool,
-    /// Nor is the EGT.
+    /// The same of the EGT.
     pub egt_old: bool,
-    /// Its source says nothing.
+    /// Its source is silent.
     pub silent: bool,
     /// The ECU is received.
     pub link: bool,
@@ -72,13 +72,13 @@ impl Point {
             stage: sample.stage,
             rpm: sample.rpm.map(|rpm| Band::of(rpm.into())),
             egt: sample.egt.map(Band::of),
-            rpm_old: sample.rpm_old,
-            egt_old: sample.egt_old,
+            rpm_old: sample.rpm_old.is_some(),
+            egt_old: sample.egt_old.is_some(),
             silent: sample.silent,
             link: sample.link == jetlink::report::LinkState::Up,
             fault: sample.faults.is_some_and(|faults| !faults.is_empty()),
-            throttle: sample.asked_percent().map(Band::of),
-            demand_rpm: sample.asked_rpm().map(|rpm| Band::of(rpm.into())),
+            throttle: sample.commanded_percent().map(Band::of),
+            demand_rpm: sample.commanded_rpm().map(|rpm| Band::of(rpm.into())),
             sent_throttle: match sample.on_wire {
                 Some(WireCommand::Run(tenths)) => Some(Band::of(f64::from(tenths) / 10.0)),
                 _ => None,
@@ -123,7 +123,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Of so many engines.
+    /// Of this number of engines.
     pub fn new(engines: usize) -> Self {
         Self { engines: vec![Vec::new(); engines], each: 1, had: 0 }
     }
@@ -137,6 +137,18 @@ impl Record {
             match points.last_mut() {
                 Some(last) if !begins => *last = last.with(&point),
                 _ => points.push(point),
+            }
+            // That nothing newer came is known later than it was so.
+            let old = |received: Instant| seconds(received + SAMPLE_EVERY - Instant::MIN);
+            let (rpm_from, egt_from) = (sample.rpm_old.map(old), sample.egt_old.map(old));
+            for point in points.iter_mut().rev() {
+                let (rpm, egt) =
+                    [rpm_from, egt_from].map(|from| from.is_some_and(|from| point.t >= from)).into();
+                if !rpm && !egt {
+                    break;
+                }
+                point.rpm_old |= rpm;
+                point.egt_old |= egt;
             }
         }
         if self.had == 0 && self.engines.iter().any(|points| points.len() >= MOST_POINTS) {
@@ -164,7 +176,7 @@ impl Record {
     }
 }
 
-/// At most so many points of these, each with the least and the most of those it stands for.
+/// At most this number of these points, each with the least and the most of those that it replaces.
 pub fn thinned(points: &[Point], most: usize) -> Vec<Point> {
     let each = points.len().div_ceil(most.max(1)).max(1);
     let one = |points: &[Point]| {

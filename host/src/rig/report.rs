@@ -86,7 +86,7 @@ fn run(
         "from": 0,
         "to": chronicle.end(),
         "bands": (each > 1).then(|| {
-            format!("A long run: each point stands for {:.1} s, drawn as a band from least to most.", each as f64 / 10.0)
+            format!("A long run: each point covers {:.1} s, drawn as a band from least to most.", each as f64 / 10.0)
         }),
         "verdict": of_run(subjects, outcomes, problems, ended_by),
         "engines": engines,
@@ -114,7 +114,7 @@ fn of_engine(name: &str, outcomes: &Outcomes, problems: &[String]) -> Value {
     json!({ "text": text, "failed": !own.is_empty(), "problems": own })
 }
 
-/// What came of the run, with what is no engine's own.
+/// The outcome of the run, with what concerns no single engine.
 fn of_run(
     subjects: &[Subject],
     outcomes: &Outcomes,

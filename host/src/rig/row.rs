@@ -1,5 +1,6 @@
 //! One engine as a row of text: for the lines and for the table.
 
+use super::fit::elided;
 use super::sample::Sample;
 use embassy_time::Duration;
 use jetlink::report::LinkState;
@@ -47,7 +48,7 @@ pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) 
         } else {
             sample.link_name().to_owned()
         },
-        sample.rules_text(),
+        sample.in_control_text(),
         sample.stage.name().to_owned(),
         if sample.armed { "yes" } else { "no" }.to_owned(),
         sample.decode_errors().to_string(),
@@ -66,11 +67,7 @@ fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()]) -> String 
     let mut line = format!("{name:<width$}  ");
     for (cell, (head, width)) in cells.iter().zip(COLUMNS) {
         let right = matches!(head, "rpm" | "EGT" | "commanded" | "sent" | "errors");
-        let cell = if cell.chars().count() > width {
-            cell.chars().take(width - 1).chain(['…']).collect()
-        } else {
-            cell.clone()
-        };
+        let cell = elided(cell, width, '…');
         line += &if right { format!("{cell:>width$}  ") } else { format!("{cell:<width$}  ") };
     }
     line.truncate(line.trim_end().len());
@@ -108,9 +105,9 @@ mod tests {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines);
         let notes = Notes::default();
-        let desk = EngineContext::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
+        let context = EngineContext::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
         let names = ["left", "right", "centre", "booster"];
-        let quiet = Sample::take(&desk, &node.telemetry(3));
+        let quiet = Sample::take(&context, &node.telemetry(3), true);
         let starting = jetlink::report::EcuState { code: 2, name: "ignition-min-throttle" };
         let mut loud = Sample {
             stage: Stage::Cooling,
@@ -137,22 +134,22 @@ mod tests {
         }
         let loud = row("booster", &names, &loud, 100.0);
         for cell in
-            [" start: ignition-m… ", " 160010 ", " 1100 °C ", " 160000 rpm ", " 159960 rpm ", " up 100/s "]
+            [" start: ignition… ", " 160010 ", " 1100 °C ", " 160000 rpm ", " 159960 rpm ", " up 100/s "]
         {
             assert!(loud.contains(cell), "{cell}: {loud}");
         }
     }
 
     #[test]
-    fn an_emergency_stop_is_seen_whatever_is_asked() {
+    fn an_emergency_stop_is_shown_whatever_is_commanded() {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines);
         let notes = Notes::default();
-        let desk = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
+        let context = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
         let sample = Sample {
             input: PilotInput::Run(Demand::Throttle(Throttle::from_percent(60).unwrap())),
             on_wire: Some(WireCommand::Stop),
-            ..Sample::take(&desk, &node.telemetry(0))
+            ..Sample::take(&context, &node.telemetry(0), true)
         };
         let row = row("left", &["left"], &sample, 8.0);
         assert!(row.contains("    60.0 %        STOP  "), "{row}");

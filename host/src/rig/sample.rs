@@ -26,16 +26,18 @@ pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
     value.age(now) <= FRESH
 }
 
-/// One engine at one moment. Values that the ECU has not told in the last seconds are `None`.
+/// One engine at one moment. Values that the ECU has not reported in the last seconds are `None`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sample {
     /// How far its pilot has come.
     pub stage: Stage,
     /// What its pilot commands.
     pub input: PilotInput,
-    /// Its pilot says nothing.
+    /// Its pilot commands nothing.
     pub silent: bool,
-    /// Whether the ECU is heard.
+    /// The node runs: it neither hangs nor restarts. All that it has reported is from before otherwise.
+    pub node_up: bool,
+    /// Whether the ECU is received.
     pub link: LinkState,
     /// What the engine does, in plain words.
     pub does: EngineState,
@@ -59,10 +61,10 @@ pub struct Sample {
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
     pub egt: Option<f64>,
-    /// The shaft speed is there, and not new any more.
-    pub rpm_old: bool,
-    /// So is the EGT.
-    pub egt_old: bool,
+    /// When the ECU reported that shaft speed, if nothing newer was to be expected by now.
+    pub rpm_old: Option<Instant>,
+    /// The same of the EGT.
+    pub egt_old: Option<Instant>,
     /// Throttle that the ECU obeys, in percent.
     pub throttle: Option<f64>,
     /// What the ECU reports to be wrong.
@@ -72,15 +74,17 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Of this engine, now.
-    pub fn take(desk: &EngineContext<'_>, telemetry: &Telemetry) -> Self {
+    /// Of this engine, now. While the node is not up, `telemetry` is what was known last.
+    pub fn take(context: &EngineContext<'_>, telemetry: &Telemetry, node_up: bool) -> Self {
         let report = &telemetry.report;
-        let at = telemetry.at;
+        let at = Instant::now();
+        let old = |received: Instant| (!node_up || at > received + NEW).then_some(received);
         Self {
-            stage: desk.stage.get(),
-            input: desk.input.get(),
-            silent: desk.silent.get(),
-            link: telemetry.link,
+            stage: context.stage.get(),
+            input: context.input.get(),
+            silent: context.silent.get(),
+            node_up,
+            link: if node_up { telemetry.link } else { LinkState::Silent },
             does: telemetry.state,
             in_control: telemetry.active_source,
             waiting: telemetry.waiting,
@@ -88,12 +92,12 @@ impl Sample {
             limited: telemetry.limited,
             armed: telemetry.armed,
             order: telemetry.ordered.order,
-            on_wire: desk.audit.borrow().on_wire,
+            on_wire: context.audit.borrow().on_wire,
             state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
             rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
             egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
-            rpm_old: report.rpm.is_some_and(|rpm| rpm.age(at) > NEW),
-            egt_old: report.egt.is_some_and(|egt| egt.age(at) > NEW),
+            rpm_old: report.rpm.and_then(|rpm| old(rpm.at)),
+            egt_old: report.egt.and_then(|egt| old(egt.at)),
             throttle: report
                 .throttle
                 .filter(|throttle| is_fresh(throttle, at))
@@ -103,13 +107,13 @@ impl Sample {
         }
     }
 
-    /// The throttle that is asked for, in percent.
-    pub fn asked_percent(&self) -> Option<f64> {
+    /// The commanded throttle, in percent.
+    pub fn commanded_percent(&self) -> Option<f64> {
         self.input.throttle_percent().filter(|_| !self.silent)
     }
 
-    /// The speed that is asked for.
-    pub fn asked_rpm(&self) -> Option<u32> {
+    /// The commanded speed, in rpm.
+    pub fn commanded_rpm(&self) -> Option<u32> {
         self.input.rpm().filter(|_| !self.silent)
     }
 
@@ -132,10 +136,10 @@ impl Sample {
         }
     }
 
-    /// Who rules, how far that source is lost, and what else holds its demand.
-    pub fn rules_text(&self) -> String {
+    /// The active source, how far that source is lost, and what else holds its demand.
+    pub fn in_control_text(&self) -> String {
         match (self.order, self.loss) {
-            (Order::EmergencyStop, _) => format!("{} STOPS", self.in_control.name()),
+            (Order::EmergencyStop, _) => format!("{}: STOP", self.in_control.name()),
             (_, LossStage::None) => match (self.limited, self.waiting) {
                 (true, _) => format!("{}: limited", self.in_control.name()),
                 (false, Some(next)) => format!("{}, {} next", self.in_control.name(), next.name()),
@@ -154,7 +158,7 @@ impl Sample {
         }
     }
 
-    /// Replies and turns that the node missed by its own count.
+    /// Replies and send slots that the node missed by its own count.
     pub const fn missed(&self) -> u32 {
         let counters = &self.counters;
         counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.send_slots_missed)

@@ -1,5 +1,5 @@
-//! What can go wrong, played: `--scenario`. Each says what has to happen, and judges by what was on the wires and
-//! what the simulated engines did whether it did. The node's own telemetry is only asked what it told.
+//! What can go wrong, played: `--scenario`. Each states what has to happen, and judges by what was on the wires and
+//! what the simulated engines did whether it did. Of the node's own telemetry, it only checks what was reported.
 
 mod check;
 mod context;
@@ -13,7 +13,7 @@ pub use self::context::ScenarioContext;
 use embassy_time::Duration;
 use std::pin::Pin;
 
-/// An AMT engine and a ZK engine whose ECU goes on by itself.
+/// An AMT engine and a ZK engine whose ECU keeps it running by itself.
 const PAIR: &[&str] =
     &["name=left,ecu=amt,engine=olympus,baud=2400", "name=right,ecu=zk,version=5,baud=9600"];
 /// The same with the places changed.
@@ -43,7 +43,7 @@ pub struct Scenario {
     pub engines: &'static [&'static str],
     /// What it lasts, roughly, in seconds.
     length: u64,
-    /// Frames that an ECU hears cut off or damaged, because the scenario does that.
+    /// Frames that an ECU receives cut off or damaged, because the scenario does that.
     pub bad_commands: u64,
     script: for<'a> fn(&'a ScenarioContext<'a>) -> Script<'a>,
 }
@@ -63,8 +63,8 @@ impl Scenario {
     }
 
     /// Plays it.
-    pub fn script<'a>(&self, cockpit: &'a ScenarioContext<'a>) -> Script<'a> {
-        (self.script)(cockpit)
+    pub fn script<'a>(&self, scenario_context: &'a ScenarioContext<'a>) -> Script<'a> {
+        (self.script)(scenario_context)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The run itself: the node's runners, the lines with the ECUs, the pilots and the samples, all in one
 //! thread on the clock of the simulation.
 
-use super::context::{EngineContext, Notes, look};
+use super::context::{EngineContext, Notes, Stage, look};
 use super::control::{Control, Situation};
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
@@ -12,9 +12,10 @@ use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
 use super::plan::Plan;
 use super::play::player::Player;
+use super::radio::Radio;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
 use super::scenario::{Scenario, ScenarioContext};
-use super::simulated::{counts, ecu, line};
+use super::simulated::{ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channel::Events;
@@ -55,19 +56,33 @@ pub struct Setup {
     pub details: bool,
     /// Ports of MAVLink, in place of the pilots.
     pub mavlink: Option<Mavlink>,
+    /// A receiver of radio control, in place of the pilots.
+    pub radio: Option<Radio>,
     /// How many times as fast as the wall clock.
     pub speed: u32,
-    /// The run ends with the plan's length, although nobody has pilots that are done.
+    /// The run ends with the plan's length, although no pilot ends it.
     pub ends: bool,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
+}
+
+impl Setup {
+    /// Whether MAVLink or radio control commands, and no pilot flies.
+    pub const fn is_commanded(&self) -> bool {
+        self.mavlink.is_some() || self.radio.is_some()
+    }
+
+    /// Whether a script file of what was done plays the run again: nothing comes from outside.
+    pub fn plays_again(&self) -> bool {
+        self.mavlink.is_none() && self.radio.as_ref().is_none_or(|radio| radio.transmitter().is_some())
+    }
 }
 
 /// What the pilot of an engine did not reach; `None` as long as it flies.
 type Flown = RefCell<Option<Result<(), String>>>;
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// Runs. `control` steers; `show` is called with all that is to be shown and says whether to go on.
+/// Runs. `control` steers; `show` is called with all that is to be shown and returns whether to continue.
 pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
     clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::Times(setup.speed) });
@@ -76,8 +91,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
     let node = Node::new(&setup.engines);
-    let desk = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
-    let desks: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(desk).collect();
+    let context = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
+    let contexts: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(context).collect();
     let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
     let plugs: Vec<Plug<AnyEcu>> = setup
         .engines
@@ -90,46 +105,51 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         })
         .collect();
     if setup.details {
-        desks.iter().for_each(|desk| desk.tap.borrow_mut().open());
+        contexts.iter().for_each(|context| context.tap.borrow_mut().open());
     }
-    let cockpit = ScenarioContext::new(&node, &desks, &plugs, &notes);
-    let player = Player::new(&node, &desks, &plugs, &notes);
+    let scenario_context = ScenarioContext::new(&node, &contexts, &plugs, &notes);
+    let transmitter = setup.radio.as_ref().and_then(Radio::transmitter);
+    let player = Player::new(&node, &contexts, &plugs, &notes, transmitter);
 
-    // All that goes on when the node is reset.
+    // The tasks that continue when the node is reset.
     let mut tasks: Vec<Task<'_>> = Vec::new();
     for plug in &plugs {
-        tasks.push(Box::pin(async {
-            plug.run().await;
-        }));
+        tasks.push(wired::line(plug));
     }
     if let Some(scenario) = setup.scenario {
-        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(cockpit.sit(i)) }));
-        let (script, flown) = (scenario.script(&cockpit), &flown);
+        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(clock::task(scenario_context.sit(i))) }));
+        let (script, flown) = (scenario.script(&scenario_context), &flown);
         tasks.push(Box::pin(async move {
             let result = script.await;
             flown.iter().for_each(|flown| {
                 flown.replace(Some(result.clone()));
             });
         }));
-    } else if setup.mavlink.is_some() {
-        // Whoever speaks MAVLink commands, and nobody else but a person at the keyboard.
-        for (i, desk) in desks.iter().enumerate() {
-            desk.audit.borrow_mut().judge_no_orders();
+    } else if setup.is_commanded() {
+        // MAVLink or the transmitter commands, and otherwise only a person at the keyboard.
+        for (i, context) in contexts.iter().enumerate() {
+            // What comes from outside may fall silent at any time.
+            if !setup.plays_again() {
+                context.audit.borrow_mut().judge_no_orders();
+            }
             let player = &player;
             tasks.push(Box::pin(async move {
                 loop {
+                    context.stage.set(Stage::Commanded);
                     player.taken(i).await;
                     player.drive(i).await;
                 }
             }));
         }
     } else {
-        for (i, ((desk, plan), flown)) in desks.iter().zip(&setup.plan.engines).zip(&flown).enumerate() {
+        for (i, ((context, plan), flown)) in contexts.iter().zip(&setup.plan.engines).zip(&flown).enumerate()
+        {
             let (node, player, seed) = (&node, &player, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 loop {
-                    let pilot = Pilot::new(desk, node, *plan, setup.plan.standby_only, &setup.faults, seed);
-                    match select(pilot.fly(), player.taken(i)).await {
+                    let pilot =
+                        Pilot::new(context, node, *plan, setup.plan.standby_only, &setup.faults, seed);
+                    match select(clock::task(pilot.fly()), player.taken(i)).await {
                         Either::First(result) => {
                             flown.replace(Some(result));
                             player.taken(i).await;
@@ -137,41 +157,42 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                         Either::Second(()) => {}
                     }
                     flown.take();
-                    desk.failure.take();
+                    context.failure.take();
                     player.drive(i).await;
                 }
             }));
         }
     }
-    tasks.push(Box::pin(disturb(setup, &plugs, &notes)));
+    tasks.push(Box::pin(clock::task(disturb(setup, &plugs, &notes))));
 
     let outcomes = |end: End| {
         let of_engine =
-            |(i, ((desk, plug), flown)): (usize, ((&EngineContext<'_>, &Plug<AnyEcu>), &Flown))| {
+            |(i, ((context, plug), flown)): (usize, ((&EngineContext<'_>, &Plug<AnyEcu>), &Flown))| {
                 let telemetry = node.telemetry(i);
                 let flown = flown.borrow().clone();
                 Outcome {
-                    name: desk.engine.name(),
+                    has_pilot: !setup.is_commanded(),
+                    name: context.engine.name(),
                     // A pilot that has given up still waits for its engine to cool.
-                    flown: flown.or_else(|| desk.failure.borrow().clone().map(Err)),
+                    flown: flown.or_else(|| context.failure.borrow().clone().map(Err)),
                     played: player.verdict(i),
                     node: telemetry.counters,
                     commands_rejected: telemetry.counters.commands_rejected,
                     link: telemetry.link,
-                    ecu: plug.ecu(|ecu| counts(ecu)),
-                    audit: desk.audit.borrow().clone(),
-                    stops: desk.stops.get(),
-                    recovered_after: desk.recovered_after.get(),
+                    ecu: plug.ecu(|ecu| ecu.counts()),
+                    audit: context.audit.borrow().clone(),
+                    stops: context.stops.get(),
+                    recovered_after: context.recovered_after.get(),
                     // The script of a scenario judges its lines itself.
                     line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
                     is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
                 }
             };
         Outcomes {
-            engines: desks.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
+            engines: contexts.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
             length: Instant::now() - Instant::MIN,
             end,
-            checks: cockpit.checks(),
+            checks: scenario_context.checks(),
             bad_commands: setup.scenario.map_or(0, |scenario| scenario.bad_commands),
             actions: player.kept(),
         }
@@ -180,29 +201,32 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let end = RefCell::new(End::Complete);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
-        let (mut all_done_at, mut told_complete) = (None, false);
+        let (mut all_done_at, mut shown_complete) = (None, false);
         loop {
             assert!(
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
                 "the moment of --panic-at"
             );
-            if setup.mavlink.is_some() && setup.ends && Instant::now() >= Instant::MIN + setup.plan.length {
+            if setup.is_commanded() && setup.ends && Instant::now() >= Instant::MIN + setup.plan.length {
                 end.replace(End::Interrupted);
                 return;
             }
-            look(&desks, &plugs);
+            look(&contexts, &plugs);
             let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
-            for (desk, telemetry) in desks.iter().zip(&telemetry) {
-                desk.watch_recovery(telemetry);
-                desk.note_hidden(false);
+            for (context, telemetry) in contexts.iter().zip(&telemetry) {
+                context.watch_recovery(telemetry);
+                context.note_hidden(false);
             }
             player.look();
-            let samples = desks.iter().zip(&telemetry).map(|(desk, telemetry)| Sample::take(desk, telemetry));
+            let samples = contexts
+                .iter()
+                .zip(&telemetry)
+                .map(|(context, telemetry)| Sample::take(context, telemetry, node.is_up()));
             let samples: Vec<Sample> = samples.collect();
-            let details = desks.iter().zip(telemetry).enumerate().filter(|_| setup.details);
-            let details = details.map(|(i, (desk, telemetry))| Detail {
+            let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
+            let details = details.map(|(i, (context, telemetry))| Detail {
                 telemetry,
-                entries: desk.tap.borrow_mut().take(),
+                entries: context.tap.borrow_mut().take(),
                 faults: player.faults(i),
             });
             let message =
@@ -211,12 +235,12 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let ended =
                 |complete| if complete || player.is_played() { End::Complete } else { End::Interrupted };
             if !notes.take().into_iter().map(Message::from).chain([message]).all(&mut show) {
-                end.replace(ended(told_complete));
+                end.replace(ended(shown_complete));
                 return;
             }
 
             let done = flown.iter().all(|flown| flown.borrow().is_some())
-                && !desks.iter().any(|desk| desk.played.get());
+                && !contexts.iter().any(|context| context.played.get());
             if !done {
                 all_done_at = None;
             }
@@ -224,10 +248,10 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
                 Instant::now() >= end
             };
-            if complete && !told_complete {
+            if complete && !shown_complete {
                 show(Message::Complete(Box::new(outcomes(End::Complete))));
             }
-            told_complete = complete;
+            shown_complete = complete;
             loop {
                 let situation = Situation { at: Instant::now(), samples: &samples, complete };
                 let turn = control.turn(&situation);
@@ -249,16 +273,25 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         }
     };
     let world = until_done(watch, tasks);
-    let run =
-        || clock::run(with_node(world, &node, &desks, &plugs, &cockpit, &notes, setup.mavlink.as_ref()));
+    let run = || {
+        wired::run(std::pin::pin!(with_node(
+            world,
+            &node,
+            &contexts,
+            &plugs,
+            &scenario_context,
+            &notes,
+            setup,
+        )));
+    };
     // What was seen until a panic is still worth its summary. Nothing runs any more then.
     if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
         let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
         let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
         end.replace(End::Panicked(message.unwrap_or_default()));
     }
-    look(&desks, &plugs);
-    desks.iter().for_each(|desk| desk.note_hidden(true));
+    look(&contexts, &plugs);
+    contexts.iter().for_each(|context| context.note_hidden(true));
     for message in notes.take().into_iter().map(Message::from) {
         show(message);
     }
@@ -271,11 +304,11 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
 async fn with_node(
     world: impl Future<Output = ()>,
     node: &Node<'_>,
-    desks: &[EngineContext<'_>],
+    contexts: &[EngineContext<'_>],
     plugs: &[Plug<AnyEcu>],
-    cockpit: &ScenarioContext<'_>,
+    scenario_context: &ScenarioContext<'_>,
     notes: &Notes,
-    mavlink: Option<&Mavlink>,
+    setup: &Setup,
 ) {
     let mut world = std::pin::pin!(world);
     loop {
@@ -284,19 +317,21 @@ async fn with_node(
             notes.add(None, "the node has started: it listens to the engines before it obeys run or standby");
             let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
             let mut tasks: Vec<Task<'_>> = Vec::new();
-            for (((channel, desk), plug), errors) in channels.iter().zip(desks).zip(plugs).zip(&errors) {
+            for (((channel, context), plug), errors) in channels.iter().zip(contexts).zip(plugs).zip(&errors)
+            {
                 let (rx, tx) = plug.reset_node();
-                // The listeners first: nobody must command before events are heard.
+                // The listeners first: nobody must command before events are received.
                 if let Some(events) = channel.handle().events() {
-                    tasks.push(Box::pin(listen(events, desk, plug, cockpit)));
+                    tasks.push(Box::pin(clock::task(listen(events, context, plug, scenario_context))));
                 }
                 let runner = channel.runner_in(&channels);
-                tasks.push(Box::pin(async move {
-                    runner.run(rx, tx, errors).await;
-                }));
+                tasks.push(wired::runner(runner, rx, tx, errors));
             }
-            if let Some(mavlink) = mavlink {
+            if let Some(mavlink) = &setup.mavlink {
                 tasks.push(Box::pin(mavlink.serve(node, &channels)));
+            }
+            if let Some(radio) = &setup.radio {
+                tasks.push(Box::pin(radio.serve(node, &channels, contexts)));
             }
             let reset = Cell::new(None);
             let away = async { reset.set(Some(node.wanted().await)) };
@@ -312,11 +347,11 @@ async fn with_node(
         };
         // From here on there is no channel: neither the tasks above nor the node holds one.
         let Some(reset) = reset else { return };
-        look(desks, plugs);
+        look(contexts, plugs);
         node.gone(reset);
-        for (desk, plug) in desks.iter().zip(plugs) {
+        for (context, plug) in contexts.iter().zip(plugs) {
             let _ = plug.reset_node();
-            desk.audit.borrow_mut().reset(clock::now_ns());
+            context.audit.borrow_mut().reset(clock::now_ns());
         }
         let mut back = std::pin::pin!(Timer::after(reset.away));
         let over = poll_fn(|cx| match back.as_mut().poll(cx) {
@@ -348,46 +383,46 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
 /// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
 async fn listen(
     mut events: Events<'_>,
-    desk: &EngineContext<'_>,
+    context: &EngineContext<'_>,
     plug: &Plug<AnyEcu>,
-    cockpit: &ScenarioContext<'_>,
+    scenario_context: &ScenarioContext<'_>,
 ) {
     loop {
         let event = match events.next_message().await {
             embassy_sync::pubsub::WaitResult::Message(event) => event,
             embassy_sync::pubsub::WaitResult::Lagged(missed) => {
                 let events = if missed == 1 { "event was" } else { "events were" };
-                desk.note(format!("{missed} {events} missed"));
+                context.note(format!("{missed} {events} missed"));
                 continue;
             }
         };
-        cockpit.heard(desk.index, event);
+        scenario_context.note_event(context.index, event);
         let by_itself =
             matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
         if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {
-            desk.standby_of(clock::now_ns(), origin);
+            context.standby_of(clock::now_ns(), origin);
         }
         let given_up = event == Event::RunCancelled(LifeEnd::Unconfirmed);
         if by_itself || given_up {
             let (now, phase) = (clock::now_ns(), plug.ecu(|ecu| ecu.turbine().phase()));
-            desk.take_log(plug);
-            let mut audit = desk.audit.borrow_mut();
+            context.take_log(plug);
+            let mut audit = context.audit.borrow_mut();
             if given_up {
                 audit.given_up(now);
             } else {
-                audit.withdrawn(now, phase);
+                audit.cancelled(now, phase);
             }
         }
         let Some(text) = text(event) else { continue };
         if may_be_many(event) {
-            desk.note_limited(text);
+            context.note_limited(text);
         } else {
-            desk.note(text);
+            context.note(text);
         }
     }
 }
 
-/// Whether noise or a source that goes on asking can bring any number of these, and none of them tells of danger.
+/// Whether noise, or a source that repeats its command, can bring any number of these, and none of them reports a danger.
 const fn may_be_many(event: Event) -> bool {
     matches!(
         event,
@@ -400,19 +435,19 @@ const fn may_be_many(event: Event) -> bool {
     )
 }
 
-/// The library's sentence of an event; `None`: it is said elsewhere, or only counted.
+/// The library's sentence of an event; `None`: it is printed elsewhere, or only counted.
 fn text(event: Event) -> Option<String> {
     match event {
-        // That it listens is said once, when it starts.
+        // That it listens is printed once, when it starts.
         Event::CommandRejected(Rejected::Listening, _) => None,
-        // The fault itself is told by its name.
+        // The fault itself is reported by its name.
         Event::Limit(LimitViolation { kind: LimitKind::EcuFault, .. }) => None,
         // Orders are the pilot's own, what was not sent is counted, and service commands are not given.
         Event::Ordered(Ordered { order, .. }) if order != Order::EmergencyStop => None,
         Event::NotSent(_) | Event::ServiceSent(_) | Event::ServiceConfirmed(_) | Event::ServiceFailed(_) => {
             None
         }
-        told => Some(told.to_string()),
+        other => Some(other.to_string()),
     }
 }
 

@@ -1,8 +1,9 @@
-//! What happens, and why, in one line: for whoever looks on.
+//! What happens, and why, in one line, for the spectator.
 
 use super::context::Stage;
 use super::sample::Sample;
-use jetlink::command::Order;
+use jetlink::command::{Order, Origin};
+use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::LinkState;
 
@@ -15,31 +16,32 @@ pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> Strin
         Some(true) => {
             return "PASS; press f to break something, s to start an engine again, q to end".to_owned();
         }
-        Some(false) => return "FAILED: the summary says why; q ends".to_owned(),
+        Some(false) => return "FAILED; q ends and prints why".to_owned(),
         None => {}
     }
     if let Some(name) = first(&|sample| sample.order == Order::EmergencyStop) {
-        return format!(
-            "{name}: emergency stop is latched; press r to release it once the engine has stopped"
-        );
+        return format!("{name}: emergency stop is latched; r releases it once it has stopped");
+    }
+    if samples.iter().any(|sample| !sample.node_up) {
+        return "the node restarts: nothing is received or sent until it is up".to_owned();
     }
     if let Some((name, sample)) = all().find(|(_, sample)| sample.link == LinkState::Lost) {
         return format!("{name}: nothing is received from its ECU ({})", sample.does_text());
     }
     if let Some((name, sample)) = all().find(|(_, sample)| sample.loss != LossStage::None) {
         if !sample.silent && sample.link == LinkState::Up {
-            return format!("{name}'s source speaks again: it is in control within 3 s");
+            return format!("{name}'s source commands again: it is in control within 3 s");
         }
         return match sample.loss {
             LossStage::Hold => format!("{name}'s source is silent: its last demand is held for 1 s"),
             LossStage::FailSafe => {
-                format!("{name}'s source is silent: the demand goes to idle, and the engine runs on")
+                format!("{name}'s source is silent: the demand falls to idle; the engine keeps running")
             }
             LossStage::Standby | LossStage::None => format!("{name}'s source is silent: standby"),
         };
     }
     if let Some(name) = first(&|sample| matches!(sample.order, Order::Doubt(_))) {
-        return format!("{name}: in doubt whether it runs: nothing goes out that could start it");
+        return format!("{name}: in doubt whether it runs; nothing that could start it is sent");
     }
     if let Some(name) = first(&|sample| sample.silent) {
         return format!("{name}'s source has fallen silent");
@@ -54,15 +56,39 @@ pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> Strin
         (Some(starting), None) => format!("{starting} starts, the last one"),
         (None, Some(waiting)) => format!("{waiting} is in standby: cold, armed, ready for its start"),
         (None, None) => {
-            if samples.iter().all(|sample| matches!(sample.stage, Stage::Cooling | Stage::Done)) {
+            if samples.iter().any(|sample| sample.stage == Stage::Commanded) {
+                commanded(names, samples)
+            } else if samples.iter().all(|sample| sample.stage == Stage::Done) {
                 "all engines are shut down and cool; press f to break something".to_owned()
+            } else if samples.iter().all(|sample| matches!(sample.stage, Stage::Cooling | Stage::Done)) {
+                "all engines are shut down; they cool to 100 °C, turned by their starters".to_owned()
             } else if let Some(name) = first(&|sample| sample.stage == Stage::Played) {
-                format!("{name} is played by you; b gives it back to its script")
+                format!("{name} is played by you; b gives it back")
             } else if let Some(name) = first(&|sample| sample.stage == Stage::Cooling) {
                 format!("{name} cools: its starter turns it until the exhaust is below 100 °C")
             } else {
                 "all engines run: steps of throttle and rpm; press f to break something".to_owned()
             }
         }
+    }
+}
+
+/// The line for engines that MAVLink or radio control commands: the first one that starts or runs.
+fn commanded(names: &[&str], samples: &[Sample]) -> String {
+    for (name, sample) in names.iter().zip(samples) {
+        let source = sample.in_control.name();
+        match sample.does {
+            EngineState::Starting(_) | EngineState::StartRequested => {
+                return format!("{name} starts, commanded by {source}");
+            }
+            EngineState::Running => {
+                return format!("{name} runs, commanded by {source}; press f to break something");
+            }
+            _ => {}
+        }
+    }
+    match samples.iter().map(|sample| sample.in_control).find(|&source| source != Origin::Node) {
+        Some(source) => format!("no engine runs; {} is in control", source.name()),
+        None => "no engine runs, and no source has commanded yet".to_owned(),
     }
 }

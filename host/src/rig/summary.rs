@@ -8,8 +8,11 @@ use super::sample::decode_errors;
 use embassy_time::Duration;
 use jetlink::report::LinkState;
 
-/// Engines beside one another: with names of 12 letters they fill 80 columns.
-const ENGINES_BESIDE: usize = 4;
+/// Columns of the heads, and of an engine: with names of 12 letters four engines fill 80 columns.
+const HEAD: usize = 28;
+const ENGINE: usize = 13;
+/// Engines beside one another, however wide the screen is.
+const MOST_BESIDE: usize = 4;
 
 /// Everything that makes a run a failure, a sentence each. That it was ended early is none: what it has not come to
 /// is not judged then, what went wrong until then is.
@@ -78,7 +81,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
             if ecu.frames.abs_diff(node.frames.into()) > 1 {
                 problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
             }
-            // A starting ECU may or may not have heard what was sent before it spoke.
+            // A starting ECU may or may not have received what was sent before its first frame.
             let lost = audit.frames.saturating_sub(ecu.accepted + audit.frames_before_ecu + 1);
             if lost > missed(outcome) {
                 problem(format!("{} commands went to the ECU, it accepted {}", audit.frames, ecu.accepted));
@@ -104,6 +107,7 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
             (_, Some(_)) => "played",
             (Some(Ok(())), None) => "yes",
             (Some(Err(_)), None) => "NO",
+            (None, None) if !o.has_pilot => "-",
             (None, None) => "cut short",
         }
         .to_owned()
@@ -116,7 +120,7 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     row("replies inside the window", &|o| amt(o, o.ecu.in_window.to_string()));
     row("replies outside the window", &|o| amt(o, o.ecu.late.to_string()));
     row("windows without a reply", &|o| amt(o, o.ecu.unanswered.to_string()));
-    row("worst reply margin", &|o| o.ecu.worst_margin.map_or_else(dash, millis));
+    row("worst reply margin", &|o| o.ecu.worst_margin.map(Duration::from_nanos).map_or_else(dash, millis));
     row("worst cadence error", &|o| {
         o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
     });
@@ -133,16 +137,17 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     rows
 }
 
-/// Writes it all. `ended_by` is who ended it before its time.
-pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>) -> String {
+/// Writes it all. `ended_by` is who ended it before its time; `width` is that of the screen.
+pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>, width: usize) -> String {
+    let beside = (width.saturating_sub(HEAD) / ENGINE).clamp(1, MOST_BESIDE);
     let engines = &outcomes.engines;
     let rows = rows(outcomes);
     let mut text = format!("\nSummary after {:.1} s of engine time\n", seconds(outcomes.length));
-    for first in (0..engines.len()).step_by(ENGINES_BESIDE) {
+    for first in (0..engines.len()).step_by(beside) {
         for (head, cells) in &rows {
-            let mut line = format!("  {head:<26}");
-            for cell in cells.iter().skip(first).take(ENGINES_BESIDE) {
-                line += &format!("{cell:>13}");
+            let mut line = format!("{:<HEAD$}", format!("  {head}"));
+            for cell in cells.iter().skip(first).take(beside) {
+                line += &format!("{cell:>ENGINE$}");
             }
             text += line.trim_end();
             text.push('\n');
@@ -160,7 +165,8 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>)
     if engines.iter().any(is_amt) {
         let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
         let missed: u64 = engines.iter().map(missed).sum();
-        let worst = engines.iter().filter_map(|outcome| outcome.ecu.worst_margin).min();
+        let worst =
+            engines.iter().filter_map(|outcome| outcome.ecu.worst_margin).min().map(Duration::from_nanos);
         let worst = worst.map_or_else(String::new, |worst| format!(", worst margin {}", millis(worst)));
         text += &format!("{windows} replies in time, {missed} missed{worst}\n");
     }
@@ -219,7 +225,7 @@ mod tests {
         let bad = outcomes(vec![check(true), check(false)]);
         let found = problems(&bad);
         assert_eq!(found, ["expected, and did not occur: it stops"]);
-        let text = text(&bad, &found, None);
+        let text = text(&bad, &found, None, 80);
         assert!(
             text.contains("  NO     it stops") && text.contains("FAILED  expected, and did not"),
             "{text}"

@@ -1,8 +1,8 @@
-//! Every byte on the wires, as the simulation records it, for whoever looks at it or writes it into files.
+//! Every byte on the wires, as the simulation records it, for views and files.
 
 use sim::wire::{Direction, Entry, Fate};
 
-/// The bytes of one engine's line since they were last taken, if anybody wants them.
+/// The bytes of one engine's line since they were last taken, if they are wanted.
 #[derive(Debug, Default)]
 pub struct Tap(Option<Vec<Entry>>);
 

@@ -1,4 +1,4 @@
-//! The run of somebody who looks on: fast where little happens, in real time where much does.
+//! The speed of a run that a person watches: fast where little happens, in real time where much does.
 
 use super::context::Stage;
 

@@ -1,9 +1,10 @@
 //! `jetlink rig` in real time, on a computer that has other things to do: the simulation is the same as with
 //! `--fast`, however late the host is.
 
+use super::process::Running;
 use super::{file, signal};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -19,16 +20,6 @@ fn rig(args: &[&str], csv: &PathBuf) -> Command {
     command.arg("rig").args(args).arg("--csv").arg(csv);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
-}
-
-/// A process that is ended with the test, however the test ends.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended already
-        let _ = self.0.wait();
-    }
 }
 
 /// Runs `jetlink rig` with these arguments four times at once, beside four busy processes, stops each for 3 s in

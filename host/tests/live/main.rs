@@ -1,11 +1,20 @@
-//! `jetlink rig` as a process: in real time on a busy computer, and ended before its time.
+//! `jetlink rig` as a process: in real time on a busy computer, on a terminal, and ended before its time.
 #![cfg(unix)]
 
 mod busy;
 mod ending;
+#[path = "../support/process.rs"]
+mod process;
+mod terminal;
+#[path = "../support/wait.rs"]
+mod wait;
 
 use std::path::PathBuf;
-use std::process::{Child, Command};
+use std::process::{Child, Command, ExitStatus};
+use std::time::Duration;
+
+/// The most that anything here may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(20);
 
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
@@ -14,4 +23,48 @@ fn file(name: &str) -> PathBuf {
 fn signal(child: &Child, name: &str) {
     let status = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).status();
     assert!(status.expect("kill").success(), "kill -{name}");
+}
+
+/// With the signals that a terminal's shell would give it: whoever runs the tests may ignore some, as `nohup` does and a
+/// shell for what it starts in the background.
+fn jetlink(args: &[&str]) -> Command {
+    let program = env!("CARGO_BIN_EXE_jetlink");
+    let defaults = ["--default-signal=HUP,INT,TERM"];
+    let can_reset =
+        Command::new("env").args(defaults).arg("true").output().is_ok_and(|run| run.status.success());
+    let mut command = if can_reset {
+        let mut command = Command::new("env");
+        command.args(defaults).arg(program);
+        command
+    } else {
+        Command::new(program)
+    };
+    command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
+    command
+}
+
+#[track_caller]
+fn wait_until(what: &str, done: impl FnMut() -> bool) {
+    wait::wait_until(what, PATIENCE, done);
+}
+
+#[track_caller]
+fn ended(child: &mut Child) -> ExitStatus {
+    let mut status = None;
+    wait_until("the rig ends", || {
+        status = child.try_wait().expect("a status");
+        status.is_some()
+    });
+    status.expect("a status")
+}
+
+/// An ended run without a problem.
+#[track_caller]
+fn is_no_failure(text: &str, by: &str) {
+    assert!(text.contains(&format!("The run was ended by {by} before it was complete.")), "{text}");
+    assert!(text.contains("unsolicited commands") && text.contains("replies in time"), "{text}");
+    assert!(
+        !text.contains("FAILED") && !text.contains("are shut down") && !text.contains("panicked"),
+        "{text}"
+    );
 }

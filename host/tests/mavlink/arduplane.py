@@ -9,7 +9,7 @@ import tempfile
 from peers import *
 
 STANDBY, RUNNING = 3, 7
-INSTANCE = 3
+INSTANCE = int(os.environ["INSTANCE"])
 SERIAL0, SERIAL1 = 5760 + 10 * INSTANCE, 5762 + 10 * INSTANCE
 AUTOPILOT = 1
 
@@ -30,6 +30,8 @@ RC3_TRIM 1000
 class Vehicle:
     """The simulated autopilot, and the ground station on its first serial port."""
 
+    OPTIONS = ()
+
     def __init__(self):
         self.folder = tempfile.mkdtemp(prefix="jetlink-arduplane-")
         with open(os.path.join(self.folder, "plane.parm"), "w") as file:
@@ -38,7 +40,7 @@ class Vehicle:
 
     def start(self):
         command = [os.environ["JETLINK_ARDUPLANE"], "--model", "plane", "--speedup", str(SPEED), f"-I{INSTANCE}"]
-        command += ["--defaults", "plane.parm", "--home", "-35.36,149.16,584,353"]
+        command += ["--defaults", "plane.parm", "--home", "-35.36,149.16,584,353", *self.OPTIONS]
         quiet = subprocess.DEVNULL
         self.program = subprocess.Popen(command, cwd=self.folder, stdout=quiet, stderr=quiet)
         self.ground = Ground(SERIAL0)
@@ -57,8 +59,10 @@ class Vehicle:
     def _sticks(self):
         if not self.radio:
             return
-        sticks = [1500, 1500, self.throttle, 1500, 0, 0, 0, 0]
-        self.ground.say(mav.MAVLink_rc_channels_override_message(VEHICLE, AUTOPILOT, *sticks))
+        self.ground.say(mav.MAVLink_rc_channels_override_message(VEHICLE, AUTOPILOT, *self.sticks()))
+
+    def sticks(self):
+        return [1500, 1500, self.throttle, 1500, 0, 0, 0, 0]
 
     def arm(self, armed):
         answer, text = self.ground.command(AUTOPILOT, 400, int(armed), 21196)
@@ -191,7 +195,7 @@ def death_and_return(vehicle, watch):
     assert watch.state(RIGHT) == STANDBY, "what was stopped stays stopped"
     print("killed in flight: idle; come back: no jump, no start; armed: it follows")
 
-    # What its own fail-safe asks for is obeyed.
+    # What its own fail-safe commands is obeyed.
     vehicle.radio = False
     ground.say(mav.MAVLink_param_set_message(VEHICLE, AUTOPILOT, b"SIM_RC_FAIL", 1, 9))
     wait(20)
@@ -205,7 +209,7 @@ def main():
     vehicle = Vehicle()
     try:
         vehicle.start()
-        # What nobody has heard yet, ArduPlane answers itself. This one it does not know.
+        # What it has not received anything from yet, ArduPlane answers itself. This one it does not know.
         mark = len(vehicle.ground.received)
         vehicle.ground.say(mav.MAVLink_command_long_message(VEHICLE, LEFT, USER, 0, 1, 21196, 0, 0, 0, 0, 0))
         wait(1)

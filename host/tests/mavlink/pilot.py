@@ -16,7 +16,7 @@ def discovery(ground, plane):
             assert beat.get_srcSystem() == VEHICLE
             assert (beat.type, beat.autopilot, beat.base_mode, beat.mavlink_version) == (0, 8, 1, 3), beat
     until("standby", 60, lambda: ground.state(LEFT) == STANDBY and ground.state(RIGHT) == STANDBY)
-    until("the outputs are asked for", 5, lambda: plane.requests)
+    until("the outputs are requested", 5, lambda: plane.requests)
     assert plane.requests == [25_000], plane.requests
     efi = {message.get_srcComponent() for message in plane.since(0, "EFI_STATUS")}
     assert efi == {LEFT}, "the autopilot gets one engine"
@@ -132,7 +132,7 @@ def emergency(ground):
     assert answer == NOT_NOW and "disarm the vehicle" in text, (answer, text)
 
 
-# Node restarts that this flight asks for.
+# Node restarts that this flight requests.
 RESTARTS = 1
 KEY = bytes(range(1, 33))
 STAMP = 36_500_000_000_000

@@ -3,10 +3,10 @@
 use super::{EcuConfig, Service, protocols};
 use crate::command::{Order, Rejected};
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Link, LinkStatus, Output, Sign, Speaks};
+use crate::link::{Link, LinkRecord, LinkStatus, Output, ServiceFrames, Sign, Speaks};
 use crate::report::NotSent;
 use crate::units::Hectopascals;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 macro_rules! any_link {
     ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
@@ -21,6 +21,15 @@ macro_rules! any_link {
             pub fn new(config: &EcuConfig, line: Line, timing: Timing) -> Self {
                 match config {
                     $(EcuConfig::$name(config) => Self::$name(config.link(line, timing)),)+
+                }
+            }
+
+            /// Changes the settings of a link of the same protocol. Call it only while the engine is at rest.
+            pub fn configure(&mut self, now: Instant, config: &EcuConfig, line: Line, timing: Timing) {
+                match (self, config) {
+                    $((Self::$name(link), EcuConfig::$name(config)) => config.configure(link, now, line, timing),)+
+                    // Another protocol is refused before.
+                    _ => {}
                 }
             }
         }
@@ -122,9 +131,15 @@ macro_rules! any_link {
                     }
             }
 
-            fn doubt_ends(&self, since: Instant) -> Option<Instant> {
+            fn reply_timeout(&self) -> Option<Duration> {
                 match self {
-                        $(Self::$name(link) => link.doubt_ends(since),)+
+                        $(Self::$name(link) => link.reply_timeout(),)+
+                    }
+            }
+
+            fn last_reply(&self) -> Option<Instant> {
+                match self {
+                        $(Self::$name(link) => link.last_reply(),)+
                     }
             }
 
@@ -134,15 +149,21 @@ macro_rules! any_link {
                     }
             }
 
-            fn switch_by_id6(&self) -> bool {
+            fn record(&self) -> LinkRecord {
                 match self {
-                        $(Self::$name(link) => link.switch_by_id6(),)+
+                        $(Self::$name(link) => link.record(),)+
                     }
             }
 
-            fn resume_switch_by_id6(&mut self) {
+            fn restore(&mut self, record: LinkRecord) {
                 match self {
-                        $(Self::$name(link) => link.resume_switch_by_id6(),)+
+                        $(Self::$name(link) => link.restore(record),)+
+                    }
+            }
+
+            fn may_hold_rpm(&self) -> bool {
+                match self {
+                        $(Self::$name(link) => link.may_hold_rpm(),)+
                     }
             }
 
@@ -152,15 +173,9 @@ macro_rules! any_link {
                     }
             }
 
-            fn service_pending(&self) -> bool {
+            fn service_frames(&self) -> ServiceFrames {
                 match self {
-                        $(Self::$name(link) => link.service_pending(),)+
-                    }
-            }
-
-            fn closing_pump(&self) -> bool {
-                match self {
-                        $(Self::$name(link) => link.closing_pump(),)+
+                        $(Self::$name(link) => link.service_frames(),)+
                     }
             }
 

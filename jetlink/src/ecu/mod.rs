@@ -6,7 +6,7 @@ mod decoder;
 pub mod vendor;
 pub mod zk;
 
-use crate::line::Line;
+use crate::line::{Line, Timing};
 use crate::setting::{Row, Setting};
 use vendor::{VendorFaults, VendorService};
 
@@ -56,17 +56,24 @@ macro_rules! vendor_types {
         }
 
         impl EcuConfig {
-            /// The settings of the protocol, in a fixed order.
-            pub(crate) fn settings(&self) -> &'static [Setting] {
+            /// The protocol's defaults for the timing of the link.
+            pub const fn timing(&self) -> Timing {
                 match self {
-                    $(Self::$name(_) => <$config>::SETTINGS,)+
+                    $(Self::$name(_) => <$config>::TIMING,)+
+                }
+            }
+
+            /// The settings of the link: its timing with the protocol's defaults, and those of the protocol, in a fixed order.
+            pub(crate) fn settings(&self) -> [&'static [Setting]; 2] {
+                match self {
+                    $(Self::$name(_) => [const { &Timing::table(&<$config>::TIMING) }, <$config>::SETTINGS],)+
                 }
             }
 
             /// The same without their texts.
-            pub(crate) fn rows(&self) -> &'static [Row] {
+            pub(crate) fn rows(&self) -> [&'static [Row]; 2] {
                 match self {
-                    $(Self::$name(_) => <$config>::ROWS,)+
+                    $(Self::$name(_) => [Timing::ROWS, <$config>::ROWS],)+
                 }
             }
 
@@ -82,6 +89,12 @@ macro_rules! vendor_types {
                 match self {
                     $(Self::$name(config) => config.set_own(name, number),)+
                 }
+            }
+
+            /// The number of the protocol, from 1 on, for stored settings. It never changes.
+            pub fn protocol_number(&self) -> u8 {
+                let [protocol, _] = self.identity();
+                protocol
             }
 
             /// The protocol, and the engine that it is set to: another number makes retained state invalid.

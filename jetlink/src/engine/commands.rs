@@ -157,7 +157,7 @@ impl Engine {
             return Ok(Accepted::Behind(above));
         }
         // Standby closes the pump, but a service command that was just given is sent once.
-        if !self.link.service_pending() {
+        if !self.link.service_frames().command {
             self.close_pump();
         }
         if !matches!(self.mode, Mode::Standby) {
@@ -457,7 +457,7 @@ impl Engine {
             return Err(Interlock::NotIdle);
         }
         self.steady_link(now)?;
-        if self.pump.is_some() || self.link.closing_pump() {
+        if self.pump.is_some() || self.link.service_frames().closing_pump {
             return Err(Interlock::PumpOpen);
         }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
@@ -473,8 +473,8 @@ impl Engine {
         {
             return Err(Interlock::SupplyLow(supply));
         }
-        if let Some((violation, _)) = self.limits.in_force() {
-            return Err(Interlock::Limit(violation.kind));
+        if let Some((limit, _)) = self.limits.in_force() {
+            return Err(Interlock::Limit(limit));
         }
         if !others_allow_start {
             return Err(Interlock::OtherStarting);

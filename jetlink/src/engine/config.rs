@@ -2,7 +2,9 @@
 
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
-use crate::setting::{Row, Setting, SettingError, SettingId, kind, rows, settings, symbol};
+use crate::setting::{
+    Row, Setting, SettingError, SettingId, by_place, kind, place_of, rows, settings, symbol,
+};
 use embassy_time::Duration;
 
 settings! {
@@ -146,40 +148,40 @@ macro_rules! limits {
                 ecu_fault: Action::Report,
             };
 
+            const fn number_at(&self, place: usize) -> i32 {
+                by_place!(place, {
+                    $(
+                        kind::$kind::number(&self.$field.at);
+                        kind::action::number(&self.$field.action);
+                    )*
+                    kind::action::number(&self.ecu_fault);
+                }, crate::setting::OFF)
+            }
+
             const fn check_own(&self) -> Result<(), u8> {
-                let mut row = 0;
-                $(
-                    // An action is valid by its type.
-                    if !crate::setting::allows(kind::$kind::number(&self.$field.at), $min, $max, true) {
-                        return Err(row);
+                let mut place = 0;
+                while place < Self::ROWS.len() {
+                    if !Self::ROWS[place].allows(self.number_at(place)) {
+                        return Err(place as u8);
                     }
-                    row += 2;
-                )*
-                let _ = row;
+                    place += 1;
+                }
                 Ok(())
             }
 
             fn own(&self, name: &str) -> Option<i32> {
-                match name {
-                    $(
-                        $name => Some(kind::$kind::number(&self.$field.at)),
-                        $action => Some(kind::action::number(&self.$field.action)),
-                    )*
-                    "LIM_FAULT_ACT" => Some(kind::action::number(&self.ecu_fault)),
-                    _ => None,
-                }
+                place_of(name, Self::ROWS).map(|place| self.number_at(place))
             }
 
             fn set_own(&mut self, name: &str, value: i32) -> bool {
-                match name {
+                let Some(place) = place_of(name, Self::ROWS) else { return false };
+                by_place!(place, {
                     $(
-                        $name => self.$field.at = kind::$kind::make(value),
-                        $action => self.$field.action = kind::action::make(value),
+                        { self.$field.at = kind::$kind::make(value); true };
+                        { self.$field.action = kind::action::make(value); true };
                     )*
-                    "LIM_FAULT_ACT" => self.ecu_fault = kind::action::make(value),
-                    _ => return false,
-                }
-                true
+                    { self.ecu_fault = kind::action::make(value); true };
+                }, false)
             }
         }
     };
@@ -397,12 +399,3 @@ impl Supervision {
 }
 
 const _: () = assert!(Supervision::DEFAULT.validate().is_ok(), "a default is out of its range");
-
-impl core::fmt::Display for SettingId {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let row = Supervision::row(*self);
-        write!(f, "{}: {}", row.name, row.message)
-    }
-}
-
-impl core::error::Error for SettingId {}

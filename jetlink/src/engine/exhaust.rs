@@ -19,8 +19,8 @@ const STEP_UP: i32 = 5000;
 /// Shortest time over which a change is measured, because values have steps of 4.6 °C.
 const STEP_OVER: Duration = Duration::from_millis(100);
 /// Time after a lower demand in which a fall is expected.
-const LOWERED: Duration = Duration::from_secs(5);
-/// Longest time for which repeated lower demands excuse a cold exhaust.
+pub(super) const FALL_EXPECTED: Duration = Duration::from_secs(5);
+/// Longest time for which repeated lower demands excuse a cold exhaust, less the time without one.
 const EXCUSED_MAX: Duration = Duration::from_secs(15);
 /// Consecutive values that have to agree.
 const AGREEING: u8 = 2;
@@ -53,9 +53,10 @@ pub(super) struct Exhaust {
     falling: u8,
     /// It fell by at least 4 °C/s in the last interval.
     cools: bool,
-    /// Time since which lower demands have excused a fall without a pause.
-    excused_since: Option<Instant>,
-    /// The sensor failed or jumped: a cold value counts again only after two hot ones.
+    /// Time for which lower demands have excused a fall, and the last time that was looked at.
+    excused: Duration,
+    seen: Option<Instant>,
+    /// The sensor jumped, or gave what none can: a cold value counts again only after two hot ones.
     distrusted: bool,
 }
 
@@ -75,7 +76,8 @@ impl Exhaust {
             mark: None,
             falling: 0,
             cools: false,
-            excused_since: None,
+            excused: Duration::from_ticks(0),
+            seen: None,
             distrusted: false,
         }
     }
@@ -89,27 +91,28 @@ impl Exhaust {
         egt >= PLAUSIBLE.0 && egt <= PLAUSIBLE.1
     }
 
-    /// Takes one value; `None` where the ECU reports its sensor as faulty. `lowered`: when the demand was last lowered.
-    pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, lowered: Option<Instant>) {
-        let Some(egt) = egt.filter(|egt| Self::is_plausible(*egt)) else {
-            self.forget();
+    /// Takes one value; `None` where the ECU reports its sensor as faulty. `lowered`: the demand was lowered within
+    /// [`FALL_EXPECTED`].
+    pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, lowered: bool) {
+        let commanded = self.excuse(now, lowered);
+        let Some(egt) = egt else {
+            // Values from before and after its fault have to fit together, as any two have.
+            *self = Self { distrusted: self.distrusted, last: self.last, ..self.unread() };
             return;
         };
+        if !Self::is_plausible(egt) {
+            *self = self.unread();
+            return;
+        }
         if let Some((before, value)) = self.last.replace((now, egt)) {
             let change = i32::from(egt.tenths()) - i32::from(value.tenths());
             let millis = now.saturating_duration_since(before).max(STEP_OVER).as_millis();
             let rate = change.saturating_mul(1000) / i32::try_from(millis).unwrap_or(i32::MAX).max(1);
             if !(-STEP_DOWN..=STEP_UP).contains(&rate) {
-                let last = self.last;
-                self.forget();
-                self.last = last;
+                *self = Self { last: self.last, ..self.unread() };
                 return;
             }
         }
-        let lowered = lowered.is_some_and(|at| now < at + LOWERED);
-        let since = if lowered { Some(self.excused_since.unwrap_or(now)) } else { None };
-        self.excused_since = since;
-        let commanded = since.is_some_and(|since| now < since + EXCUSED_MAX);
         self.observe_fall(now, egt, commanded);
         let hot = egt > self.limit;
         self.above = if hot { self.above.saturating_add(1) } else { 0 };
@@ -119,7 +122,7 @@ impl Exhaust {
             self.state = Burning::NotReadable;
         } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !commanded {
             self.state = Burning::No;
-        } else if self.falling > 0 || self.cools || self.below >= AGREEING {
+        } else if self.cools || self.below >= AGREEING {
             // A fall leaves combustion uncertain, but does not disprove it yet.
             if self.state == Burning::Yes {
                 self.state = Burning::NotKnown;
@@ -146,8 +149,25 @@ impl Exhaust {
         self.mark = Some((now, egt));
     }
 
-    fn forget(&mut self) {
-        *self = Self { distrusted: true, state: Burning::NotReadable, ..Self::new(self.limit) };
+    /// Whether a lower demand excuses a fall. The excuse is used up by as much time as it was needed for, and comes back by as much
+    /// as it was not: a demand that goes up and down does not excuse a cold exhaust for ever.
+    fn excuse(&mut self, now: Instant, lowered: bool) -> bool {
+        let passed = self.seen.replace(now).map_or(0, |seen| now.saturating_duration_since(seen).as_ticks());
+        let used = self.excused.as_ticks();
+        let used = if lowered { used.saturating_add(passed) } else { used.saturating_sub(passed) };
+        self.excused = Duration::from_ticks(used.min(EXCUSED_MAX.as_ticks()));
+        lowered && self.excused < EXCUSED_MAX
+    }
+
+    /// Nothing is known of the exhaust any more, and a cold value counts only after two hot ones.
+    const fn unread(&self) -> Self {
+        Self {
+            distrusted: true,
+            state: Burning::NotReadable,
+            seen: self.seen,
+            excused: self.excused,
+            ..Self::new(self.limit)
+        }
     }
 }
 
@@ -161,7 +181,7 @@ mod tests {
 
     fn run(exhaust: &mut Exhaust, from: u64, until: u64, egt: impl Fn(u64) -> i16) {
         for millis in (from..until).step_by(125) {
-            exhaust.observe(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), None);
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), false);
         }
     }
 
@@ -179,6 +199,55 @@ mod tests {
         let mut exhaust = limit();
         run(&mut exhaust, 0, 250, |_| 20);
         assert_eq!(exhaust.burning(), Burning::No);
+    }
+
+    #[test]
+    fn a_value_at_the_limit_does_not_burn_and_one_above_it_does() {
+        for (tenths, burning) in [(3000, Burning::No), (3001, Burning::Yes)] {
+            let mut exhaust = limit();
+            for millis in [0, 125] {
+                exhaust.observe(at(millis), Some(Celsius::from_tenths(tenths)), false);
+            }
+            assert_eq!(exhaust.burning(), burning, "{tenths}");
+        }
+    }
+
+    #[test]
+    fn an_exhaust_that_cooled_while_its_sensor_was_faulty_does_not_burn() {
+        // 700 °C before the fault: within 10 s it may be cold, within 1 s it may not.
+        for (faulty, burning) in [(10_000, Burning::No), (1000, Burning::NotReadable)] {
+            let mut exhaust = limit();
+            run(&mut exhaust, 0, 1000, |_| 700);
+            for millis in (1000..1000 + faulty).step_by(125) {
+                exhaust.observe(at(millis), None, false);
+                assert_eq!(exhaust.burning(), Burning::NotReadable);
+            }
+            run(&mut exhaust, 1000 + faulty, 3000 + faulty, |_| 100);
+            assert_eq!(exhaust.burning(), burning, "{faulty} ms");
+        }
+    }
+
+    #[test]
+    fn a_demand_that_goes_up_and_down_does_not_excuse_a_cold_exhaust_for_ever() {
+        let mut exhaust = limit();
+        let mut ended = None;
+        for millis in (0..30_000).step_by(125) {
+            // Lowered for 5 s, then 0.25 s of nothing.
+            let lowered = millis % 5250 < 5000;
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(1000)), lowered);
+            ended = ended.or((exhaust.burning() == Burning::No).then_some(millis));
+        }
+        assert!(ended.is_some_and(|millis| millis < 17_000), "{ended:?}");
+    }
+
+    #[test]
+    fn a_sensor_that_failed_is_trusted_after_two_hot_values() {
+        let mut exhaust = limit();
+        exhaust.observe(at(0), Some(Celsius::from_tenths(-500)), false);
+        for (millis, burning) in [(125, Burning::NotReadable), (250, Burning::Yes)] {
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(6000)), false);
+            assert_eq!(exhaust.burning(), burning, "{millis} ms");
+        }
     }
 
     #[test]
@@ -204,12 +273,12 @@ mod tests {
     }
 
     #[test]
-    fn fall_within_5_s_of_a_lower_demand_was_asked_for() {
+    fn fall_within_5_s_of_a_lower_demand_was_commanded() {
         let mut exhaust = limit();
         run(&mut exhaust, 0, 5000, |_| 700);
         for millis in (5000..9800).step_by(125) {
             let egt = Celsius::from_tenths(7000 - (millis as i16 - 5000) / 5);
-            exhaust.observe(at(millis), Some(egt), Some(at(5000)));
+            exhaust.observe(at(millis), Some(egt), true);
         }
         assert_eq!(exhaust.burning(), Burning::Yes);
     }
@@ -219,7 +288,7 @@ mod tests {
         for broken in [Some(Celsius::from_tenths(-500)), Some(Celsius::from_tenths(200)), None] {
             let mut exhaust = limit();
             run(&mut exhaust, 0, 1000, |_| 700);
-            exhaust.observe(at(1000), broken, None);
+            exhaust.observe(at(1000), broken, false);
             run(&mut exhaust, 1125, 3000, |_| 20);
             assert_eq!(exhaust.burning(), Burning::NotReadable, "{broken:?}");
             run(&mut exhaust, 3000, 3500, |_| 700);

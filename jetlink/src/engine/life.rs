@@ -44,9 +44,13 @@ enum Cause {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Doubt {
     since: Instant,
+    /// Its length before the last reset.
+    before: Duration,
     cause: Cause,
     /// The ECU sent faults instead of a state.
     faults: bool,
+    /// Since then the exhaust of an ECU that sends only faults was that of a burning engine.
+    burned: bool,
     confirming: u8,
     ending: u8,
 }
@@ -54,7 +58,16 @@ struct Doubt {
 impl Doubt {
     /// A doubt that begins now.
     const fn new(now: Instant) -> Self {
-        Self { since: now, cause: Cause::Report, faults: false, confirming: 0, ending: 0 }
+        let before = Duration::from_ticks(0);
+        Self {
+            since: now,
+            before,
+            cause: Cause::Report,
+            faults: false,
+            burned: false,
+            confirming: 0,
+            ending: 0,
+        }
     }
 
     /// The ECU may have restarted since the last report that fitted.
@@ -91,6 +104,8 @@ pub(super) struct Life {
     faulted: u8,
     /// The last frame may be answered with the order in force (AMT).
     answers: bool,
+    /// The engine ran in this life. After a reset with a hand-over to PWM in force that may not be known.
+    ran: bool,
 }
 
 impl Life {
@@ -103,6 +118,7 @@ impl Life {
             restarting: None,
             faulted: 0,
             answers: true,
+            ran: false,
         }
     }
 
@@ -113,12 +129,26 @@ impl Life {
 
     /// A life found running, by two reports.
     pub const fn found_running() -> Self {
-        Self { progress: Progress::Reached, ..Self::ordered() }
+        Self { progress: Progress::Reached, ran: true, ..Self::ordered() }
     }
 
-    /// A life after a reset of the node with an order in force: in doubt until two reports confirm it.
-    pub const fn after_reset(now: Instant) -> Self {
-        let doubt = Doubt { cause: Cause::Reset, ..Doubt::new(now) };
+    /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
+    pub const fn found_burning(now: Instant) -> Self {
+        let doubt = Doubt { cause: Cause::Reset, burned: true, ..Doubt::new(now) };
+        Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
+    }
+
+    /// A life after a reset of the node with a hand-over to PWM in force: in doubt until two reports confirm it. `ran`: it reached
+    /// running before.
+    pub const fn handed_over(now: Instant, ran: bool) -> Self {
+        Self { ran, ..Self::resumed(now, Duration::from_ticks(0), false) }
+    }
+
+    /// A life after a reset of the node with a run in force: in doubt until two reports confirm it. It had been in doubt for `before`,
+    /// perhaps because frames were missing.
+    pub const fn resumed(now: Instant, before: Duration, after_gap: bool) -> Self {
+        let cause = if after_gap { Cause::Gap } else { Cause::Reset };
+        let doubt = Doubt { before, cause, ..Doubt::new(now) };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
@@ -127,13 +157,28 @@ impl Life {
         self.progress == Progress::Reached
     }
 
+    /// Whether the engine ran in this life, as far as is known.
+    pub const fn ran(&self) -> bool {
+        self.ran
+    }
+
     /// Time since which the life has been in doubt.
     pub fn in_doubt(&self) -> Option<Instant> {
         self.doubt.map(|doubt| doubt.since)
     }
 
+    /// Length of the doubt before the last reset.
+    pub fn doubted_before(&self) -> Duration {
+        self.doubt.map_or(Duration::from_ticks(0), |doubt| doubt.before)
+    }
+
+    /// Whether three expected frames were missing, and nothing has confirmed the life since.
+    pub fn missed_frames(&self) -> bool {
+        self.doubt.is_some_and(|doubt| doubt.cause == Cause::Gap)
+    }
+
     /// Whether there was a gap in reception or a reset, and nothing has confirmed the life since.
-    pub fn after_gap(&self) -> bool {
+    fn after_gap(&self) -> bool {
         self.doubt.is_some_and(|doubt| doubt.after_gap())
     }
 
@@ -147,9 +192,10 @@ impl Life {
         self.answers = true;
     }
 
-    /// Whether the ECU sends faults instead of a state.
-    pub const fn only_faults(&self) -> bool {
-        self.faulted >= AGREEING
+    /// Whether the ECU reports a running engine and nothing puts that in doubt, or faults only while the exhaust is hot.
+    pub fn lives(&self, exhaust: Burning) -> bool {
+        let burns = self.only_faults() && !self.after_gap() && exhaust == Burning::Yes;
+        self.reached() && (self.doubt.is_none() || burns)
     }
 
     /// Time since which the ECU has reported its own restart of the engine.
@@ -212,6 +258,11 @@ impl Life {
         let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
         end
+    }
+
+    /// Whether the ECU sends faults instead of a state.
+    const fn only_faults(&self) -> bool {
+        self.faulted >= AGREEING
     }
 
     /// With faults instead of a state only the exhaust temperature shows a running engine. A start ends: the ECU could start
@@ -297,6 +348,7 @@ impl Life {
         if agrees {
             self.doubt = None;
             self.progress = Progress::Reached;
+            self.ran = true;
         }
     }
 
@@ -311,7 +363,9 @@ impl Life {
             Sign::Faulted { .. } => {
                 self.faulted = self.faulted.saturating_add(1);
                 if self.only_faults() && self.reached() {
-                    self.raise(now).faults = true;
+                    let doubt = self.raise(now);
+                    doubt.faults = true;
+                    doubt.burned |= exhaust == Burning::Yes;
                 }
             }
             Sign::State { .. } => {
@@ -347,8 +401,10 @@ impl Life {
                 (_, Burning::No) => false,
                 // A restarted ECU could start its engine when the fault clears.
                 (Cause::Gap, _) => false,
-                // Without a sensor nothing will ever decide: the order stays in force under the stages of loss, as before.
-                (Cause::Reset, exhaust) => exhaust == Burning::NotReadable,
+                // Without a sensor nothing will ever decide: the order stays in force under the stages of loss, as before. So it does
+                // while an exhaust that burned after the reset falls, until it falls as fast as one without a flame.
+                (Cause::Reset, Burning::NotReadable) => true,
+                (Cause::Reset, Burning::NotKnown) => doubt.burned,
                 (Cause::Report, _) => true,
             },
         }

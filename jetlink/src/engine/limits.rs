@@ -28,8 +28,8 @@ const SAMPLE: Duration = Duration::from_millis(240);
 struct Consecutive {
     /// Consecutive values beyond the limit.
     beyond: u8,
-    /// The violation, while there is one.
-    violation: Option<(LimitViolation, Action)>,
+    /// The limit and its action, while it is violated.
+    violation: Option<(LimitKind, Action)>,
 }
 
 impl Consecutive {
@@ -41,7 +41,7 @@ impl Consecutive {
         self.beyond = if beyond.is_some() { self.beyond.saturating_add(1).min(3) } else { 0 };
         match beyond {
             None => self.violation = None,
-            Some(violation) if self.beyond == 2 => self.violation = Some((violation, action)),
+            Some(violation) if self.beyond == 2 => self.violation = Some((violation.kind, action)),
             Some(_) => {}
         }
         beyond.filter(|_| self.beyond == 2)
@@ -69,6 +69,8 @@ pub(super) struct LimitMonitor {
     fault: Consecutive,
     /// Fault of the last report, and its time.
     fault_before: Option<u8>,
+    /// Fault of the last violation.
+    fault_reported: i32,
     fault_seen: Option<Instant>,
     rpm_seen: Option<Instant>,
     egt_seen: Option<Instant>,
@@ -83,7 +85,6 @@ pub(super) struct LimitMonitor {
     egt_last: Option<Celsius>,
     egt_filtered: Option<Celsius>,
     history: Deque<Sample, 12>,
-    found: Deque<LimitViolation, 9>,
 }
 
 impl LimitMonitor {
@@ -99,6 +100,7 @@ impl LimitMonitor {
             implausible: Consecutive::NEVER,
             fault: Consecutive::NEVER,
             fault_before: None,
+            fault_reported: 0,
             fault_seen: None,
             rpm_seen: None,
             egt_seen: None,
@@ -110,7 +112,6 @@ impl LimitMonitor {
             egt_last: None,
             egt_filtered: None,
             history: Deque::new(),
-            found: Deque::new(),
         }
     }
 
@@ -119,27 +120,22 @@ impl LimitMonitor {
         self.limits = limits;
     }
 
-    /// Takes the next reported violation, oldest first.
-    pub fn found(&mut self) -> Option<LimitViolation> {
-        self.found.pop_front()
-    }
-
     /// The hotter of the last two exhaust temperatures, so that one odd frame does not make a hot exhaust cool.
     pub const fn hottest(&self) -> Option<Celsius> {
         self.egt_filtered
     }
 
-    /// The violation with the strongest action, if one has an action beyond a report.
-    pub fn in_force(&self) -> Option<(LimitViolation, Action)> {
+    /// The violated limit with the strongest action, if one has an action beyond a report.
+    pub fn in_force(&self) -> Option<(LimitKind, Action)> {
         [
-            self.over_speed,
-            self.over_temperature,
-            self.low_rpm,
-            self.hot_start,
-            self.flame_out,
-            self.supply_low,
-            self.implausible,
-            self.fault,
+            &self.over_speed,
+            &self.over_temperature,
+            &self.low_rpm,
+            &self.hot_start,
+            &self.flame_out,
+            &self.supply_low,
+            &self.implausible,
+            &self.fault,
         ]
         .into_iter()
         .filter_map(|limit| limit.violation)
@@ -147,18 +143,25 @@ impl LimitMonitor {
         .max_by_key(|(_, action)| *action)
     }
 
-    /// Checks new values in the ECU's report. `lowered`: when the demand was last lowered; `now` without an order to run.
-    pub fn observe(&mut self, now: Instant, report: &Report, lowered: Instant) {
+    /// Checks new values in the ECU's report. `lowered`: when the demand was last lowered; `now` without an order to run. `found`
+    /// gets each violation that is confirmed.
+    pub fn observe(
+        &mut self,
+        now: Instant,
+        report: &Report,
+        lowered: Instant,
+        found: &mut dyn FnMut(LimitViolation),
+    ) {
         let phase = report.phase.map(|phase| phase.value);
         if let Some(rpm) = report.rpm.filter(|rpm| self.rpm_seen != Some(rpm.at)) {
             self.rpm_seen = Some(rpm.at);
-            self.observe_rpm(now, report, rpm, phase, lowered);
+            self.observe_rpm(now, report, rpm, (phase, lowered), found);
             self.rpm_filtered = Some(self.rpm_last.map_or(rpm.value, |last| last.min(rpm.value)));
             self.rpm_last = Some(rpm.value);
         }
         if let Some(egt) = report.egt.filter(|egt| self.egt_seen != Some(egt.at)) {
             self.egt_seen = Some(egt.at);
-            self.observe_egt(now, egt, phase);
+            self.observe_egt(now, egt, phase, found);
             self.egt_filtered = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
             self.egt_last = Some(egt.value);
         }
@@ -169,7 +172,7 @@ impl LimitMonitor {
                 let confirmed = self
                     .supply_low
                     .observe((voltage < limit).then_some(violation), self.limits.supply_low.action);
-                self.push(confirmed);
+                confirmed.into_iter().for_each(&mut *found);
             }
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
@@ -179,11 +182,15 @@ impl LimitMonitor {
             if core::mem::replace(&mut self.fault_before, fault) != fault {
                 self.fault.beyond = 0;
             }
-            let before = self.fault.violation.map(|(violation, _)| violation.value);
+            let before = self.fault.violation.map(|_| self.fault_reported);
             let violation =
                 fault.map(|number| LimitViolation::new(LimitKind::EcuFault, u32::from(number), 0, now));
-            let confirmed = self.fault.observe(violation, self.limits.ecu_fault);
-            self.push(confirmed.filter(|confirmed| before != Some(confirmed.value)));
+            if let Some(confirmed) = self.fault.observe(violation, self.limits.ecu_fault) {
+                self.fault_reported = confirmed.value;
+                if before != Some(confirmed.value) {
+                    found(confirmed);
+                }
+            }
         }
         self.sample(now);
     }
@@ -193,12 +200,12 @@ impl LimitMonitor {
         now: Instant,
         report: &Report,
         rpm: Timed<Rpm>,
-        phase: Option<Phase>,
-        lowered: Instant,
+        (phase, lowered): (Option<Phase>, Instant),
+        found: &mut dyn FnMut(LimitViolation),
     ) {
         let value = rpm.value.get();
         if let Some(limit) = self.limits.implausible.at {
-            self.check_change(now, rpm, limit);
+            self.check_change(now, rpm, limit, found);
         }
 
         // Without a configured limit the ECU's own figures apply.
@@ -207,14 +214,14 @@ impl LimitMonitor {
             let violation = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
             let confirmed =
                 self.over_speed.observe((value > limit).then_some(violation), self.limits.over_speed.action);
-            self.push(confirmed);
+            confirmed.into_iter().for_each(&mut *found);
         }
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
         if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
             let low = phase == Some(Phase::Running) && value < limit;
             let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
             let confirmed = self.low_rpm.observe(low.then_some(violation), self.limits.low_rpm.action);
-            self.push(confirmed);
+            confirmed.into_iter().for_each(&mut *found);
         }
 
         if let Some(limit) = self.limits.flame_out.at {
@@ -230,12 +237,18 @@ impl LimitMonitor {
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
             let violation = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
             let confirmed = self.flame_out.observe(beyond.then_some(violation), self.limits.flame_out.action);
-            self.push(confirmed);
+            confirmed.into_iter().for_each(&mut *found);
         }
     }
 
     /// Checks for a change of shaft speed, in rpm/s, that no turbine can make.
-    fn check_change(&mut self, now: Instant, rpm: Timed<Rpm>, limit: u32) {
+    fn check_change(
+        &mut self,
+        now: Instant,
+        rpm: Timed<Rpm>,
+        limit: u32,
+        found: &mut dyn FnMut(LimitViolation),
+    ) {
         let change = |before: Timed<Rpm>| {
             // Frames that were read late have close timestamps.
             let elapsed = rpm.at.saturating_duration_since(before.at).max(CHANGE_OVER).as_micros();
@@ -251,13 +264,19 @@ impl LimitMonitor {
         let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
         let confirmed =
             self.implausible.observe((change > limit).then_some(violation), self.limits.implausible.action);
-        self.push(confirmed);
+        confirmed.into_iter().for_each(&mut *found);
         if change <= limit || self.implausible.beyond > 1 {
             self.plausible = Some(rpm);
         }
     }
 
-    fn observe_egt(&mut self, now: Instant, egt: Timed<Celsius>, phase: Option<Phase>) {
+    fn observe_egt(
+        &mut self,
+        now: Instant,
+        egt: Timed<Celsius>,
+        phase: Option<Phase>,
+        found: &mut dyn FnMut(LimitViolation),
+    ) {
         let value = egt.value.tenths();
         if let Some(limit) = self.limits.over_temperature.at {
             let violation = LimitViolation {
@@ -268,7 +287,7 @@ impl LimitMonitor {
             };
             let beyond = (egt.value > limit).then_some(violation);
             let confirmed = self.over_temperature.observe(beyond, self.limits.over_temperature.action);
-            self.push(confirmed);
+            confirmed.into_iter().for_each(&mut *found);
         }
         if let Some(limit) = self.limits.hot_start.at {
             let before = self
@@ -285,7 +304,7 @@ impl LimitMonitor {
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
             let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
             let confirmed = self.hot_start.observe(beyond.then_some(violation), self.limits.hot_start.action);
-            self.push(confirmed);
+            confirmed.into_iter().for_each(&mut *found);
         }
     }
 
@@ -298,12 +317,5 @@ impl LimitMonitor {
         }
         let sample = Sample { at: now, rpm: self.rpm_filtered, egt: self.egt_filtered };
         let _ = self.history.push_back(sample);
-    }
-
-    fn push(&mut self, violation: Option<LimitViolation>) {
-        if let Some(violation) = violation {
-            // There is room for each limit once, and the engine drains it after each call.
-            let _ = self.found.push_back(violation);
-        }
     }
 }

@@ -1,6 +1,5 @@
 //! The life of a run: what reports, gaps and silence make of it, and what its end does to the order.
 
-use super::exhaust::Burning;
 use super::life::{Finding, Life};
 use super::run::{RUN_OUT, Run};
 use super::{Engine, Mode};
@@ -53,19 +52,19 @@ impl Engine {
             _ => return,
         };
         let lowered = match &self.mode {
-            Mode::Run(run) => run.lowered.last(),
-            _ => None,
+            Mode::Run(run) => run.lowered.fall_expected(now).as_ticks() > 0,
+            _ => false,
         };
         self.exhaust.observe(now, egt, lowered);
     }
 
     /// Ends the order, because the life that it belongs to is over.
     pub(super) fn life_over(&mut self, now: Instant, end: End) {
-        let reached = match &self.mode {
-            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.reached(),
+        let ran = match &self.mode {
+            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => life.ran(),
             _ => false,
         };
-        let failed = reached && !self.link.status().shutting_down;
+        let failed = ran && !self.link.status().shutting_down;
         self.sources.forget_runs();
         self.standby(now, Origin::Node);
         self.failed = failed;
@@ -117,15 +116,9 @@ impl Engine {
     /// Cancels a run that nothing confirmed in time, but leaves the engine alone: if the ECU reports a running engine later,
     /// it resumes as one that was found running. A start ends.
     pub(super) fn give_up_order(&mut self, now: Instant) {
-        let (reached, pwm, silent_since, active_source) = match &self.mode {
-            Mode::Run(run) => (run.life.reached(), false, run.silent_since(&self.config), run.active_source),
-            // ID 0 leaves the PWM input in control for as long as it takes.
-            Mode::Pwm { life, .. } => (life.reached(), true, None, Origin::Node),
-            _ => return,
-        };
-        if pwm && reached {
-            return;
-        }
+        let Mode::Run(run) = &self.mode else { return };
+        let (reached, silent_since, active_source) =
+            (run.life.reached(), run.silent_since(&self.config), run.active_source);
         if !reached {
             self.life_over(now, End::GapInStart);
             return;
@@ -162,15 +155,27 @@ impl Engine {
     /// Whether the ECU reports a running engine and nothing puts that in doubt, or reports faults only while the exhaust is hot.
     pub(super) fn lives(&self) -> bool {
         let Mode::Run(Run { life, .. }) = &self.mode else { return false };
-        let burns = life.only_faults() && !life.after_gap() && self.exhaust.burning() == Burning::Yes;
-        life.reached() && (life.in_doubt().is_none() || burns)
+        life.lives(self.exhaust.burning())
     }
 
     /// Timeout of the start, of the ECU's own restart, or of the wait for a confirmation.
     pub(super) fn life_deadline(&self, life: &Life, start_by: Option<Instant>) -> Option<Instant> {
         let start = start_by.filter(|_| !life.reached());
         let restart = life.restarting().map(|since| since + self.start_time());
-        let doubt = life.in_doubt().and_then(|since| self.link.doubt_ends(since));
-        [start, restart, doubt].into_iter().flatten().min()
+        [start, restart, self.doubt_ends(life)].into_iter().flatten().min()
+    }
+
+    /// Time without a confirmation of a life in doubt, and without a reply to its ECU: its begin, and its length before the
+    /// last reset.
+    pub(super) fn unconfirmed(&self, life: &Life) -> Option<(Instant, Duration)> {
+        let (since, before) = (life.in_doubt()?, life.doubted_before());
+        Some(self.link.last_reply().map_or((since, before), |at| (at, Duration::from_ticks(0))))
+    }
+
+    /// Time at which a life in doubt loses its order: its ECU has stopped the engine by then.
+    pub(super) fn doubt_ends(&self, life: &Life) -> Option<Instant> {
+        let (since, before) = self.unconfirmed(life)?;
+        let left = self.link.reply_timeout()?.as_ticks().saturating_sub(before.as_ticks());
+        since.checked_add(Duration::from_ticks(left))
     }
 }

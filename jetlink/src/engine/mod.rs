@@ -17,6 +17,7 @@ pub mod retained;
 pub mod state;
 
 mod commands;
+mod configure;
 mod exhaust;
 mod governor;
 mod life;
@@ -38,14 +39,14 @@ use self::shaper::{Lowered, Shaper};
 use self::sources::Sources;
 use self::state::{EngineState, STATE_MAX_AGE};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
-use crate::config::EngineConfig;
+use crate::config::{EngineConfig, LinkSettings};
+use crate::ecu::EcuConfig;
 use crate::ecu::any::AnyLink;
 use crate::event::{Event, LossStage};
 use crate::limit::{Action, LimitKind, LimitViolation};
-use crate::line::LineError;
+use crate::line::{Line, LineError};
 use crate::link::{Link, Output, Stage, earlier};
 use crate::report::{LinkState, NotSent, Phase, bump};
-use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::Hectopascals;
 use embassy_time::{Duration, Instant};
@@ -93,8 +94,8 @@ enum Beginning {
         confirmed: bool,
         /// Stage of a start that is under way, and time since it was ordered.
         starting: Option<(Stage, Duration)>,
-        /// Time since which no source has commanded standby or a run.
-        silent_since: Instant,
+        /// Time for which no source has been in control.
+        lost_for: Duration,
     },
     /// The node was reset with an order in force: in doubt until two reports confirm it.
     Reset(RetainedState),
@@ -127,6 +128,10 @@ struct FuelService {
 #[derive(Clone, Debug)]
 pub struct Engine {
     link: AnyLink,
+    line: Line,
+    ecu: EcuConfig,
+    /// Settings of the link that wait until the engine is at rest.
+    link_settings: Option<LinkSettings>,
     config: Supervision,
     sources: Sources,
     mode: Mode,
@@ -194,6 +199,9 @@ impl Engine {
     pub fn new(config: &EngineConfig) -> Self {
         Self {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
+            line: config.line,
+            ecu: config.ecu,
+            link_settings: None,
             config: config.supervision,
             sources: Sources::new(&config.supervision),
             mode: Mode::Listen(Finding::new(Instant::MIN, false)),
@@ -334,24 +342,9 @@ impl Engine {
         }
     }
 
-    /// The atmospheric pressure, for an ECU that asks for it (ZK-14).
+    /// The atmospheric pressure, for an ECU that requests it (ZK-14).
     pub fn pressure(&mut self, now: Instant, pressure: Hectopascals) {
         self.link.pressure(now, pressure);
-    }
-
-    /// Changes the settings of the supervision, from the next frame, command or deadline on.
-    ///
-    /// # Errors
-    /// The first setting that is out of its range, with nothing changed.
-    pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SettingId> {
-        config.validate()?;
-        self.touch();
-        self.config = *config;
-        self.sources.configure(config);
-        self.limits.configure(config.limits);
-        self.exhaust.configure(config.burning_egt);
-        self.update(now);
-        Ok(())
     }
 
     /// Takes a command. The latest command of a source replaces its earlier one, the highest fresh source is in control, and a
@@ -439,6 +432,7 @@ impl Engine {
             transmitter_failed: self.transmitter_failed,
             armed: self.armed,
             stop_latched: matches!(self.mode, Mode::Stop(_)),
+            fuel_service: self.pump.is_some(),
             start_by: run.filter(|run| !run.life.reached()).and_then(|run| run.start_by),
             failed: self.failed,
             others_failed: self.others_failed,
@@ -505,13 +499,18 @@ impl Engine {
             Beginning::FromStandby => Life::ordered(),
             Beginning::Found { starting: Some((stage, _)), .. } => Life::found_starting(stage),
             Beginning::Found { confirmed: true, .. } => Life::found_running(),
-            Beginning::Found { confirmed: false, .. } | Beginning::Reset(_) => Life::after_reset(now),
+            Beginning::Found { confirmed: false, .. } => Life::found_burning(now),
+            Beginning::Reset(record) => Life::resumed(now, record.unconfirmed, record.after_gap),
         };
         let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
             Beginning::Reset(record) => {
                 let low = record.resets >= RESETS_MAX;
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
                 (record.limited, stage, (record.silent, record.all_silent), low)
+            }
+            // Of a time within the hold, the rest of it is left.
+            Beginning::Found { lost_for, .. } if lost_for > self.config.loss.hold => {
+                (false, LossStage::None, (lost_for, lost_for), false)
             }
             _ => (false, LossStage::None, Default::default(), false),
         };
@@ -521,11 +520,16 @@ impl Engine {
             LossStage::FailSafe | LossStage::Standby => Some(now),
         };
         let fail_safe_at = match beginning {
-            // The stages of loss continue from where the order was cancelled.
-            Beginning::Found { silent_since, .. } if silent_since < now => {
-                Some(silent_since + self.config.loss.hold)
+            // The stages of loss continue from where they were.
+            Beginning::Found { lost_for, .. } if lost_for.as_ticks() > 0 => {
+                let left = self.config.loss.hold.as_ticks().saturating_sub(lost_for.as_ticks());
+                Some(now + Duration::from_ticks(left))
             }
             _ => fail_safe_at,
+        };
+        let fall_expected = match beginning {
+            Beginning::Reset(record) => record.fall_expected,
+            _ => Duration::from_ticks(0),
         };
         let started = beginning == Beginning::FromStandby;
         let started_before = match beginning {
@@ -552,15 +556,15 @@ impl Engine {
             carried,
             all_carried,
             resumed: matches!(beginning, Beginning::Reset(_)),
-            // With the switch sent by ID 6, the ECU held the rpm itself.
-            own_speed_control: matches!(
-                beginning,
-                Beginning::Reset(RetainedState { order: Order::Run(Demand::Rpm(_)), by_id6: true, .. })
-            ),
+            own_speed_control: self.link.may_hold_rpm()
+                && matches!(
+                    beginning,
+                    Beginning::Reset(RetainedState { order: Order::Run(Demand::Rpm(_)), .. })
+                ),
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),
-            lowered: Lowered::new(now, demand),
+            lowered: Lowered::new(now, demand, fall_expected),
             next: None,
         });
         self.permitted = [false; Origin::ALL.len()];
@@ -600,6 +604,7 @@ impl Engine {
         self.apply_limits(now);
         self.arbitrate(now);
         self.shape(now);
+        self.configure_resting_link(now);
         if let Some(active_source) = self.active(now)
             && self.reported_source.replace(active_source) != Some(active_source)
         {
@@ -623,8 +628,7 @@ impl Engine {
             Mode::Run(Run { life, start_by, .. }) | Mode::Pwm { life, start_by } => {
                 let restart = life.restarting().map(|since| since + start_time);
                 let by = if life.reached() { restart } else { *start_by };
-                let doubt = life.in_doubt().and_then(|since| self.link.doubt_ends(since));
-                (by.filter(|by| now >= *by), doubt.is_some_and(|ends| now >= ends))
+                (by.filter(|by| now >= *by), self.doubt_ends(life).is_some_and(|ends| now >= ends))
             }
             Mode::Listen(finding) => {
                 if self.listen_ends(now, *finding).is_some_and(|at| now >= at) {
@@ -733,10 +737,10 @@ impl Engine {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
-        self.limits.observe(now, &self.link.status().report, lowered);
-        while let Some(violation) = self.limits.found() {
-            self.event(Event::Limit(violation));
-        }
+        let (events, dropped) = (&mut self.events, &mut self.events_dropped);
+        self.limits.observe(now, &self.link.status().report, lowered, &mut |violation| {
+            queue(events, dropped, Event::Limit(violation));
+        });
         let not_obeyed = !self.obeys(now);
         self.not_obeyed_since = if not_obeyed { self.not_obeyed_since.or(Some(now)) } else { None };
         let not_obeyed = self.not_obeyed_since.is_some_and(|since| now >= since + OBEY_GRACE);
@@ -774,9 +778,14 @@ impl Engine {
     }
 
     fn event(&mut self, event: Event) {
-        if self.events.push_back(event).is_err() {
-            bump(&mut self.events_dropped);
-        }
+        queue(&mut self.events, &mut self.events_dropped, event);
+    }
+}
+
+/// Queues an event, or counts it as dropped if the queue is full.
+fn queue(events: &mut Deque<Event, 12>, dropped: &mut u32, event: Event) {
+    if events.push_back(event).is_err() {
+        bump(dropped);
     }
 }
 

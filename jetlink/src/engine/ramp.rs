@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn it_arrives_exactly_when_the_rate_says() {
+    fn it_arrives_exactly_at_the_time_of_the_rate() {
         let mut ramp = Ramp::new(800, ms(0));
         let rates = Rates { up: None, down: Some(500) };
         let mut now = ms(0);

@@ -3,10 +3,10 @@
 //! If the record has a run in force, the run resumes with its life in doubt: nothing is sent that could start an engine
 //! until two reports confirm that it runs. Otherwise no order is in force, and the reports of the ECU decide.
 
-use super::life::{Finding, Found};
-use super::retained::RetainedState;
+use super::life::{Finding, Found, Life};
+use super::retained::{FALL_EXPECTED, RetainedState, STEADY};
 use super::run::Run;
-use super::sources::Intent;
+use super::sources::{Intent, Restored};
 use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
 use crate::command::{Demand, Order, Origin};
 use crate::event::{Event, LossStage};
@@ -46,9 +46,7 @@ impl Engine {
         self.resets = retained.resets.saturating_add(1);
         self.last_retained = Some(retained);
         self.retained = Some(retained);
-        if retained.by_id6 {
-            self.link.resume_switch_by_id6();
-        }
+        self.link.restore(retained.link);
         let now = self.at;
         match retained.order {
             Order::EmergencyStop => {
@@ -116,15 +114,19 @@ impl Engine {
                     }
                     demand => demand,
                 };
-                self.sources.resume(now, retained.origin, demand, lost, counts_as_silent);
-                let record = RetainedState { silent, all_silent, resets: self.resets, ..retained };
+                let restored =
+                    Restored { demand, was_lost: lost, silent: counts_as_silent, steady: retained.steady };
+                self.sources.resume(now, retained.origin, restored);
+                let unconfirmed = retained.unconfirmed + RESET_TAKES;
+                let resets = self.resets;
+                let record = RetainedState { silent, all_silent, unconfirmed, resets, ..retained };
                 self.begin(now, demand, retained.origin, Beginning::Reset(record));
                 if retained.loss != LossStage::None {
                     self.event(Event::SourceLoss(retained.loss));
                 }
             }
             Order::Pwm => {
-                let life = super::life::Life::after_reset(now);
+                let life = Life::handed_over(now, retained.ran);
                 self.mode = Mode::Pwm { life, start_by: None };
                 self.note_order(Order::Pwm, retained.origin);
                 self.express(now);
@@ -174,17 +176,26 @@ impl Engine {
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
                 let silent = self.silent(run);
-                let received = self.sources.has_commanded(run.active_source);
+                let received = self.sources.has_commanded(run.in_control());
                 let silent =
                     if received { RetainedState::coarse_steps(silent) } else { RetainedState::steps(silent) };
                 let all_silent = match self.sources.last_command() {
-                    Some(last) => RetainedState::coarse_steps(self.at.saturating_duration_since(last)),
-                    None => {
-                        RetainedState::steps(run.all_carried + self.at.saturating_duration_since(run.began))
-                    }
+                    Some(last) => self.at.saturating_duration_since(last),
+                    None => run.all_carried + self.at.saturating_duration_since(run.began),
+                };
+                let steady = self.sources.steady_for(self.at, run.in_control(), all_silent);
+                let all_silent = match self.sources.last_command() {
+                    Some(_) => RetainedState::coarse_steps(all_silent),
+                    None => RetainedState::steps(all_silent),
                 };
                 let since = run.started_before + self.at.saturating_duration_since(run.began);
                 let starting = if ran { 0 } else { seconds(since) };
+                // Only an ECU that stops its engine without replies gives the time a meaning.
+                let unconfirmed = self.link.reply_timeout().and_then(|_| self.unconfirmed(&run.life));
+                let unconfirmed =
+                    unconfirmed.filter(|_| ran).map_or(Duration::from_ticks(0), |(since, before)| {
+                        RetainedState::steps(before + self.at.saturating_duration_since(since))
+                    });
                 RetainedState {
                     limited,
                     loss,
@@ -192,24 +203,27 @@ impl Engine {
                     silent,
                     all_silent,
                     starting,
-                    ..RetainedState::new(self.run_state(run), run.active_source)
+                    unconfirmed,
+                    after_gap: run.life.missed_frames(),
+                    steady: STEADY.round_up(steady),
+                    fall_expected: FALL_EXPECTED.round(run.lowered.fall_expected(self.at)),
+                    // After a reset a source that waits to take over is in control: resets do not begin its wait anew.
+                    ..RetainedState::new(self.run_state(run), run.in_control())
                 }
             }
-            Mode::Pwm { life, .. } => {
-                RetainedState { ran: life.reached(), ..RetainedState::new(Order::Pwm, by) }
-            }
+            Mode::Pwm { life, .. } => RetainedState { ran: life.ran(), ..RetainedState::new(Order::Pwm, by) },
         };
         // Commands of a lower source must not prolong the hold of a lost source's demand.
         let received = match &self.mode {
-            Mode::Run(run) => self.sources.has_commanded(run.active_source),
+            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
             _ => self.sources.any_received(),
         };
         let resets = if received { 0 } else { self.resets };
         RetainedState {
             armed: self.armed,
             failed: self.failed,
-            by_id6: self.link.switch_by_id6(),
-            pump_open: self.pump.is_some() || self.link.closing_pump(),
+            link: self.link.record(),
+            pump_open: self.pump.is_some() || self.link.service_frames().closing_pump,
             resets,
             arm_commanded: mask(self.arm_commanded),
             must_disarm: mask(self.must_disarm),
@@ -217,14 +231,20 @@ impl Engine {
         }
     }
 
-    /// Silence of the source in control, resets included.
+    /// Silence of the source in control, or the time since it was lost, resets included: a source that comes and goes does not
+    /// begin the stages of loss anew. One that waits to take over is in control.
     fn silent(&self, run: &Run) -> Duration {
-        match (self.sources.last_commanded(run.active_source), run.silent_since(&self.config)) {
-            (Some(last), _) => self.at.saturating_duration_since(last),
-            (None, Some(since)) if run.active_source == Origin::Node => {
-                self.at.saturating_duration_since(since)
-            }
-            (None, _) => run.carried + self.at.saturating_duration_since(run.began),
+        let since = |at| self.at.saturating_duration_since(at);
+        if let Some(last) = run.taking_over.and_then(|(waits, _)| self.sources.last_commanded(waits)) {
+            return since(last);
+        }
+        if run.carried.as_ticks() > 0 {
+            return run.carried + since(run.began);
+        }
+        match (run.silent_since(&self.config), self.sources.last_commanded(run.active_source)) {
+            (Some(lost), _) => since(lost) + run.timeout(&self.config),
+            (_, Some(last)) => since(last),
+            (_, None) => since(run.began),
         }
     }
 
@@ -265,11 +285,11 @@ impl Engine {
             // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
                 let confirmed = found == Found::Running;
-                let silent_since = match &self.mode {
-                    Mode::Listen(finding) => self.lost_since(now, finding),
-                    _ => now,
+                let lost_for = match &self.mode {
+                    Mode::Listen(finding) => self.lost_for(now, finding),
+                    _ => Duration::from_ticks(0),
                 };
-                let throttle = self.lost_throttle(now, silent_since, throttle.unwrap_or(Throttle::IDLE));
+                let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
                 // An interrupted start continues until its ECU reports running. So does a start that no record has.
                 let starting = match (&self.mode, sign) {
@@ -281,7 +301,7 @@ impl Engine {
                     }
                     _ => None,
                 };
-                let beginning = Beginning::Found { confirmed, starting, silent_since };
+                let beginning = Beginning::Found { confirmed, starting, lost_for };
                 self.begin(now, demand, Origin::Node, beginning);
                 if let Mode::Run(run) = &mut self.mode {
                     run.life.answer();
@@ -292,26 +312,34 @@ impl Engine {
         }
     }
 
-    /// Time since which no source has commanded the running engine that was found; now, if one does.
-    fn lost_since(&self, now: Instant, finding: &Finding) -> Instant {
+    /// Time for which no source has commanded the running engine that was found; none, if one does.
+    fn lost_for(&self, now: Instant, finding: &Finding) -> Duration {
         if matches!(self.sources.active(now), Some((_, Intent::Run(_)))) {
-            return now;
+            return Duration::from_ticks(0);
         }
         // The source whose demand was in force may have fallen silent since, or all that were received.
-        let spoke = || self.sources.all_silent_from(now).flatten();
-        let known = self.sources.silent_from(finding.active_source).or_else(spoke);
-        // Silence before a reset counts until a source is received, beyond the longest source timeout.
-        let beyond = finding.lost_for.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks());
-        let retained = now.checked_sub(Duration::from_ticks(beyond)).unwrap_or(Instant::MIN);
-        let lost = known.unwrap_or(retained).min(now);
+        let commanded = || self.sources.all_silent_from(now).flatten();
+        let known = self.sources.silent_from(finding.active_source).or_else(commanded);
+        let lost_for = match known {
+            Some(at) => now.saturating_duration_since(at),
+            // Silence before a reset counts until a source is received, beyond the longest source timeout.
+            None => {
+                let silent = finding.lost_for + now.saturating_duration_since(finding.since);
+                let longest = self.config.timeouts.longest().as_ticks();
+                Duration::from_ticks(silent.as_ticks().saturating_sub(longest))
+            }
+        };
         // After a cancelled order the stages of loss continue; after a start of the node they begin.
-        if finding.silent_since < finding.since { finding.silent_since.min(lost) } else { lost }
+        match finding.silent_since < finding.since {
+            true => lost_for.max(now.saturating_duration_since(finding.silent_since)),
+            false => lost_for,
+        }
     }
 
-    /// The throttle to which the stages of loss would have lowered the reported one by now.
-    fn lost_throttle(&self, now: Instant, silent_since: Instant, reported: Throttle) -> Throttle {
+    /// The throttle to which the stages of loss would have lowered the reported one after such a time.
+    fn lost_throttle(&self, lost_for: Duration, reported: Throttle) -> Throttle {
         let loss = &self.config.loss;
-        let falling = now.saturating_duration_since(silent_since + loss.hold);
+        let falling = Duration::from_ticks(lost_for.as_ticks().saturating_sub(loss.hold.as_ticks()));
         let fallen = falling.as_millis().saturating_mul(loss.ramp.into()) / 1000;
         let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
         let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());

@@ -6,6 +6,7 @@
 
 use crate::command::{Demand, Order, Origin};
 use crate::event::LossStage;
+use crate::link::LinkRecord;
 use crate::units::{Rpm, Throttle};
 use core::sync::atomic::{AtomicU32, Ordering};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -13,7 +14,7 @@ use embassy_time::Duration;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
-const LAYOUT: u32 = 0x4A4C_0005;
+const LAYOUT: u32 = 0x4A4C_0006;
 const WORDS: usize = 8;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
 const SILENCE_STEP: Duration = Duration::from_millis(20);
@@ -27,6 +28,16 @@ const SILENCE_LOW: u32 = u32::BITS - DEMAND_BITS;
 const SILENCE_HIGH_AT: u32 = 20;
 const ALL_SILENCE_STEPS_MAX: u32 = (1 << (SILENCE_LOW + u32::BITS - SILENCE_HIGH_AT)) - 1;
 const RESETS_MAX: u32 = 15;
+/// Time for which a fall is expected, above the four bits of the order. Rounded down, so that a loop of resets ends it.
+pub(super) const FALL_EXPECTED: ShortTime = ShortTime { step: Duration::from_millis(500), at: 4, max: 15 };
+/// Time for which a source has been received, above the three bits of the source. Rounded up, so that a source with one command
+/// between two resets gets back in control.
+pub(super) const STEADY: ShortTime = ShortTime { step: Duration::from_millis(200), at: 11, max: 31 };
+/// Position of the stage of loss, four bits, and of the link's part above it.
+const LOSS_AT: u32 = 24;
+const LOSS_MAX: u32 = 15;
+const LINK_AT: u32 = 28;
+const _: () = assert!(LINK_AT + LinkRecord::BITS == u32::BITS);
 
 /// Kind of the last reset of the node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -57,8 +68,8 @@ pub struct RetainedState {
     pub failed: bool,
     /// The engine has reached running, and no standby, stop or end of its life has come since.
     pub ran: bool,
-    /// The ECU was given its switch by ZK ID 6 (ZK-9).
-    pub by_id6: bool,
+    /// The link's own part.
+    pub link: LinkRecord,
     /// A service command may have opened the fuel pump, and it was not closed.
     pub pump_open: bool,
     /// Silence of the source in control, resets included, in steps of 20 ms, 21 min at most.
@@ -67,8 +78,17 @@ pub struct RetainedState {
     pub all_silent: Duration,
     /// Consecutive resets without a command of the source in control, 15 at most.
     pub resets: u8,
-    /// Time since the start that is under way was ordered, in s; 0 without one.
+    /// Time since the start that is under way was ordered, in s; 0 without one, and with an engine that has reached running.
     pub starting: u16,
+    /// Time without a confirmation of the engine that ran, and without a reply to its ECU, resets included, in steps of 20 ms,
+    /// 21 min at most; 0 with an engine that has not reached running.
+    pub unconfirmed: Duration,
+    /// Three expected frames were missing in that time: the ECU may have restarted.
+    pub after_gap: bool,
+    /// The source in control was lost: time for which it has been received without a gap since, in steps of 0.2 s, 6.2 s at most.
+    pub steady: Duration,
+    /// The demand was lowered: time for which a fall of the exhaust is expected yet, in steps of 0.5 s, rounded down.
+    pub fall_expected: Duration,
     /// Sources that last commanded "arm", a bit each in the order of [`Origin::ALL`].
     pub arm_commanded: u8,
     /// Sources that have to disarm before their "arm" counts again, in the same order.
@@ -86,12 +106,16 @@ impl RetainedState {
             loss: LossStage::None,
             failed: false,
             ran: matches!(order, Order::Run(_)),
-            by_id6: false,
+            link: LinkRecord::EMPTY,
             pump_open: false,
             silent: Duration::from_ticks(0),
             all_silent: Duration::from_ticks(0),
             resets: 0,
             starting: 0,
+            unconfirmed: Duration::from_ticks(0),
+            after_gap: false,
+            steady: Duration::from_ticks(0),
+            fall_expected: Duration::from_ticks(0),
             arm_commanded: 0,
             must_disarm: 0,
         }
@@ -113,7 +137,7 @@ impl RetainedState {
         };
         let Self {
             ran,
-            by_id6,
+            link,
             pump_open,
             silent,
             all_silent,
@@ -125,7 +149,7 @@ impl RetainedState {
         } = self;
         Self {
             ran,
-            by_id6,
+            link,
             pump_open,
             silent,
             all_silent,
@@ -139,12 +163,12 @@ impl RetainedState {
 
     /// Silence, rounded down to retained steps.
     pub(super) fn steps(silent: Duration) -> Duration {
-        SILENCE_STEP * steps(silent)
+        SILENCE_STEP * steps(silent, SILENCE_STEP)
     }
 
     /// Silence, rounded down to coarse steps, so that the record does not change with every command.
     pub(super) fn coarse_steps(silent: Duration) -> Duration {
-        let steps = steps(silent);
+        let steps = steps(silent, SILENCE_STEP);
         SILENCE_STEP * (steps - steps % COARSE)
     }
 }
@@ -246,8 +270,46 @@ fn checksum(words: &[u32; WORDS]) -> u32 {
     digest.finalize()
 }
 
-fn steps(silent: Duration) -> u32 {
-    u32::try_from(silent.as_ticks() / SILENCE_STEP.as_ticks()).unwrap_or(u32::MAX)
+/// Whole steps of a time.
+fn steps(time: Duration, step: Duration) -> u32 {
+    let (time, step) = (time.as_ticks(), step.as_ticks());
+    // A core divides 32 bits in some cycles, and takes hundreds for 64. 32 bits are 71 min.
+    match (u32::try_from(time), u32::try_from(step)) {
+        (Ok(time), Ok(step)) => time / step,
+        _ => u32::try_from(time / step).unwrap_or(u32::MAX),
+    }
+}
+
+/// A time of some seconds that shares a word with others: its resolution, its position, and its largest number of steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShortTime {
+    step: Duration,
+    at: u32,
+    max: u32,
+}
+
+impl ShortTime {
+    /// A time as it is retained, rounded down.
+    pub fn round(self, time: Duration) -> Duration {
+        self.step * self.steps(time)
+    }
+
+    /// The same, rounded up.
+    pub fn round_up(self, time: Duration) -> Duration {
+        self.round(time + self.step - Duration::from_ticks(1))
+    }
+
+    fn steps(self, time: Duration) -> u32 {
+        steps(time, self.step).min(self.max)
+    }
+
+    fn pack(self, time: Duration) -> u32 {
+        self.steps(time) << self.at
+    }
+
+    fn unpack(self, word: u32) -> Duration {
+        self.step * (word >> self.at & self.max)
+    }
 }
 
 fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
@@ -267,16 +329,22 @@ fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS]
         | u32::from(record.limited) << 17
         | u32::from(record.failed) << 18
         | u32::from(record.ran) << 19
-        | u32::from(record.by_id6) << 20
         | u32::from(record.pump_open) << 21
-        | (record.loss as u32) << 24;
-    let all_silent = steps(record.all_silent).min(ALL_SILENCE_STEPS_MAX);
-    let silence = steps(record.silent).min(SILENCE_STEPS_MAX)
+        | u32::from(record.after_gap) << 22
+        | FALL_EXPECTED.pack(record.fall_expected)
+        | STEADY.pack(record.steady)
+        | (record.loss as u32) << LOSS_AT
+        | u32::from(record.link.bits()) << LINK_AT;
+    let all_silent = steps(record.all_silent, SILENCE_STEP).min(ALL_SILENCE_STEPS_MAX);
+    let silence = steps(record.silent, SILENCE_STEP).min(SILENCE_STEPS_MAX)
         | u32::from(record.resets).min(RESETS_MAX) << 16
         | all_silent >> SILENCE_LOW << SILENCE_HIGH_AT;
-    let arming = u32::from(record.arm_commanded)
-        | u32::from(record.must_disarm) << 8
-        | u32::from(record.starting) << 16;
+    // An engine is in a start, or it has reached running: one place for the time of either.
+    let time = match record.ran {
+        true => steps(record.unconfirmed, SILENCE_STEP).min(SILENCE_STEPS_MAX),
+        false => record.starting.into(),
+    };
+    let arming = u32::from(record.arm_commanded) | u32::from(record.must_disarm) << 8 | time << 16;
     let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
     let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
     words[WORDS - 1] = checksum(&words);
@@ -286,7 +354,7 @@ fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS]
 fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<RetainedState> {
     let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
     let value = value & ((1 << DEMAND_BITS) - 1);
-    let order = match flags & 0xFF {
+    let order = match flags & 0xF {
         1 => Order::EmergencyStop,
         2 => Order::Standby,
         3 => Order::Run(Demand::Throttle(Throttle::from_tenths(u16::try_from(value).ok()?).ok()?)),
@@ -295,9 +363,9 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         6 => Order::Listen,
         _ => return None,
     };
-    let priority = flags >> 8 & 0xFF;
+    let priority = flags >> 8 & 7;
     let origin = Origin::ALL.into_iter().find(|origin| u32::from(origin.priority()) == priority)?;
-    let loss = match flags >> 24 {
+    let loss = match flags >> LOSS_AT & LOSS_MAX {
         0 => LossStage::None,
         1 => LossStage::Hold,
         2 => LossStage::FailSafe,
@@ -305,22 +373,27 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         _ => return None,
     };
     let flag = |bit: u32| flags >> bit & 1 == 1;
+    let (ran, time) = (flag(19), arming >> 16);
     Some(RetainedState {
         order,
         origin,
         armed: flag(16),
         limited: flag(17),
         failed: flag(18),
-        ran: flag(19),
-        by_id6: flag(20),
+        ran,
         pump_open: flag(21),
         loss,
+        link: LinkRecord::new(u8::try_from(flags >> LINK_AT).ok()?),
         silent: SILENCE_STEP * (silence & 0xFFFF),
         all_silent: SILENCE_STEP * all_silent,
         resets: u8::try_from(silence >> 16 & RESETS_MAX).ok()?,
         arm_commanded: u8::try_from(arming & 0xFF).ok()?,
         must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
-        starting: u16::try_from(arming >> 16).ok()?,
+        starting: if ran { 0 } else { u16::try_from(time).ok()? },
+        unconfirmed: SILENCE_STEP * if ran { time } else { 0 },
+        after_gap: flag(22),
+        steady: STEADY.unpack(flags),
+        fall_expected: FALL_EXPECTED.unpack(flags),
     })
 }
 
@@ -347,7 +420,7 @@ mod tests {
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
             for origin in Origin::ALL {
                 let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
-                for (flags, loss) in (0..64).flat_map(|flags| stages.map(|loss| (flags, loss))) {
+                for (flags, loss) in (0..128).flat_map(|flags| stages.map(|loss| (flags, loss))) {
                     let flag = |bit: u32| flags >> bit & 1 == 1;
                     let record = RetainedState {
                         order,
@@ -356,15 +429,19 @@ mod tests {
                         limited: flag(1),
                         failed: flag(2),
                         ran: flag(3),
-                        by_id6: flag(4),
+                        link: LinkRecord::new(flags as u8 >> 2),
                         pump_open: flag(5),
                         loss,
                         silent: Duration::from_millis(20 * flags as u64),
-                        all_silent: Duration::from_secs(21_000 * flags as u64),
+                        all_silent: Duration::from_secs(10_000 * flags as u64),
                         resets: flags as u8 & 15,
                         arm_commanded: flags as u8 & 31,
                         must_disarm: flags as u8 >> 1,
-                        starting: flags as u16 * 1000,
+                        starting: if flag(3) { 0 } else { flags as u16 * 500 },
+                        unconfirmed: Duration::from_millis(if flag(3) { 20 * 500 * flags as u64 } else { 0 }),
+                        after_gap: flag(6),
+                        steady: Duration::from_millis(200 * (flags as u64 & 31)),
+                        fall_expected: Duration::from_millis(500 * (flags as u64 & 15)),
                     };
                     memory.store(&record, OURS);
                     assert_eq!(load(&memory), Some(record));
@@ -392,7 +469,33 @@ mod tests {
     }
 
     #[test]
-    fn one_flipped_bit_is_not_believed() {
+    fn no_write_touches_the_newer_copy() {
+        let words = |memory: &RetainedMemory, place: usize| {
+            memory.copies[place].each_ref().map(|word| word.load(Ordering::Relaxed))
+        };
+        // Whatever was there before: nothing, or a whole record in either place, with a number that fits the place or does not.
+        for before in [None, Some((0, 6)), Some((1, 7)), Some((0, 7)), Some((1, 6)), Some((1, u32::MAX))] {
+            let memory = RetainedMemory::new();
+            if let Some((place, sequence)) = before {
+                for (slot, word) in memory.copies[place].iter().zip(pack(&run(5), sequence, OURS)) {
+                    slot.store(word, Ordering::Relaxed);
+                }
+            }
+            for tenths in 10..15 {
+                let newest = memory.newest();
+                memory.store(&run(tenths), OURS);
+                assert_eq!(load(&memory), Some(run(tenths)), "{before:?}");
+                if let Some((place, was)) = newest {
+                    assert_eq!(words(&memory, place), was, "{before:?} {tenths}");
+                }
+            }
+            memory.clear();
+            assert_eq!(load(&memory), None, "{before:?}: cleared");
+        }
+    }
+
+    #[test]
+    fn a_record_with_one_flipped_bit_is_not_used() {
         for bit in 0..WORDS * 32 {
             let memory = RetainedMemory::new();
             memory.store(&run(500), OURS);
@@ -416,12 +519,17 @@ mod tests {
     #[test]
     fn lost_power_or_another_engine_leaves_nothing_that_starts_or_raises() {
         let memory = RetainedMemory::new();
-        let full =
-            RetainedState { by_id6: true, pump_open: true, resets: 2, loss: LossStage::Hold, ..run(800) };
+        let full = RetainedState {
+            link: LinkRecord::new(9),
+            pump_open: true,
+            resets: 2,
+            loss: LossStage::Hold,
+            ..run(800)
+        };
         memory.store(&full, OURS);
         let left = RetainedState {
             ran: true,
-            by_id6: true,
+            link: LinkRecord::new(9),
             pump_open: true,
             resets: 2,
             ..RetainedState::new(Order::Listen, Origin::Node)

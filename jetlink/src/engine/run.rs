@@ -39,7 +39,8 @@ pub(super) struct Run {
     /// Begin of the fail-safe stage, while no source is fresh.
     pub fail_safe_at: Option<Instant>,
     pub stage: LossStage,
-    /// Silence of the source in control from before the last reset.
+    /// Silence of the source in control from before the last reset, or the time since it was lost: a source that comes and goes
+    /// is not in control. It is over when a source is.
     pub carried: Duration,
     /// Silence of all sources from before the last reset.
     pub all_carried: Duration,
@@ -79,13 +80,6 @@ impl Run {
         events: &mut Deque<Event, 4>,
     ) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
-        // Silence from before the reset is over.
-        if sources.has_commanded(self.active_source) {
-            self.carried = Duration::from_ticks(0);
-        }
-        if sources.last_command().is_some() {
-            self.all_carried = Duration::from_ticks(0);
-        }
         match sources.active(now) {
             // Standby of the source in control, or of a higher one, is obeyed at once. The source of an engine that was found
             // running is unknown: any source but the highest may be the lower one.
@@ -105,6 +99,7 @@ impl Run {
                     }
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
+                    self.carried = Duration::from_ticks(0);
                     self.demand = demand;
                     self.stage(LossStage::None, events);
                     return None;
@@ -115,11 +110,12 @@ impl Run {
                     None => now + config.takeover.within,
                 };
                 self.taking_over = Some((origin, latest));
+                // A source that waits to take over is in control, and its silence from before a reset is over.
+                self.carried = Duration::from_ticks(0);
                 // Consecutive resets would restart the wait each time.
                 if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
-                    self.carried = Duration::from_ticks(0);
                     self.demand = demand;
                     self.active_source = origin;
                     self.shaper.rise();
@@ -146,11 +142,23 @@ impl Run {
         }
     }
 
+    /// The source in control: one that waits to take over, or the one whose demand is in force.
+    pub fn in_control(&self) -> Origin {
+        self.taking_over.map_or(self.active_source, |(waits, _)| waits)
+    }
+
+    /// Silence of the source in control that is no loss yet. An engine that was found running without a source has lost it.
+    pub fn timeout(&self, config: &Supervision) -> Duration {
+        match self.active_source {
+            Origin::Node => Duration::from_ticks(0),
+            source => config.timeouts.of(source),
+        }
+    }
+
     /// Begin of the fail-safe stage. Silence from before a reset counts.
     fn lose(&mut self, now: Instant, sources: &Sources, config: &Supervision) -> Instant {
         let silent_from = sources.silent_from(self.active_source).unwrap_or(now).min(now);
-        let before =
-            self.carried.as_ticks().saturating_sub(config.timeouts.of(self.active_source).as_ticks());
+        let before = self.carried.as_ticks().saturating_sub(self.timeout(config).as_ticks());
         let hold = Duration::from_ticks(config.loss.hold.as_ticks().saturating_sub(before));
         *self.fail_safe_at.get_or_insert(silent_from + hold)
     }
@@ -160,26 +168,34 @@ impl Run {
         self.fail_safe_at.map(|at| at.checked_sub(config.loss.hold).unwrap_or(Instant::MIN))
     }
 
+    /// Time until which a source that was received before a reset is not silent yet.
+    fn received_until(&self, by: &Arbitration<'_>) -> Option<Instant> {
+        if self.all_carried.as_ticks() == 0 || by.sources.any_received() {
+            return None;
+        }
+        let left = by.config.timeouts.longest().as_ticks().saturating_sub(self.all_carried.as_ticks());
+        self.began.checked_add(Duration::from_ticks(left))
+    }
+
     /// Begin of the last stage of loss: as configured, otherwise 10 s after the fail-safe stage if no engine is known to run.
     /// Silence from before a reset counts.
     fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {
         let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
-        let until_fail_safe = by
-            .config
-            .timeouts
-            .of(self.active_source)
-            .as_ticks()
-            .saturating_add(by.config.loss.hold.as_ticks());
+        let until_fail_safe = (self.timeout(by.config) + by.config.loss.hold).as_ticks();
         let before =
-            self.all_carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
-        // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
-        // loop of resets must.
-        let could_run = self.life.reached() && !self.resumed_low;
-        match by.doubted.filter(|_| could_run && by.config.loss.standby_after.is_none()) {
-            Some(since) => Some(at.max(since.checked_add(CONFIRMS_WITHIN)?)),
-            None => Some(at),
+        if by.config.loss.standby_after.is_some() {
+            return Some(at);
         }
+        // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
+        // loop of resets must, if no source is received in it.
+        let could_run = self.life.reached() && !self.resumed_low;
+        let confirmed_by = match by.doubted.filter(|_| could_run) {
+            Some(since) => Some(since.checked_add(CONFIRMS_WITHIN)?),
+            None => None,
+        };
+        [Some(at), confirmed_by, self.received_until(by)].into_iter().flatten().max()
     }
 
     /// Start of the next stage of loss.
@@ -205,7 +221,7 @@ impl Run {
             let in_control = self.stage == LossStage::None && self.taking_over.is_none();
             Plan::FailSafe { commanded: self.demand, in_control }
         } else if self.taking_over.is_some() || self.stage == LossStage::Hold {
-            // Even if the demand was not reached yet: no source asks for more now.
+            // Even if the demand was not reached yet: no source commands more now.
             Plan::Hold(self.demand)
         } else {
             Plan::To(self.demand)

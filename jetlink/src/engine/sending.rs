@@ -31,6 +31,10 @@ impl Engine {
                 .throttle
                 .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
                 .map(|throttle| throttle.value),
+            sent: match &self.mode {
+                Mode::Run(run) => run.sent,
+                _ => Demand::Throttle(Throttle::IDLE),
+            },
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
                 && self.link.speed_control().is_err(),

@@ -1,6 +1,7 @@
 //! Shapes the demand of a running engine: rates, reductions, governor.
 
 use super::config::{Supervision, Takeover};
+use super::exhaust::FALL_EXPECTED;
 use super::governor::Governor;
 use super::ramp::{Ramp, Rates};
 use crate::command::Demand;
@@ -40,6 +41,8 @@ pub(super) struct Shape {
     pub rpm: Option<Timed<Rpm>>,
     /// As the ECU reports it.
     pub throttle: Option<Throttle>,
+    /// The last demand that was sent completely.
+    pub sent: Demand,
     /// In per mille.
     pub reduced_to: Option<u16>,
     /// The ECU has no speed control, so an rpm needs the governor.
@@ -66,8 +69,10 @@ pub(super) struct Shaper {
     rising: bool,
     /// The demand was reduced because another engine failed.
     was_reduced: bool,
-    /// The ECU's idle speed, as last reported in this run: a lost link forgets it, and the fail-safe of an rpm needs it in doubt.
+    /// The ECU's speeds, as last reported in this run: a lost link forgets them, and the fail-safe of an rpm needs them in doubt, the
+    /// idle speed as its end and the maximum for its rate.
     idle_rpm: Option<Rpm>,
+    max_rpm: Option<Rpm>,
     at: Instant,
 }
 
@@ -81,6 +86,7 @@ impl Shaper {
             rising: true,
             was_reduced: false,
             idle_rpm: None,
+            max_rpm: None,
             at: now,
         }
     }
@@ -123,6 +129,7 @@ impl Shaper {
     ) -> (Demand, Option<Instant>) {
         self.at = now;
         self.idle_rpm = shape.idle_rpm.or(self.idle_rpm);
+        self.max_rpm = shape.max_rpm.or(self.max_rpm);
         let shape = &Shape { idle_rpm: self.idle_rpm, ..*shape };
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
@@ -172,12 +179,17 @@ impl Shaper {
                 (target, slew)
             }
             Plan::FailSafe { commanded, in_control } => {
+                let safe = self.fail_safe(now, commanded, shape, config);
                 let most = reduced(commanded, shape.reduced_to);
+                let ramp = u32::from(config.loss.ramp);
                 if in_control && most.is_below(self.moving.demand()) {
-                    self.moving.follow(now, most, slew, shape);
+                    // A lower demand of the source in control counts: above the fail-safe by the faster of the two rates.
+                    let above = safe.is_below(self.moving.demand());
+                    let down = slew.down.map(|down| if above { down.max(ramp) } else { down });
+                    (most, Rates { up: None, down })
+                } else {
+                    (safe, Rates { up: None, down: Some(ramp) })
                 }
-                let down = Rates { up: None, down: Some(u32::from(config.loss.ramp)) };
-                (self.fail_safe(now, commanded, shape, config), down)
             }
         };
         let (target, rates) =
@@ -185,7 +197,8 @@ impl Shaper {
         let within = self.moving.within_maximum(target, shape);
         // A demand that was held must not jump when the maximum is known.
         self.rising |= within != target;
-        let next = self.moving.follow(now, within, rates, shape);
+        let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
+        let next = self.moving.follow(now, within, rates, shape, full);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
             self.governor = None;
@@ -269,32 +282,42 @@ impl Moving {
         }
     }
 
-    fn follow(&mut self, now: Instant, target: Demand, rates: Rates, shape: &Shape) -> Option<Instant> {
+    /// Moves towards a demand. `full`: 100 % of an rpm, for its rates.
+    fn follow(
+        &mut self,
+        now: Instant,
+        target: Demand,
+        rates: Rates,
+        shape: &Shape,
+        full: u32,
+    ) -> Option<Instant> {
         match (&mut *self, target) {
             (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
                 ramp.follow(now, throttle.tenths().into(), rates, STEP)
             }
             (Self::Rpm(ramp), Demand::Rpm(rpm)) => {
-                let max = shape.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
-                // In 0.1 % of the maximum.
-                let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(max / 1000));
+                let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(full / 1000));
                 ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
             }
-            // The two kinds of demand do not compare. With a slew the new one rises from the ECU's reported value, and never
-            // begins above the commanded one.
+            // The two kinds of demand do not compare. With a slew the new one rises from what the ECU has, and never begins
+            // above the commanded one: the demand that was sent if that is of this kind, otherwise the ECU's reported value.
             (moving, target) => {
-                let from = match (target, shape.throttle, shape.rpm) {
+                let from = match (target, shape.sent) {
                     _ if rates.up.is_none() => target,
-                    (Demand::Throttle(commanded), now, _) => {
-                        Demand::Throttle(commanded.min(now.unwrap_or(Throttle::IDLE)))
+                    (Demand::Throttle(commanded), Demand::Throttle(sent)) => {
+                        Demand::Throttle(commanded.min(sent))
                     }
-                    (Demand::Rpm(commanded), _, now) => {
+                    (Demand::Rpm(commanded), Demand::Rpm(sent)) => Demand::Rpm(commanded.min(sent)),
+                    (Demand::Throttle(commanded), Demand::Rpm(_)) => {
+                        Demand::Throttle(commanded.min(shape.throttle.unwrap_or(Throttle::IDLE)))
+                    }
+                    (Demand::Rpm(commanded), Demand::Throttle(_)) => {
                         let idle = shape.idle_rpm.unwrap_or(Rpm::new(0));
-                        Demand::Rpm(commanded.min(now.map_or(idle, |now| now.value)))
+                        Demand::Rpm(commanded.min(shape.rpm.map_or(idle, |now| now.value)))
                     }
                 };
                 *moving = Self::new(now, from);
-                if from == target { None } else { moving.follow(now, target, rates, shape) }
+                if from == target { None } else { moving.follow(now, target, rates, shape, full) }
             }
         }
     }
@@ -308,21 +331,22 @@ const LOWERED_BY: u32 = 20;
 pub(super) struct Lowered {
     from: Demand,
     at: Instant,
-    last: Option<Instant>,
+    falls_until: Option<Instant>,
 }
 
 impl Lowered {
-    pub const fn new(now: Instant, demand: Demand) -> Self {
-        Self { from: demand, at: now, last: None }
+    /// A demand that was lowered before it: a fall of the exhaust is expected for that long.
+    pub fn new(now: Instant, demand: Demand, fall_expected: Duration) -> Self {
+        Self { from: demand, at: now, falls_until: now.checked_add(fall_expected) }
     }
 
     pub const fn at(&self) -> Instant {
         self.at
     }
 
-    /// When the demand was last lowered in this run, if it was.
-    pub const fn last(&self) -> Option<Instant> {
-        self.last
+    /// Time for which a fall of the exhaust is expected yet.
+    pub fn fall_expected(&self, now: Instant) -> Duration {
+        self.falls_until.map_or(Duration::from_ticks(0), |until| until.saturating_duration_since(now))
     }
 
     pub fn observe(&mut self, now: Instant, demand: Demand) {
@@ -339,7 +363,7 @@ impl Lowered {
         if value >= from {
             self.from = demand;
         } else if from - value > band {
-            *self = Self { from: demand, at: now, last: Some(now) };
+            *self = Self::new(now, demand, FALL_EXPECTED);
         }
     }
 }

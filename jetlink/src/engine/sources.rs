@@ -35,8 +35,9 @@ struct Source {
     last_rx: Instant,
     /// Time from which it counts as silent, unless it is received again.
     silent_from: Instant,
-    /// Time since which it has been received without a gap.
+    /// Time since which it has been received without a gap, and for how long before the last reset.
     since: Instant,
+    steady_before: Duration,
     /// It was lost before.
     was_lost: bool,
     /// Intervals between its last two commands, and between the two before.
@@ -48,6 +49,18 @@ struct Source {
     received: bool,
     /// Time of its last standby or run since the node started.
     last_commanded: Option<Instant>,
+}
+
+/// What a record holds of the source that was in control.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Restored {
+    pub demand: Demand,
+    /// It was lost, and has to be received without a gap.
+    pub was_lost: bool,
+    /// Its silence by then.
+    pub silent: Duration,
+    /// For how long it had been received without a gap since.
+    pub steady: Duration,
 }
 
 /// All sources of one engine.
@@ -123,18 +136,27 @@ impl Sources {
             }
             let before = *slot;
             // A source that is present without a command has no gap; a restored one was not received yet.
-            let (since, was_lost) = match before {
-                Some(source) if now < source.lost_at(timeout) => (source.since, source.was_lost),
-                // The first command after a reset, within a short gap, changes nothing about an earlier loss.
+            let never = Duration::from_ticks(0);
+            let (since, steady_before, was_lost) = match before {
+                Some(source) if source.received && now < source.lost_at(timeout) => {
+                    (source.since, source.steady_before, source.was_lost)
+                }
+                // The first command after a reset, within a short gap, changes nothing about an earlier loss. One that comes
+                // within the timeout continues its earlier stream.
                 Some(source) if !source.received && now < source.lost_at(timeout) + return_within => {
-                    (now, source.was_lost)
+                    let steady = now <= source.last_rx.checked_add(timeout).unwrap_or(Instant::MAX)
+                        && source.steady_before > never;
+                    // It was resumed at `last_rx`.
+                    let meanwhile = now.saturating_duration_since(source.last_rx);
+                    let before = if steady { source.steady_before + meanwhile } else { never };
+                    (now, before, source.was_lost)
                 }
                 // A steady stream survives one short gap.
                 Some(source) => {
                     let steady = recovered(&source, recover_after);
-                    (now, !steady || now >= source.lost_at(timeout) + return_within)
+                    (now, never, !steady || now >= source.lost_at(timeout) + return_within)
                 }
-                None => (now, false),
+                None => (now, never, false),
             };
             let silent_from = match (intent, before) {
                 // "Present" counts as silence from the first such command on.
@@ -156,6 +178,7 @@ impl Sources {
                 last_rx: now,
                 silent_from,
                 since,
+                steady_before,
                 was_lost,
                 period,
                 period_before,
@@ -166,19 +189,23 @@ impl Sources {
         }
     }
 
-    /// Restores the source that was in control before a reset, silent for `silent` by then. A command since the reset is newer
-    /// than the retained one.
-    pub fn resume(&mut self, now: Instant, origin: Origin, demand: Demand, was_lost: bool, silent: Duration) {
+    /// Restores the source that was in control before a reset. A command since the reset is newer than the retained one.
+    pub fn resume(&mut self, now: Instant, origin: Origin, restored: Restored) {
+        let Restored { demand, was_lost, silent, steady } = restored;
         let left = self.timeouts.of(origin);
         let left = Duration::from_ticks(left.as_ticks().saturating_sub(silent.as_ticks()));
         match self.slot_mut(origin) {
-            Some(Some(source)) => source.was_lost |= was_lost,
+            Some(Some(source)) => {
+                source.was_lost |= was_lost;
+                source.steady_before = steady;
+            }
             Some(slot) => {
                 *slot = Some(Source {
                     intent: Intent::Run(demand),
                     last_rx: now,
                     silent_from: now.checked_add(left).unwrap_or(Instant::MAX),
                     since: now,
+                    steady_before: steady,
                     was_lost,
                     period: Duration::from_ticks(0),
                     period_before: Duration::from_ticks(0),
@@ -256,6 +283,21 @@ impl Sources {
         self.source(origin).is_some_and(|source| source.was_lost)
     }
 
+    /// For how long a source that was lost has been received without a gap, resets included: zero if it is silent, and more than
+    /// that from its first command on. `silent`: time without a command of any source, resets included; one that was not received
+    /// since the node started keeps what it had for its timeout.
+    pub fn steady_for(&self, now: Instant, origin: Origin, silent: Duration) -> Duration {
+        let never = Duration::from_ticks(0);
+        match self.source(origin).filter(|source| source.was_lost) {
+            Some(source) if source.received && now < source.silent_from => {
+                let received = source.steady_before + source.last_rx.saturating_duration_since(source.since);
+                received.max(Duration::from_ticks(1))
+            }
+            Some(source) if !source.received && silent < self.timeouts.of(origin) => source.steady_before,
+            _ => never,
+        }
+    }
+
     /// Whether any source was received since the node started.
     pub fn any_received(&self) -> bool {
         self.each().any(|(_, source)| source.received)
@@ -271,11 +313,15 @@ impl Sources {
         self.each().map(|(_, source)| source.silent_from).filter(|at| *at > now).min()
     }
 
-    fn each(&self) -> impl Iterator<Item = (Origin, Source)> {
-        Origin::SOURCES.into_iter().zip(self.sources).filter_map(|(origin, slot)| Some((origin, slot?)))
+    // By reference: it runs with interrupts off, at every frame.
+    fn each(&self) -> impl Iterator<Item = (Origin, &Source)> {
+        Origin::SOURCES
+            .into_iter()
+            .zip(&self.sources)
+            .filter_map(|(origin, slot)| Some((origin, slot.as_ref()?)))
     }
 
-    fn source(&self, origin: Origin) -> Option<Source> {
+    fn source(&self, origin: Origin) -> Option<&Source> {
         self.each().find(|(place, _)| *place == origin).map(|(_, source)| source)
     }
 
@@ -312,5 +358,5 @@ impl Source {
 
 /// Whether it was received without a gap for `after`. The silence since does not count.
 fn recovered(source: &Source, after: Duration) -> bool {
-    source.last_rx >= source.since + after
+    source.last_rx.saturating_duration_since(source.since) + source.steady_before >= after
 }

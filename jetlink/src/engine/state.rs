@@ -36,6 +36,11 @@ pub enum EngineState {
 }
 
 impl EngineState {
+    /// Whether the ECU reports an engine that is off or in standby.
+    pub const fn is_stopped(self) -> bool {
+        matches!(self, Self::Stopped | Self::Standby)
+    }
+
     /// State from the ECU's report.
     pub fn of(now: Instant, link: LinkState, report: &Report) -> Self {
         if link != LinkState::Up {

@@ -12,7 +12,7 @@ use crate::support::frames::{amt as amt_frames, printed_crc8, zk as zk_frames};
 const ZK_LEN: usize = 7;
 
 // ---------------------------------------------------------------------------------------------
-// What the documents ask of a decoder, as simply as can be
+// What the documents require of a decoder, as simply as can be
 // ---------------------------------------------------------------------------------------------
 
 /// ZK by the document: at each byte, seven bytes with a head and a right CRC are a frame, anything else is
@@ -248,12 +248,12 @@ proptest! {
         prop_assume!(spoilt.len() == 6);
         let mut short = spoilt.clone();
         short.remove(1 + lost.index(5));
-        // If Data1 was lost, Data2 stands in its place, and 0x05 there opens a set-up set: cut off as well.
+        // If Data1 was lost, Data2 takes its place, and 0x05 there opens a set-up set: cut off as well.
         let found = amt_frames_of(&[before.clone(), short, after.clone()].concat());
         prop_assert_eq!(found, vec![before, after]);
     }
 
-    /// AMT-2: what a frame says has its own bytes behind it, whatever they are.
+    /// AMT-2: what a frame reports has its own bytes behind it, whatever they are.
     #[test]
     fn amt_2_messages_carry_their_bytes(frame in amt_frame()) {
         let (_, decoded) = amt::Decoder::new().feed(&frame);
@@ -292,7 +292,7 @@ proptest! {
 // Everything there is
 // ---------------------------------------------------------------------------------------------
 
-/// What the document says of a payload: `None` if a host may not send it.
+/// The document's meaning of a payload: `None` if a host may not send it.
 fn zk_payload_is_defined(byte1: u8, byte2: u8) -> bool {
     let low = byte1 & 0x0F;
     let ten_bits = u16::from(low & 3) << 8 | u16::from(byte2);
@@ -449,7 +449,7 @@ fn amt_9_setup_is_recognised_at_its_full_stop() {
 /// ZK-16: a CRC failure drops one byte, never the seven of the window.
 #[test]
 fn zk_16_the_search_continues_in_the_same_window() {
-    //          a head without its frame, then a whole frame whose first bytes stood in the false window
+    //          a head without its frame, then a whole frame whose first bytes were in the false window
     let good = [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0];
     for false_heads in 1..=30 {
         let stream = [vec![0xF6; false_heads], good.to_vec()].concat();

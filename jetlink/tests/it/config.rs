@@ -1,11 +1,14 @@
 //! The table of engines: what is refused before it can fly.
 
 use crate::support::bench::at_us;
-use crate::support::scenario::{Ecu, SECOND, Scenario, percent, run};
+use crate::support::frames::zk as zk_frames;
+use crate::support::scenario::{Ecu, Reports, SECOND, Scenario, Wire, percent, run};
 use embassy_time::Duration;
 use jetlink::command::Origin;
-use jetlink::config::{ConfigError, EngineConfig, check, check_ports, validate};
-use jetlink::ecu::amt::config::Mistake as AmtMistake;
+use jetlink::config::{
+    ConfigError, EngineConfig, LinkSettings, LinkSettingsError, check, check_ports, validate,
+};
+use jetlink::ecu::amt::config::{Config as AmtConfig, Mistake as AmtMistake};
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::ecu::zk::config::Mistake as ZkMistake;
 use jetlink::ecu::{EcuConfig, Mistake};
@@ -13,6 +16,7 @@ use jetlink::engine::config::Supervision;
 use jetlink::event::LossStage;
 use jetlink::line::{Line, StopBits};
 use jetlink::node::Node;
+use jetlink::report::LinkState;
 use jetlink::setting::{OFF, Setting, SettingError, SettingId, Unit};
 use jetlink::units::{Celsius, Rpm};
 
@@ -27,6 +31,19 @@ fn zk(port: u8, line: Line, rate: Rate) -> EngineConfig {
 /// The number of a setting's row, as errors carry it.
 fn setting(name: &str) -> SettingId {
     Supervision::id(name).expect("a setting of the supervision")
+}
+
+/// The number of the row of `timing.lost_after`: errors carry the second of its table.
+fn lost_after() -> SettingId {
+    let mut engine = amt(0, Line::new(2400));
+    engine.timing.lost_after = Duration::from_ticks(0);
+    match validate(&[engine]) {
+        Err(error @ ConfigError::Timing(0, id)) => {
+            assert_eq!(error.message(), "timing.lost_after: 200 to 60000 ms");
+            id
+        }
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -115,9 +132,21 @@ fn amt_12_serial_delay_and_half_idle_have_ranges() {
         let mut engine = amt(1, Line::new(2400));
         let EcuConfig::Amt(config) = &mut engine.ecu else { panic!("AMT") };
         (config.serial_delay, config.half_idle) = (Duration::from_millis(delay_ms), half_idle);
-        let expected =
-            if fits { Ok(()) } else { Err(ConfigError::Ecu(1, Mistake::Amt(AmtMistake::Settings))) };
-        assert_eq!(validate(&[amt(0, Line::new(2400)), engine]), expected, "{delay_ms} ms, {half_idle}");
+        let expected = if fits {
+            None
+        } else if half_idle == 20 {
+            Some("ecu.serial_delay: 500 to 60000 ms")
+        } else {
+            Some("ecu.half_idle: 1 to 254 as the ECU sends it")
+        };
+        let found = validate(&[amt(0, Line::new(2400)), engine]).err();
+        assert_eq!(found.map(ConfigError::message), expected, "{delay_ms} ms, {half_idle}");
+        assert!(
+            found.is_none_or(|found| matches!(
+                found,
+                ConfigError::Ecu(1, Mistake::Amt(AmtMistake::Setting(_)))
+            ))
+        );
     }
 }
 
@@ -156,7 +185,7 @@ fn the_fingerprint_identifies_the_engine_and_not_its_settings() {
     }
 }
 
-/// What the compiler prints where `check` stands in a constant (`.ci/tables` reads it there).
+/// The compiler's message where `check` is in a constant (`.ci/tables` reads it there).
 #[test]
 fn a_mistake_that_does_not_build_names_its_row() {
     let text = |run: &(dyn Fn() + std::panic::RefUnwindSafe)| {
@@ -204,8 +233,11 @@ fn a_link_that_could_never_be_up_is_refused() {
     never_up.timing.up_after = 0;
     let mut lost_at_once = amt(0, Line::new(2400));
     lost_at_once.timing.lost_after = Duration::from_ticks(0);
-    for engine in [never_up, lost_at_once] {
-        assert_eq!(validate(&[engine]), Err(ConfigError::Timing(0)));
+    for (engine, text) in [
+        (never_up, "row 1 of the table of engines: timing.up_after: 1 to 255 frames"),
+        (lost_at_once, "row 1 of the table of engines: timing.lost_after: 200 to 60000 ms"),
+    ] {
+        assert_eq!(validate(&[engine]).unwrap_err().to_string(), text);
     }
 }
 
@@ -220,7 +252,12 @@ fn every_field_has_a_range() {
     let changes: [(Change, ConfigError, u64, u64); 29] = {
         let of = |name| ConfigError::Supervision(1, setting(name));
         [
-            (|e, t| e.timing.lost_after = Duration::from_millis(t), ConfigError::Timing(1), 200, 60_000),
+            (
+                |e, t| e.timing.lost_after = Duration::from_millis(t),
+                ConfigError::Timing(1, lost_after()),
+                200,
+                60_000,
+            ),
             (
                 |e, t| e.supervision.timeouts.emergency = Duration::from_millis(t),
                 of("SRC_EMERG_TOUT"),
@@ -339,7 +376,10 @@ fn every_field_has_a_range() {
         }
     }
     for (change, error) in [
-        ((|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig), ConfigError::Timing(0)),
+        (
+            (|e| e.timing.lost_after = Duration::MAX) as fn(&mut EngineConfig),
+            ConfigError::Timing(0, lost_after()),
+        ),
         (|e| e.supervision.loss.hold = Duration::MAX, ConfigError::Supervision(0, setting("LOSS_HOLD"))),
         (|e| e.supervision.timeouts.rc = Duration::MAX, ConfigError::Supervision(0, setting("SRC_RC_TOUT"))),
         (
@@ -353,7 +393,7 @@ fn every_field_has_a_range() {
     }
 }
 
-/// Whoever reads the message knows which row, and what to do.
+/// The message names the row, and what to do.
 #[test]
 fn errors_name_their_row() {
     for (error, text) in [
@@ -372,10 +412,9 @@ fn errors_name_their_row() {
             "row 2 of the table of engines: the reply guard",
         ),
         (
-            ConfigError::Ecu(3, Mistake::Amt(AmtMistake::Settings)),
-            "row 4 of the table of engines: invalid AMT settings: use a serial delay of",
+            ConfigError::Timing(4, lost_after()),
+            "row 5 of the table of engines: timing.lost_after: 200 to 60000 ms",
         ),
-        (ConfigError::Timing(4), "row 5 of the table of engines: invalid link settings"),
         (
             ConfigError::Supervision(5, setting("LOSS_HOLD")),
             "row 6 of the table of engines: loss.hold: 0 to 60000",
@@ -393,18 +432,22 @@ fn both() -> [EngineConfig; 2] {
     [amt(0, Line::new(9600)), zk(1, Line::new(9600), Rate::Hz20)]
 }
 
-/// A default that its table names is the default of the configuration. What a protocol has other defaults of is excepted.
+/// A default that its table names is the default of the configuration.
 #[test]
 fn settings_have_the_defaults_that_the_table_names() {
     for config in both() {
         for setting in config.settings() {
-            let of_protocol = config.number("AMT_GUARD").is_some() && setting.name.starts_with("LINK_");
-            if !of_protocol {
-                assert_eq!(config.number(setting.name), Some(setting.default), "{}", setting.name);
-            }
+            assert_eq!(config.number(setting.name), Some(setting.default), "{}", setting.name);
             assert!(setting.allows(setting.default), "{}", setting.name);
         }
+        for (setting, row) in config.settings().zip(config.rows()) {
+            let of_setting = (setting.name, setting.min, setting.max, setting.may_be_off, setting.effect);
+            assert_eq!(of_setting, (row.name, row.min, row.max, row.may_be_off, row.effect));
+        }
     }
+    let [amt, zk] =
+        both().map(|config| ["LINK_UP_AFTER", "LINK_LOST"].map(|name| config.number(name).unwrap()));
+    assert_eq!((amt, zk), ([2, 1000], [1, 500]), "each protocol has its own");
 }
 
 #[test]
@@ -483,44 +526,149 @@ fn settings_of_a_running_engine_can_be_changed() {
     assert_ne!(scenario.telemetry().loss, LossStage::None);
 }
 
+fn give(scenario: &mut Scenario, config: &EngineConfig) -> Result<(), LinkSettingsError> {
+    let (now, settings) = (at_us(scenario.now_us()), LinkSettings::from(config));
+    scenario.bench.act(|engine, _| engine.configure_link(now, &settings))
+}
+
+/// State of the link after this silence of the ECU.
+fn link_after_silence(scenario: &Scenario, millis: u64) -> LinkState {
+    let mut scenario = scenario.clone();
+    scenario.silent().pass_us(millis * 1000);
+    scenario.telemetry().link
+}
+
+/// Settings of a link wait while the engine runs and cools, and are in effect when it is at rest, before its next start.
+#[test]
+fn settings_of_a_link_take_effect_when_the_engine_is_at_rest() {
+    for (ecu, lost_after_ms) in [(Ecu::Amt, 1000), (Ecu::Zk, 500)] {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        let mut config = ecu.config();
+        config.timing.lost_after = Duration::from_secs(3);
+        give(&mut scenario, &config).unwrap();
+        for reports in [Reports::Running, Reports::Cooling] {
+            if reports == Reports::Cooling {
+                scenario.shut_down().unwrap();
+            } else {
+                scenario.fly_us(run(50), Origin::Rc, SECOND);
+            }
+            scenario.reports(reports);
+            assert!(scenario.bench.machine.link_settings_wait(), "{ecu:?} {reports:?}");
+            assert_eq!(
+                link_after_silence(&scenario, lost_after_ms + 100),
+                LinkState::Lost,
+                "{ecu:?} {reports:?}"
+            );
+        }
+        scenario.reports(Reports::Standby);
+        assert!(!scenario.bench.machine.link_settings_wait(), "{ecu:?}");
+        // The link is the same one: it stays up, and what the ECU has reported stays known.
+        assert_eq!(scenario.telemetry().link, LinkState::Up);
+        assert_eq!(link_after_silence(&scenario, 2900), LinkState::Up, "{ecu:?}");
+        assert_eq!(link_after_silence(&scenario, 3100), LinkState::Lost, "{ecu:?}");
+    }
+}
+
+/// AMT-14: the start throttle of settings that were given at rest goes out with the next start.
+#[test]
+fn settings_of_a_protocol_count_for_the_next_start() {
+    let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+    let mut config = Ecu::Amt.config();
+    config.set("AMT_START_THR", 120).unwrap();
+    give(&mut scenario, &config).unwrap();
+    assert!(!scenario.bench.machine.link_settings_wait(), "at rest: at once");
+    scenario.command(run(0)).unwrap();
+    assert_eq!(scenario.reports(Reports::Starting).wire(), Wire::Run(120));
+}
+
+/// ZK-11: another status rate is ordered when the engine is at rest. One that a service command has set stays where the setting
+/// is the same.
+#[test]
+fn zk_11_a_rate_of_settings_is_ordered_at_rest() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    let rate = zk_frames::action;
+    let ordered = |scenario: &mut Scenario, frame: [u8; 4]| {
+        scenario.bench.frames();
+        scenario.pass_us(SECOND);
+        scenario.bench.bytes().contains(&frame.to_vec())
+    };
+    let mut config = Ecu::Zk.config();
+    config.set("ZK_SPLIT_SWITCH", 1).unwrap();
+    give(&mut scenario, &config).unwrap();
+    assert!(!ordered(&mut scenario, rate(7)), "20 Hz as before");
+    let EcuConfig::Zk(zk) = &mut config.ecu else { panic!("ZK") };
+    zk.rate = Rate::Hz50;
+    give(&mut scenario, &config).unwrap();
+    assert!(ordered(&mut scenario, rate(8)), "50 Hz");
+}
+
+#[test]
+fn wrong_settings_of_a_link_change_nothing() {
+    let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+    let right = Ecu::Amt.config();
+    type Change = fn(&mut EngineConfig);
+    for (change, text) in [
+        (
+            (|e| e.timing.lost_after = Duration::from_millis(199)) as Change,
+            "timing.lost_after: 200 to 60000 ms",
+        ),
+        (|e| assert!(e.change("AMT_HALF_IDLE", 0)), "ecu.half_idle: 1 to 254 as the ECU sends it"),
+        // Allowed by its range, but not on every line.
+        (|e| e.set("AMT_GUARD", 30_000).unwrap(), "the reply guard leaves no time"),
+        (|e| e.ecu = Ecu::Zk.config().ecu, "another protocol or engine"),
+        (|e| e.ecu = EcuConfig::Amt(AmtConfig::DEFAULT), "another protocol or engine"),
+    ] {
+        let mut wrong = right;
+        change(&mut wrong);
+        let refused = give(&mut scenario, &wrong).unwrap_err().to_string();
+        assert!(refused.starts_with(text), "{refused}");
+        assert!(!scenario.bench.machine.link_settings_wait());
+    }
+    assert_eq!(give(&mut scenario, &right), Ok(()));
+}
+
 /// The tables of docs/failsafe.md are made from the table of settings. `JETLINK_WRITE=1` writes them.
 #[test]
 fn docs_have_the_table_of_settings() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/failsafe.md");
-    let text = std::fs::read_to_string(path).unwrap();
     let (begin, end) = (
         "<!-- settings: made from the library, JETLINK_WRITE=1 cargo test -p jetlink docs_have -->\n",
         "<!-- settings end -->\n",
     );
-    let (before, rest) = text.split_once(begin).expect("the page marks its table");
-    let (found, after) = rest.split_once(end).expect("the page marks the table's end");
-    let mut rows: Vec<&Setting> = Vec::new();
-    for config in both() {
+    // Rows of one name, in each protocol that has it.
+    let mut rows: Vec<Vec<(&str, &Setting)>> = Vec::new();
+    for (protocol, config) in ["AMT", "ZK"].into_iter().zip(both()) {
         for setting in config.settings() {
-            if !rows.iter().any(|row| row.name == setting.name) {
-                rows.push(setting);
+            match rows.iter_mut().find(|row| row[0].1.name == setting.name) {
+                Some(row) => row.push((protocol, setting)),
+                None => rows.push(vec![(protocol, setting)]),
             }
         }
     }
     let mut table = String::from("| setting | field | default | range | what |\n|---|---|---|---|---|\n");
-    for row in rows {
-        let number = |number: i32| {
-            if number == OFF && row.may_be_off { "off".to_string() } else { number.to_string() }
-        };
+    for of_protocols in rows {
+        let row = of_protocols[0].1;
         let off = if row.may_be_off { ", or off" } else { "" };
-        let (default, range) = match row.unit {
-            Unit::YesNo | Unit::Action => (number(row.default), row.symbol.to_string()),
-            _ => {
-                let default = number(row.default);
-                let default = if default == "off" { default } else { format!("{default} {}", row.symbol) };
-                (default, format!("{} to {} {}{off}", row.min, row.max, row.symbol))
-            }
+        let plain = matches!(row.unit, Unit::YesNo | Unit::Action);
+        let range = if plain {
+            row.symbol.to_string()
+        } else {
+            format!("{} to {} {}{off}", row.min, row.max, row.symbol)
+        };
+        let default = |number: i32| match number {
+            OFF if row.may_be_off => "off".to_string(),
+            number if plain => number.to_string(),
+            1 if row.unit == Unit::Frames => "1 frame".to_string(),
+            number => format!("{number} {}", row.symbol),
+        };
+        let default = if of_protocols.iter().all(|(_, other)| other.default == row.default) {
+            default(row.default)
+        } else {
+            let each =
+                of_protocols.iter().map(|(protocol, row)| format!("{protocol} {}", default(row.default)));
+            each.collect::<Vec<_>>().join(", ")
         };
         table += &format!("| `{}` | `{}` | {default} | {range} | {} |\n", row.name, row.field, row.text);
     }
-    if std::env::var_os("JETLINK_WRITE").is_some() {
-        std::fs::write(path, format!("{before}{begin}{table}{end}{after}")).unwrap();
-    } else {
-        assert_eq!(found, table, "write it anew with JETLINK_WRITE=1");
-    }
+    pages::compare(path, begin, end, &table);
 }

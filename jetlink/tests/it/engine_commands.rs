@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use crate::support::bench::micros;
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
-    ALL, BOTH, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, Wire, ZK_IDLE, percent, rpm, run,
+    ALL, BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Wire, ZK_IDLE, percent, rpm, run,
 };
 
 /// What moves fuel or heats: everything but the rates and the end of what was opened.
@@ -43,12 +43,12 @@ fn amt_13_a_lost_source_does_not_cancel_ctf() {
     assert_eq!(scenario.wire(), Wire::Ctf);
     scenario.pass_us(5 * SECOND); // the source is silent
     assert_eq!((scenario.telemetry().loss, scenario.wire()), (LossStage::FailSafe, Wire::Ctf));
-    scenario.says(Says::Cooling);
+    scenario.reports(Reports::Cooling);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
 }
 
 /// ZK-8: a hand-over to the PWM input counts as a start, and lasts for the engine's life: no stage of loss takes the engine
-/// back from whoever flies it.
+/// back from the source in control.
 #[test]
 fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(80));
@@ -61,7 +61,7 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     assert_eq!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce));
     assert_eq!(scenario.wire(), Wire::Pwm);
     assert_eq!(scenario.command(Command::HandOverToPwm), Err(Rejected::StandbyFirst), "once");
-    scenario.says(Says::Starting).says(Says::Running).pass_us(60 * SECOND);
+    scenario.reports(Reports::Starting).reports(Reports::Running).pass_us(60 * SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Pwm, Wire::Pwm));
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     // A stream of run does not take it back; standby does.
@@ -73,7 +73,7 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     // With the life of the engine it is over.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(Command::HandOverToPwm).unwrap();
-    scenario.says(Says::Starting).says(Says::Running).says(Says::Cooling);
+    scenario.reports(Reports::Starting).reports(Reports::Running).reports(Reports::Cooling);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
     // An AMT ECU has no such thing, and a refusal changes nothing.
     for (mut amt, why) in [
@@ -86,7 +86,7 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     }
 }
 
-/// Whoever handed the engine over takes it back, also below a source that streams run, which has no say in it.
+/// The source that handed the engine over takes it back, also below a source that streams run.
 #[test]
 fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     for reached in [false, true] {
@@ -95,7 +95,7 @@ fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.command_from(Command::HandOverToPwm, Origin::Bench), Ok(Accepted::InForce));
         if reached {
-            scenario.says(Says::Starting).says(Says::Running);
+            scenario.reports(Reports::Starting).reports(Reports::Running);
         }
         scenario.fly_us(run(50), Origin::Rc, SECOND);
         for origin in [Origin::Mavlink, Origin::Bench] {
@@ -144,35 +144,37 @@ fn zk_13_services_that_move_fuel_are_refused_in_a_gap() {
         let refused = Err(Rejected::Start(Interlock::Link));
         assert_eq!(scenario.command(action(service)), refused, "{service:?} in the gap");
         // The first reports of an ECU that comes back may still be those of before.
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         assert_eq!(scenario.would_answer(action(service)), refused, "{service:?} after it");
         scenario.pass_us(SECOND);
         assert_eq!(scenario.would_answer(action(service)), Ok(Accepted::InForce), "{service:?} 1 s later");
     }
 }
 
-/// A service command needs an engine that is heard and stopped; a rate does not. One that moves fuel or heats needs one that
+/// A service command needs an engine that is received and stopped; a rate does not. One that moves fuel or heats needs one that
 /// is cold, armed, and no longer cooling as well.
 #[test]
 fn service_commands_need_a_stopped_engine() {
-    for says in ALL {
+    for reports in ALL {
         // In standby: what the node has ordered of an engine that does not run.
         let ready = || {
             let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
-            scenario.says(says);
+            scenario.reports(reports);
             scenario
         };
-        let stopped = matches!(says, Says::Stopped | Says::Standby | Says::Cooling);
+        let stopped = matches!(reports, Reports::Stopped | Reports::Standby | Reports::Cooling);
         let answer = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
         for each in Action::ALL {
             let is_rate = (7..=9).contains(&each.code());
             let moves_fuel = MOVE_FUEL.contains(&each);
-            let expected = match says {
+            let expected = match reports {
                 _ if is_rate => Ok(Accepted::InForce),
-                Says::Stopped | Says::Cooling if moves_fuel => Err(Rejected::Start(Interlock::NotStandby)),
+                Reports::Stopped | Reports::Cooling if moves_fuel => {
+                    Err(Rejected::Start(Interlock::NotStandby))
+                }
                 _ => answer,
             };
-            assert_eq!(ready().command(action(each)), expected, "{says:?} {each:?}");
+            assert_eq!(ready().command(action(each)), expected, "{reports:?} {each:?}");
             // Hot, or not armed.
             for (hot, why) in
                 [(true, Interlock::TooHot(Celsius::from_tenths(1010))), (false, Interlock::NotArmed)]
@@ -184,14 +186,14 @@ fn service_commands_need_a_stopped_engine() {
                 } else {
                     scenario.command(Command::Disarm).unwrap();
                 }
-                let standby = says == Says::Standby;
+                let standby = reports == Reports::Standby;
                 let why = if !standby && hot { Interlock::NotStandby } else { why };
                 let expected = if moves_fuel && stopped { Err(Rejected::Start(why)) } else { expected };
-                assert_eq!(scenario.command(action(each)), expected, "{says:?} {each:?} {hot}");
+                assert_eq!(scenario.command(action(each)), expected, "{reports:?} {each:?} {hot}");
             }
         }
         let curve = zk::config::Service::Curve(AccelerationCurve::new(40).unwrap());
-        assert_eq!(ready().command(Command::Service(Service::Zk(curve))), answer, "{says:?}");
+        assert_eq!(ready().command(Command::Service(Service::Zk(curve))), answer, "{reports:?}");
     }
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.silent().pass_us(2 * SECOND);
@@ -224,7 +226,7 @@ fn a_service_command_of_the_other_ecu_is_refused() {
     assert_eq!(amt.command(action(Action::Drain)), Err(Rejected::NotSupported));
 }
 
-/// A refused command is typed, counted, told once, and changes nothing.
+/// A refused command is typed, counted, reported once, and changes nothing.
 #[test]
 fn refusals_change_nothing() {
     for ecu in BOTH {
@@ -266,7 +268,7 @@ fn orders_are_reported_when_they_change_in_kind() {
         assert_eq!(scenario.bench.event_kinds(), []);
         scenario.command_from(run(9), Origin::Emergency).unwrap();
         scenario.shut_down_from(Origin::Emergency).unwrap();
-        let told: Vec<_> = scenario
+        let reported: Vec<_> = scenario
             .bench
             .event_kinds()
             .into_iter()
@@ -276,7 +278,7 @@ fn orders_are_reported_when_they_change_in_kind() {
             })
             .collect();
         let expected = [(Order::Run(percent(9)), Origin::Emergency), (Order::Standby, Origin::Emergency)];
-        assert_eq!(told, expected, "{ecu:?}");
+        assert_eq!(reported, expected, "{ecu:?}");
     }
 }
 
@@ -286,7 +288,7 @@ fn orders_are_reported_when_they_change_in_kind() {
 
 #[derive(Clone, Debug)]
 enum Step {
-    Says(Says),
+    Reports(Reports),
     Silent,
     Command(Command, Origin),
     /// A stream of it, for tenths of a second.
@@ -311,9 +313,9 @@ fn step() -> impl Strategy<Value = Step> {
         ]
     };
     prop_oneof![
-        3 => prop::sample::select(ALL.to_vec()).prop_map(Step::Says),
-        3 => Just(Step::Says(Says::Standby)),
-        3 => Just(Step::Says(Says::Running)),
+        3 => prop::sample::select(ALL.to_vec()).prop_map(Step::Reports),
+        3 => Just(Step::Reports(Reports::Standby)),
+        3 => Just(Step::Reports(Reports::Running)),
         1 => Just(Step::Silent),
         3 => (command(), origin()).prop_map(|(command, origin)| Step::Command(command, origin)),
         4 => (command(), origin(), 0..40u64).prop_map(|(command, origin, tenths)| Step::Fly(command, origin, tenths)),
@@ -341,7 +343,7 @@ proptest! {
         for (wait, step) in steps {
             scenario.pass_us(wait);
             let commands = match step {
-                Step::Says(says) => { scenario.says(says); vec![] }
+                Step::Reports(reports) => { scenario.reports(reports); vec![] }
                 Step::Silent => { scenario.silent(); vec![] }
                 Step::Command(command, origin) => vec![(command, origin)],
                 Step::Fly(command, origin, tenths) => vec![(command, origin); tenths as usize],
@@ -369,7 +371,7 @@ proptest! {
                             prop_assert_eq!(before.ordered.order, Order::Standby);
                         }
                     }
-                    // Its source is heard all the same: it is known to want the engine to run.
+                    // Its source is received all the same: it is known to command run.
                     (_, Err(Rejected::NeedsVersion { known: None, .. })) => {
                         prop_assert_eq!(after.ordered.order, before.ordered.order);
                     }
@@ -386,8 +388,8 @@ proptest! {
             let now = scenario.telemetry();
             prop_assert_eq!(now.stop_latched, latched);
             prop_assert_eq!(now.ordered.order == Order::EmergencyStop, latched);
-            if let (Order::Run(demand) | Order::Doubt(demand), Some(heard)) = (now.ordered.order, now.source_last_rx) {
-                let age = now.at.duration_since(heard).as_micros();
+            if let (Order::Run(demand) | Order::Doubt(demand), Some(received)) = (now.ordered.order, now.source_last_rx) {
+                let age = now.at.duration_since(received).as_micros();
                 let low = match demand {
                     Demand::Throttle(throttle) => throttle <= safe,
                     Demand::Rpm(rpm) => rpm.get() <= ZK_IDLE,

@@ -11,7 +11,7 @@ use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
 
 use crate::support::scenario::{
-    Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, Values, Wire, percent, rpm, run,
+    Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, rpm, run,
 };
 
 fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
@@ -20,7 +20,7 @@ fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     Ecu::Amt.with(|s| s.governor = Some(governor))
 }
 
-/// An engine at a throttle, whose shaft says `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
+/// An engine at a throttle, whose shaft is reported at `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
 fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
     let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
     scenario.values.rpm = Some(rpm);
@@ -120,7 +120,7 @@ fn the_governor_is_limited_in_slew_and_authority() {
     assert!(scenario.tenths() < 690, "{}", scenario.tenths());
 }
 
-/// Old telemetry is not believed: the throttle goes to idle, to the tick, and does not come back by itself. While faults
+/// Old telemetry is not taken: the throttle goes to idle, to the tick, and does not come back by itself. While faults
 /// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
 #[test]
 fn the_governor_never_holds_a_throttle_on_old_telemetry() {
@@ -130,7 +130,7 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
         assert!(throttle(&scenario) > 500);
         // Error sets: received, without an rpm.
         let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
-        let error = Ecu::Amt.frame(Says::Running, Values { fault: exhaust.fault(), ..scenario.values });
+        let error = Ecu::Amt.frame(Reports::Running, Values { fault: exhaust.fault(), ..scenario.values });
         scenario.silent();
         let mut now = last;
         while now + FRAME_PERIOD_US < last + 600_000 {
@@ -151,16 +151,16 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
             assert_eq!(throttle(&scenario), 0);
         }
         assert_eq!(scenario.sent(), [Wire::Run(0); 40], "{exhaust:?}");
-        // It says its speed again: up from idle, by the slew.
+        // It reports its speed again: up from idle, by the slew.
         scenario.values.rpm = Some(40_000);
         scenario.values.half_percents = 0;
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.fly_us(target(85_000), Origin::Rc, 500_000);
         assert!(scenario.tenths() <= 160, "30 % a second: {}", scenario.tenths());
     }
 }
 
-/// On a line that is cut nothing goes out. When it is mended the governor goes on from the throttle that the ECU reports.
+/// On a line that is cut nothing goes out. When it is mended the governor continues from the throttle that the ECU reports.
 #[test]
 fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
@@ -169,7 +169,7 @@ fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
     scenario.sent();
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     assert_eq!(scenario.sent(), []);
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     let sent = scenario.sent();
     assert!(sent.len() >= 19 && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
@@ -193,29 +193,29 @@ fn a_lost_source_lowers_the_governors_throttle() {
         before = scenario.tenths();
     }
     assert_eq!((before, scenario.wire()), (0, Wire::Run(0)));
-    // It speaks again, far from there: held off, then by the governor from there on.
+    // The ECU is received again, far from there: held off, then by the governor from there on.
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     assert_eq!(scenario.tenths(), 0);
     assert_eq!(scenario.command(target(80_000)), Ok(Accepted::Held));
 }
 
-/// After a reset it goes on at the throttle that the ECU obeys.
+/// After a reset it continues at the throttle that the ECU obeys.
 #[test]
 fn the_governor_resumes_after_a_reset() {
-    let kept = jetlink::engine::retained::RetainedState {
+    let retained = jetlink::engine::retained::RetainedState {
         armed: true,
         ..jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
     };
-    let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(kept));
+    let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(retained));
     scenario.values.rpm = Some(80_000);
     scenario.values.half_percents = 120;
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     let sent = scenario.sent();
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
 
-/// A line that is lost, or an ECU that says only that it has a fault, is no source that is lost: nothing goes out or idle,
+/// A line that is lost, or an ECU that reports only that it has a fault, is no source that is lost: nothing goes out or idle,
 /// and nothing shuts the engine down.
 #[test]
 fn a_lost_line_is_not_a_lost_source() {
@@ -260,7 +260,7 @@ fn a_speed_expires_after_its_own_setting() {
     }
 }
 
-/// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is asked.
+/// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is commanded.
 #[test]
 fn a_limit_brings_a_governed_engine_to_idle() {
     let mut config = governed(|_| {});
@@ -277,4 +277,18 @@ fn a_limit_brings_a_governed_engine_to_idle() {
     scenario.values.egt_celsius = 720;
     scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.tenths(), 500);
+}
+
+/// What is retained of an rpm under the governor: the rpm while its source is in control, and the throttle of the stage of loss
+/// without one, so that a reset restores no speed that nobody commands any more.
+#[test]
+fn a_governed_rpm_is_retained_until_its_source_is_lost() {
+    let mut scenario = at(governed(|_| {}), 50, 80_000);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+    assert!(matches!(scenario.order(), Order::Run(Demand::Throttle(_))), "{:?}", scenario.order());
+    assert_eq!(scenario.bench.machine.record().order, Order::Run(rpm(80_000)));
+    scenario.reports = Some(Reports::Running);
+    scenario.pass_us(20 * SECOND);
+    assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
+    assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)));
 }

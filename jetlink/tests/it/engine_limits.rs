@@ -5,12 +5,12 @@ use jetlink::engine::config::Limits;
 use jetlink::event::Event;
 use jetlink::limit::LimitKind;
 use jetlink::limit::{Action, Limit};
-use jetlink::units::{Celsius, Millivolts, Rpm};
+use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
 use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent,
     run,
 };
 
@@ -30,7 +30,7 @@ fn burns(scenario: &mut Scenario) {
 }
 
 /// Events after some consecutive frames with these values, and then the engine's own values.
-fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
+fn reported_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(LimitKind, i32, i32)> {
     let before = scenario.values;
     scenario.values = values;
     scenario.fly_us(run(50), Origin::Rc, u64::from(frames) * FRAME_PERIOD_US);
@@ -39,7 +39,7 @@ fn told_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(Limi
     scenario.passed().into_iter().map(|passed| (passed.kind, passed.value, passed.limit)).collect()
 }
 
-/// Two values in a row beyond a limit are told, with both numbers; one is not; and a value at the limit never.
+/// Two values in a row beyond a limit are reported, with both numbers; one is not; and a value at the limit never.
 #[test]
 fn a_limit_is_violated_by_two_consecutive_values() {
     use LimitKind::{LowRpm, OverSpeed, OverTemperature};
@@ -78,7 +78,7 @@ fn a_limit_is_violated_by_two_consecutive_values() {
         for (change, what, at, beyond, value, limit) in cases {
             // An AMT temperature comes in steps.
             let value = if ecu == Ecu::Amt && what == OverTemperature { 5_342 } else { value };
-            for (frames, values, told) in
+            for (frames, values, reported) in
                 [(5, at, false), (1, beyond, false), (2, beyond, true), (40, beyond, true)]
             {
                 let mut scenario = running(ecu, |limits| {
@@ -86,15 +86,19 @@ fn a_limit_is_violated_by_two_consecutive_values() {
                     limits.flame_out = Limit::NONE;
                     change(limits);
                 });
-                let expected = if told { vec![(what, value, limit)] } else { vec![] };
-                assert_eq!(told_after(&mut scenario, frames, values), expected, "{ecu:?} {what:?} {frames}");
+                let expected = if reported { vec![(what, value, limit)] } else { vec![] };
+                assert_eq!(
+                    reported_after(&mut scenario, frames, values),
+                    expected,
+                    "{ecu:?} {what:?} {frames}"
+                );
                 // By default nothing is done.
                 assert_eq!(scenario.order(), Order::Run(percent(50)));
             }
-            // Told again after a value within.
+            // Reported again after a value within.
             let mut scenario = running(ecu, change);
-            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
-            assert_eq!(told_after(&mut scenario, 4, beyond).len(), 1);
+            assert_eq!(reported_after(&mut scenario, 4, beyond).len(), 1);
+            assert_eq!(reported_after(&mut scenario, 4, beyond).len(), 1);
         }
     }
 }
@@ -108,7 +112,7 @@ fn a_limit_is_reported_with_its_time() {
         let from = scenario.now_us();
         scenario.silent();
         for i in 1..=3 {
-            scenario.bench.rx_at_us(from + i * 70_000, &ecu.frame(Says::Running, values));
+            scenario.bench.rx_at_us(from + i * 70_000, &ecu.frame(Reports::Running, values));
         }
         let passed = scenario.passed();
         assert_eq!(passed.len(), 1);
@@ -124,20 +128,20 @@ fn without_a_limit_the_engines_own_figures_apply() {
         limits.implausible = Limit::NONE;
         limits.flame_out = Limit::NONE;
     };
-    for (rpm, told) in [
+    for (rpm, reported) in [
         (168_000, vec![]),
         (168_010, vec![(LimitKind::OverSpeed, 168_010, 168_000)]),
         (4_000, vec![]),
         (3_990, vec![(LimitKind::LowRpm, 3_990, 4_000)]),
     ] {
         let mut scenario = running(Ecu::Zk, quiet);
-        assert_eq!(told_after(&mut scenario, 3, values(rpm)), told, "{rpm}");
+        assert_eq!(reported_after(&mut scenario, 3, values(rpm)), reported, "{rpm}");
     }
     // A low speed at rest or during a start is no violation.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(run(0)).unwrap();
     scenario.values.rpm = Some(1_000);
-    scenario.says = Some(Says::Starting);
+    scenario.reports = Some(Reports::Starting);
     scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
     assert_eq!(scenario.limits(), []);
 }
@@ -147,13 +151,13 @@ fn without_a_limit_the_engines_own_figures_apply() {
 fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
     for ecu in BOTH {
         // °C per second, and whether that is reported: the default is 200.
-        for (rate, says, told) in
-            [(160, Says::Starting, false), (320, Says::Starting, true), (320, Says::Running, false)]
+        for (rate, reports, reported) in
+            [(160, Reports::Starting, false), (320, Reports::Starting, true), (320, Reports::Running, false)]
         {
             let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
             let mut scenario = Scenario::ready(ecu, config);
             scenario.command(run(0)).unwrap();
-            scenario.says(Says::Starting).says(says);
+            scenario.reports(Reports::Starting).reports(reports);
             scenario.bench.events();
             for i in 0..40 {
                 scenario.values.egt_celsius = 26 + rate * i / 20;
@@ -163,13 +167,13 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
                 scenario.pass_us(FRAME_PERIOD_US);
             }
             let passed = scenario.passed();
-            if told {
+            if reported {
                 assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
                 assert_eq!((passed[0].kind, passed[0].limit), (LimitKind::HotStart, 200));
                 // Soon after it passed the limit.
                 assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
             } else {
-                assert_eq!(passed, [], "{ecu:?} {rate} {says:?}");
+                assert_eq!(passed, [], "{ecu:?} {rate} {reports:?}");
             }
         }
         // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
@@ -179,7 +183,11 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
                 let mut scenario = Scenario::ready(ecu, config);
                 scenario.command(run(0)).unwrap();
                 scenario.values.egt_celsius = 400;
-                scenario.says(Says::Starting).fly_us(run(0), Origin::Rc, 3 * SECOND + wait * FRAME_PERIOD_US);
+                scenario.reports(Reports::Starting).fly_us(
+                    run(0),
+                    Origin::Rc,
+                    3 * SECOND + wait * FRAME_PERIOD_US,
+                );
                 scenario.bench.events();
                 scenario.values.egt_celsius = odd;
                 scenario.pass_us(FRAME_PERIOD_US);
@@ -191,7 +199,7 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
     }
 }
 
-/// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source asks `demand` of it.
+/// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source commands `demand` of it.
 fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
     scenario.values.rpm = Some(20_000);
@@ -209,12 +217,12 @@ fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     scenario.limits()
 }
 
-/// Flame-out: the speed falls without a command. After a lower demand that is what was asked for.
+/// Flame-out: the speed falls without a command. After a lower demand that is what was commanded.
 #[test]
 fn a_flame_out_is_a_fall_of_speed_without_a_command() {
     for ecu in BOTH {
         assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
-        assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was asked for");
+        assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was commanded");
         // A higher demand is no excuse, and the noise of a stick neither.
         assert_eq!(run_down(ecu, &[], 60), [LimitKind::FlameOut], "{ecu:?}");
         assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [LimitKind::FlameOut], "{ecu:?}");
@@ -236,26 +244,26 @@ fn one_odd_shaft_speed_is_no_flame_out() {
                     });
                     scenario.fly_us(run(50), Origin::Rc, wait * FRAME_PERIOD_US);
                     let values = Values { rpm: Some(odd), ..scenario.values };
-                    let told = told_after(&mut scenario, 1, values);
-                    assert_eq!(told, [], "{ecu:?} {odd} {wait}");
+                    let reported = reported_after(&mut scenario, 1, values);
+                    assert_eq!(reported, [], "{ecu:?} {odd} {wait}");
                 }
             }
         }
     }
 }
 
-/// A change that no turbine makes is told when it lasts for two frames; frames that are read late and at once are no
+/// A change that no turbine makes is reported when it lasts for two frames; frames that are read late and at once are no
 /// such change.
 #[test]
 fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
     for ecu in BOTH {
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let values = Values { rpm: Some(60_000), ..scenario.values };
-        assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+        assert_eq!(reported_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
-        let told = told_after(&mut scenario, 2, values);
-        assert_eq!(told[0].0, LimitKind::Implausible, "{ecu:?}");
-        assert!(told[0].1 > 150_000 && told[0].2 == 150_000);
+        let reported = reported_after(&mut scenario, 2, values);
+        assert_eq!(reported[0].0, LimitKind::Implausible, "{ecu:?}");
+        assert!(reported[0].1 > 150_000 && reported[0].2 == 150_000);
 
         let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
         scenario.silent();
@@ -266,7 +274,7 @@ fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
             for _ in 0..4 {
                 rpm += 500;
                 let values = Values { rpm: Some(rpm), ..scenario.values };
-                scenario.bench.receive(&ecu.frame(Says::Running, values));
+                scenario.bench.receive(&ecu.frame(Reports::Running, values));
             }
             scenario.command(run(50)).unwrap();
         }
@@ -291,12 +299,12 @@ fn a_low_supply_is_reported_where_a_limit_is_set() {
         let is = supply(&mut scenario).get();
         supply(&mut scenario);
         assert_eq!(scenario.limits(), [], "{ecu:?}: not watched");
-        for (limit, frames, told) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
+        for (limit, frames, reported) in [(is + 1, 1, 0), (is + 1, 2, 1), (is + 1, 9, 1), (is, 9, 0)] {
             let mut scenario = running(ecu, |l| l.supply_low = Limit::report(Millivolts::new(limit)));
             for _ in 0..frames {
                 supply(&mut scenario);
             }
-            assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; told], "{ecu:?} {limit} {frames}");
+            assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; reported], "{ecu:?} {limit} {frames}");
         }
     }
 }
@@ -309,10 +317,10 @@ fn a_fault_of_the_ecu_is_reported_after_two_reports_with_its_number() {
             let mut scenario = running(ecu, |limits| limits.ecu_fault = action);
             burns(&mut scenario);
             let values = Values { fault: 2, ..scenario.values };
-            assert_eq!(told_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
+            assert_eq!(reported_after(&mut scenario, 1, values), [], "{ecu:?}: one odd frame");
             assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?} {action:?}");
-            let told = told_after(&mut scenario, 5, values);
-            assert_eq!(told, [(LimitKind::EcuFault, 2, 0)], "{ecu:?} {action:?}");
+            let reported = reported_after(&mut scenario, 5, values);
+            assert_eq!(reported, [(LimitKind::EcuFault, 2, 0)], "{ecu:?} {action:?}");
             let expected = match action {
                 Action::Report => Order::Run(percent(50)),
                 Action::FailSafe => Order::Run(percent(0)),
@@ -351,15 +359,63 @@ fn each_limit_takes_its_action() {
         assert!(matches!(scenario.command_from(run(1), Origin::Emergency), Ok(Accepted::InForce)));
         scenario.fly_us(run(70), Origin::Emergency, 5 * SECOND);
         assert_eq!(scenario.tenths(), 0);
-        let told: Vec<_> =
+        let reported: Vec<_> =
             scenario.bench.event_kinds().into_iter().filter(|e| matches!(e, Event::Limit(_))).collect();
-        assert_eq!(told, [], "it is told once");
+        assert_eq!(reported, [], "it is reported once");
         scenario.shut_down_from(Origin::Emergency).unwrap();
         assert_eq!(scenario.order(), Order::Standby);
     }
 }
 
-/// A limit with an action that is passed refuses a start; one that is only told does not.
+/// At the fail-safe throttle of a limit, a lower demand of the source in control is obeyed, with a slew and without; a higher one
+/// is not.
+#[test]
+fn a_lower_demand_is_obeyed_at_the_fail_safe_of_a_limit() {
+    for ecu in BOTH {
+        for down in [None, Some(100), Some(500), Some(900)] {
+            let config = ecu.with(|s| {
+                s.limits.over_speed = Limit { at: Some(Rpm::new(13_000)), action: Action::FailSafe };
+                (s.loss.throttle, s.slew.down) = (Throttle::from_percent(25).unwrap(), down);
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+            scenario.values.rpm = Some(14_000);
+            scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
+            assert_eq!(scenario.tenths(), 250, "{ecu:?} {down:?}");
+            scenario.fly_us(run(90), Origin::Rc, 2 * SECOND);
+            assert_eq!(scenario.tenths(), 250, "{ecu:?} {down:?}");
+            // As fast as the slew allows.
+            let falls = down.map_or(100_000, |down: u16| 150 * SECOND / u64::from(down) + 200_000);
+            scenario.fly_us(run(10), Origin::Rc, falls);
+            assert_eq!(scenario.tenths(), 100, "{ecu:?} {down:?}");
+            scenario.fly_us(run(20), Origin::Rc, 2 * SECOND);
+            assert_eq!(scenario.tenths(), 100, "{ecu:?} {down:?}: it only falls");
+            scenario.fly_us(run(0), Origin::Rc, falls);
+            assert_eq!(scenario.tenths(), 0, "{ecu:?} {down:?}");
+        }
+    }
+}
+
+/// Above the fail-safe throttle of a limit, the faster of slew and ramp brings a lower demand.
+#[test]
+fn a_lower_demand_is_obeyed_on_the_way_to_the_fail_safe_of_a_limit() {
+    for ecu in BOTH {
+        for (down, expected) in [(None, 0..=50), (Some(900), 180..=290), (Some(50), 440..=490)] {
+            let config = ecu.with(|s| {
+                s.limits.over_speed = Limit { at: Some(Rpm::new(13_000)), action: Action::FailSafe };
+                (s.slew.down, s.loss.ramp) = (down, 100);
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
+            scenario.values.rpm = Some(14_000);
+            scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
+            scenario.fly_us(run(5), Origin::Rc, 300_000);
+            assert!(expected.contains(&scenario.tenths()), "{ecu:?} {down:?}: {}", scenario.tenths());
+        }
+    }
+}
+
+/// A limit with an action that is passed refuses a start; one that is only reported does not.
 #[test]
 fn a_violated_limit_refuses_a_start() {
     for (action, expected) in [
@@ -379,7 +435,7 @@ fn a_violated_limit_refuses_a_start() {
     }
 }
 
-/// What a limit asks for is done although it was passed before the engine was ordered to run: while the node listened
+/// The action of a limit is taken although it was violated before the engine was ordered to run: while the node listened
 /// after a reset.
 #[test]
 fn a_limit_acts_after_a_reset() {
@@ -390,7 +446,7 @@ fn a_limit_acts_after_a_reset() {
         (true, Action::Standby),
     ] {
         for ecu in BOTH {
-            // A ZK ECU says what its engine does along with a fault.
+            // A ZK ECU reports what its engine does along with a fault.
             let config = ecu.with(|s| {
                 s.limits.over_temperature = Limit { at: Some(Celsius::from_tenths(7000)), action };
                 s.limits.ecu_fault = action;
@@ -407,28 +463,28 @@ fn a_limit_acts_after_a_reset() {
                 _ => Order::Run(percent(0)),
             };
             assert_eq!(scenario.order(), expected, "{ecu:?} {faults_only} {action:?}");
-            assert_eq!(scenario.limits().len(), 1, "told once");
+            assert_eq!(scenario.limits().len(), 1, "reported once");
             let wire = if action == Action::Standby { Wire::Standby } else { Wire::Run(0) };
             assert_eq!(scenario.wire(), wire, "{ecu:?} {faults_only} {action:?}");
         }
     }
 }
 
-/// An engine that its limit shut down has failed: the others are told. One that never ran has not.
+/// An engine that its limit shut down has failed: the others are informed. One that never ran has not.
 #[test]
 fn an_engine_that_its_limit_shut_down_has_failed() {
     for ecu in BOTH {
-        for (says, failed) in [(Says::Running, true), (Says::Starting, false)] {
+        for (reports, failed) in [(Reports::Running, true), (Reports::Starting, false)] {
             let config = ecu.with(|s| s.limits.ecu_fault = Action::Standby);
             let mut scenario = Scenario::ready(ecu, config);
             scenario.command(run(0)).unwrap();
-            scenario.says(Says::Starting);
-            scenario.says(says);
+            scenario.reports(Reports::Starting);
+            scenario.reports(reports);
             burns(&mut scenario);
             scenario.values.fault = 2;
             scenario.fly_us(run(50), Origin::Rc, SECOND);
             assert_eq!(scenario.order(), Order::Standby);
-            assert_eq!(scenario.bench.machine.failed(), failed, "{ecu:?} {says:?}");
+            assert_eq!(scenario.bench.machine.failed(), failed, "{ecu:?} {reports:?}");
             assert_eq!(scenario.telemetry().failed, failed);
         }
     }
@@ -441,13 +497,13 @@ fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
     let before = Scenario::started_with(Ecu::Amt, config, percent(60));
     let mut scenario = before.reset(config);
     scenario.pass_us(FRAME_PERIOD_US / 2);
-    scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+    scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });
     scenario.fly_us(run(60), Origin::Rc, 2 * SECOND);
     assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))));
     // The control: two of them are.
     for _ in 0..2 {
         scenario.pass_us(1000);
-        scenario.odd(Says::Running, Values { rpm: Some(120_000), ..scenario.values });
+        scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });
     }
     assert_eq!(scenario.limits(), [LimitKind::Implausible]);
 }

@@ -11,7 +11,7 @@ use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    ALL, BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire,
+    ALL, BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire,
     ZK_IDLE, ZK_MAX, percent, rpm, run,
 };
 
@@ -52,7 +52,7 @@ fn amt_3_each_state_is_reported_as_its_phase() {
         (0b10101, AUTO_STOP, 0, NotKnown),
     ];
     for (state, switch, raw_rpm, expected) in table {
-        let mut scenario = Scenario::nothing_heard(Ecu::Amt, Ecu::Amt.config());
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
         assert_eq!(scenario.telemetry().state, Offline);
         for i in 1..=3 {
             scenario.bench.rx_at_us(i * FRAME_PERIOD_US, &amt_frames::normal(state, switch, raw_rpm));
@@ -64,7 +64,7 @@ fn amt_3_each_state_is_reported_as_its_phase() {
             _ => assert_eq!(shown, expected, "{state:#07b} {switch:#05b} {raw_rpm}"),
         }
     }
-    // AMT-8: an error set carries no state. What was said before counts for 3 s, then the fault is all that is known.
+    // AMT-8: an error set carries no state. What was reported before counts for 3 s, then the fault is all that is known.
     let mut scenario = Scenario::started(Ecu::Amt, percent(0));
     scenario.values.fault = 0x01;
     scenario.pass_us(2_900_000);
@@ -88,7 +88,7 @@ fn zk_each_state_is_reported_as_its_phase() {
                 1 if running => EngineState::StartRequested,
                 1 => EngineState::Standby,
                 2..=11 | 13 if ending => EngineState::ShuttingDown,
-                // With a switch without a name the state says enough.
+                // With a switch without a name the state is enough.
                 2..=5 | 13 => starting(code, ""),
                 6..=11 => EngineState::Running,
                 12 => EngineState::Cooling,
@@ -141,9 +141,9 @@ fn a_state_is_never_taken_from_a_command() {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         scenario.pass_us(SECOND);
-        assert_eq!(scenario.telemetry().state, EngineState::Standby, "{ecu:?}: the ECU says so");
+        assert_eq!(scenario.telemetry().state, EngineState::Standby, "{ecu:?}: the ECU reports so");
         scenario.command(Command::EmergencyStop).unwrap();
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.telemetry().state, EngineState::Running);
     }
 }
@@ -172,9 +172,9 @@ fn an_engine_that_is_ready_starts() {
 #[test]
 fn a_stream_of_run_alone_starts_nothing() {
     for ecu in BOTH {
-        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+        for reports in [Reports::Stopped, Reports::Standby, Reports::Cooling] {
             let mut scenario = Scenario::new(ecu);
-            scenario.says(says).pass_us(2 * SECOND);
+            scenario.reports(reports).pass_us(2 * SECOND);
             scenario.command(Command::Arm).unwrap();
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
@@ -182,7 +182,7 @@ fn a_stream_of_run_alone_starts_nothing() {
                 assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
                 scenario.pass_us(100_000);
             }
-            assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?} {says:?}");
+            assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?} {reports:?}");
         }
     }
 }
@@ -200,7 +200,7 @@ fn a_start_needs_arming() {
         scenario.command(Command::Standby).unwrap();
         scenario.command(run(0)).unwrap();
         // Disarming stops no engine that runs.
-        scenario.says(Says::Starting).says(Says::Running);
+        scenario.reports(Reports::Starting).reports(Reports::Running);
         scenario.command(Command::Disarm).unwrap();
         scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(500));
@@ -208,7 +208,7 @@ fn a_start_needs_arming() {
         let mut scenario = Scenario::ready(ecu, ecu.with(|s| s.start.arming = false));
         scenario.command(Command::Disarm).unwrap();
         scenario.command(Command::Standby).unwrap();
-        scenario.command(run(0)).expect("arming is not asked for");
+        scenario.command(run(0)).expect("arming is not required");
     }
 }
 
@@ -216,15 +216,15 @@ fn a_start_needs_arming() {
 #[test]
 fn a_start_needs_standby() {
     for ecu in BOTH {
-        for says in ALL {
+        for reports in ALL {
             let mut scenario = Scenario::ready(ecu, ecu.config());
-            scenario.says(says);
+            scenario.reports(reports);
             scenario.command(Command::Standby).unwrap();
             let answer = scenario.command(run(0));
-            if says == Says::Standby {
+            if reports == Reports::Standby {
                 assert_eq!(answer, Ok(Accepted::InForce));
             } else {
-                assert_eq!(answer, refused(Interlock::NotStandby), "{ecu:?} {says:?}");
+                assert_eq!(answer, refused(Interlock::NotStandby), "{ecu:?} {reports:?}");
                 assert_eq!(scenario.order(), Order::Standby);
             }
         }
@@ -256,11 +256,11 @@ fn a_start_needs_a_link_that_is_up_for_long_enough() {
     for ecu in BOTH {
         let config = ecu.with(|s| s.start.link_stable = Duration::from_millis(1500));
         let mut scenario = Scenario::with(ecu, config);
-        scenario.says(Says::Standby).silent().pass_us(2 * SECOND);
+        scenario.reports(Reports::Standby).silent().pass_us(2 * SECOND);
         assert_eq!(scenario.telemetry().link, LinkState::Lost);
         scenario.command(Command::Arm).unwrap();
         scenario.bench.events();
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         let up = scenario.bench.events().iter().find(|(_, event)| *event == Event::LinkUp).expect("up").0;
         let left = up + 1_499_999 - scenario.now_us();
         scenario.fly_us(Command::Standby, Origin::Rc, left);
@@ -315,7 +315,7 @@ fn a_start_needs_a_cool_exhaust() {
     assert_eq!(scenario.command(run(0)), refused(Interlock::EgtUnknown));
 }
 
-/// Where it is known: an AMT ECU says it in its alternate set, a ZK ECU in status ID 2.
+/// Where it is known: an AMT ECU reports it in its alternate set, a ZK ECU in status ID 2.
 #[test]
 fn a_start_needs_a_sufficient_supply_where_it_is_known() {
     for ecu in BOTH {
@@ -343,8 +343,8 @@ fn a_start_needs_a_sufficient_supply_where_it_is_known() {
     }
 }
 
-/// Each engine says for how long the others have to wait: while it starts, and for the gap. Whoever waits starts with its
-/// source's next word.
+/// Each engine says for how long the others have to wait: while it starts, and for the gap. An engine that waits starts with its
+/// source's next command.
 #[test]
 fn one_engine_of_a_group_starts_at_a_time() {
     for ecu in BOTH {
@@ -359,16 +359,16 @@ fn one_engine_of_a_group_starts_at_a_time() {
         let keeps = |scenario: &Scenario, t| scenario.bench.machine.blocks_other_starts(at_us(t));
         assert!(keeps(&scenario, started));
         // Longer than the gap of 10 s, and still starting.
-        scenario.says(Says::Starting).fly_us(run(0), Origin::Rc, 12 * SECOND);
+        scenario.reports(Reports::Starting).fly_us(run(0), Origin::Rc, 12 * SECOND);
         assert!(keeps(&scenario, scenario.now_us()));
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert!(!keeps(&scenario, scenario.now_us()), "{ecu:?}");
 
         // Quick: the gap is what counts.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         let started = scenario.now_us();
-        scenario.says(Says::Starting).says(Says::Running);
+        scenario.reports(Reports::Starting).reports(Reports::Running);
         assert!(keeps(&scenario, started + 10 * SECOND - 1));
         assert!(!keeps(&scenario, started + 10 * SECOND));
     }
@@ -385,9 +385,9 @@ fn a_refusal_is_typed_counted_and_reported_once() {
             assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
             scenario.pass_us(COMMAND_PERIOD_US);
         }
-        let told = [Rejected::Start(Interlock::NotIdle), Rejected::StandbyFirst];
-        let told = told.map(|why| Event::CommandRejected(why, Origin::Rc));
-        assert_eq!(scenario.bench.event_kinds(), told, "{ecu:?}");
+        let reported = [Rejected::Start(Interlock::NotIdle), Rejected::StandbyFirst];
+        let reported = reported.map(|why| Event::CommandRejected(why, Origin::Rc));
+        assert_eq!(scenario.bench.event_kinds(), reported, "{ecu:?}");
         assert_eq!(scenario.telemetry().counters.commands_rejected, 10);
         assert_eq!(scenario.wire(), Wire::Standby);
     }
@@ -400,11 +400,15 @@ fn a_refusal_is_typed_counted_and_reported_once() {
 #[test]
 fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
     for ecu in BOTH {
-        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
+        for reports in [Reports::Stopped, Reports::Standby, Reports::Cooling] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            scenario.says(says);
+            scenario.reports(reports);
             let ordered = scenario.telemetry().ordered;
-            assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node), "{ecu:?} {says:?}");
+            assert_eq!(
+                (ordered.order, ordered.origin),
+                (Order::Standby, Origin::Node),
+                "{ecu:?} {reports:?}"
+            );
             let events = scenario.bench.event_kinds();
             assert_eq!(events.iter().filter(|event| matches!(event, Event::RunCancelled(_))).count(), 1);
             for _ in 0..50 {
@@ -413,14 +417,14 @@ fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
             }
             assert_eq!(scenario.wire(), Wire::Standby);
             // The control: standby first.
-            scenario.says(Says::Standby);
+            scenario.reports(Reports::Standby);
             scenario.command(Command::Standby).unwrap();
             scenario.command(run(0)).unwrap();
         }
     }
 }
 
-/// Two reports in a row, not one: on a noisy line a damaged frame can say so of an engine that runs.
+/// Two reports in a row, not one: on a noisy line a damaged frame can report so of an engine that runs.
 #[test]
 fn one_odd_report_does_not_cancel_a_run() {
     for ecu in BOTH {
@@ -428,25 +432,26 @@ fn one_odd_report_does_not_cancel_a_run() {
         for _ in 0..10 {
             scenario.command(run(50)).unwrap();
             scenario.pass_us(10_000);
-            scenario.odd(Says::Stopped, scenario.values);
+            scenario.odd(Reports::Stopped, scenario.values);
             assert_eq!(scenario.order(), Order::Doubt(percent(50)), "{ecu:?}");
             scenario.pass_us(2 * FRAME_PERIOD_US);
-            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}: two reports say that it runs");
-            let told = scenario.bench.event_kinds();
-            let told: Vec<_> = told.iter().filter(|event| !matches!(event, Event::Ordered(_))).collect();
-            assert_eq!(told, [&Event::LifeInDoubt, &Event::LifeConfirmed], "{ecu:?}");
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}: two reports show that it runs");
+            let reported = scenario.bench.event_kinds();
+            let reported: Vec<_> =
+                reported.iter().filter(|event| !matches!(event, Event::Ordered(_))).collect();
+            assert_eq!(reported, [&Event::LifeInDoubt, &Event::LifeConfirmed], "{ecu:?}");
         }
         // The control: two.
         for _ in 0..2 {
             scenario.pass_us(10_000);
-            scenario.odd(Says::Stopped, scenario.values);
+            scenario.odd(Reports::Stopped, scenario.values);
         }
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
         assert!(scenario.bench.event_kinds().contains(&Event::RunCancelled(End::AtRest)));
     }
 }
 
-/// A start that the ECU has not begun is not withdrawn by the standby that it still reports, only when it is lost.
+/// A start that the ECU has not begun is not cancelled by the standby that it still reports, only when it is lost.
 #[test]
 fn a_start_waits_for_the_ecu_to_report_it() {
     for ecu in BOTH {
@@ -459,21 +464,21 @@ fn a_start_waits_for_the_ecu_to_report_it() {
     }
 }
 
-/// Until the ECU reports a running engine the throttle on the wire stays at idle, whatever the source asks.
+/// Until the ECU reports a running engine the throttle on the wire stays at idle, whatever the source commands.
 #[test]
 fn the_throttle_stays_at_idle_until_the_engine_runs() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         scenario.bench.frames();
-        for says in [Says::Standby, Says::Starting, Says::Unknown] {
-            scenario.says = Some(says);
+        for reports in [Reports::Standby, Reports::Starting, Reports::Unknown] {
+            scenario.reports = Some(reports);
             scenario.fly_us(run(80), Origin::Rc, SECOND);
             let sent = scenario.sent();
-            assert!(sent.iter().all(|wire| *wire == Wire::Run(0)), "{ecu:?} {says:?}: {sent:?}");
+            assert!(sent.iter().all(|wire| *wire == Wire::Run(0)), "{ecu:?} {reports:?}: {sent:?}");
         }
         assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.wire(), Wire::Run(800), "{ecu:?}");
     }
@@ -490,21 +495,23 @@ fn one_odd_report_does_not_drop_the_throttle() {
             let mut scenario = Scenario::started_with(ecu, config, percent(80));
             scenario.fly_us(run(80), Origin::Rc, 100 * SECOND);
             scenario.sent();
-            for says in [Says::Starting, Says::Standby, Says::Cooling, Says::Stopped, Says::Unknown] {
+            for reports in
+                [Reports::Starting, Reports::Standby, Reports::Cooling, Reports::Stopped, Reports::Unknown]
+            {
                 scenario.command(run(80)).unwrap();
                 let values = Values { rpm: Some(SLOW), ..scenario.values };
                 scenario.pass_us(10_000);
-                scenario.odd(says, values);
-                assert_eq!(scenario.order(), Order::Doubt(percent(80)), "{ecu:?} {says:?}");
+                scenario.odd(reports, values);
+                assert_eq!(scenario.order(), Order::Doubt(percent(80)), "{ecu:?} {reports:?}");
                 scenario.fly_us(run(80), Origin::Rc, COMMAND_PERIOD_US);
-                assert_eq!(scenario.order(), Order::Run(percent(80)), "{ecu:?} {says:?}");
+                assert_eq!(scenario.order(), Order::Run(percent(80)), "{ecu:?} {reports:?}");
                 scenario.fly_us(run(80), Origin::Rc, 2 * COMMAND_PERIOD_US);
                 let sent = scenario.sent();
-                assert!(sent.len() >= 4, "{ecu:?} {says:?}: {sent:?}");
-                assert!(sent.iter().all(|wire| *wire == Wire::Run(800)), "{ecu:?} {says:?}: {sent:?}");
+                assert!(sent.len() >= 4, "{ecu:?} {reports:?}: {sent:?}");
+                assert!(sent.iter().all(|wire| *wire == Wire::Run(800)), "{ecu:?} {reports:?}: {sent:?}");
             }
             // The control: it goes back to starting and stays there, with a shaft that no longer turns.
-            scenario.says = Some(Says::Starting);
+            scenario.reports = Some(Reports::Starting);
             scenario.values.rpm = Some(SLOW);
             scenario.fly_us(run(80), Origin::Rc, SECOND);
             assert_eq!(scenario.wire(), Wire::Standby, "{ecu:?}");
@@ -516,14 +523,14 @@ fn one_odd_report_does_not_drop_the_throttle() {
 #[test]
 fn a_start_times_out_exactly_to_the_tick() {
     for ecu in BOTH {
-        for says in [Says::Standby, Says::Starting] {
+        for reports in [Reports::Standby, Reports::Starting] {
             let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
             let mut scenario = Scenario::ready(ecu, config);
             let start = scenario.now_us();
             scenario.command(run(0)).unwrap();
-            scenario.says = Some(says);
+            scenario.reports = Some(reports);
             scenario.fly_us(run(0), Origin::Rc, 20 * SECOND - 1);
-            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {says:?}");
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {reports:?}");
             scenario.bench.events();
             scenario.pass_us(1);
             let ordered = scenario.telemetry().ordered;
@@ -553,12 +560,12 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, 40]));
     let startup = scenario.telemetry().report.startup.expect("version 5 gives it").value;
     assert!(startup > Duration::from_secs(1), "{startup}");
-    scenario.says(Says::Standby).pass_us(2 * SECOND);
+    scenario.reports(Reports::Standby).pass_us(2 * SECOND);
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
     let start = scenario.now_us();
     scenario.command(run(0)).unwrap();
-    scenario.says = Some(Says::Starting);
+    scenario.reports = Some(Reports::Starting);
     let twice = startup.as_micros() * 2;
     scenario.fly_us(run(0), Origin::Rc, twice - 1);
     assert!(matches!(scenario.order(), Order::Run(_)));
@@ -578,11 +585,11 @@ fn the_ecus_own_start_up_time_has_bounds() {
         let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
         let [high, low] = tenths_of_a_second.to_be_bytes();
         scenario.bench.receive(&zk_frames::status(8, 0, [5, high, low]));
-        scenario.says(Says::Standby).pass_us(2 * SECOND);
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();
         scenario.command(run(0)).unwrap();
-        scenario.says = Some(Says::Starting);
+        scenario.reports = Some(Reports::Starting);
         scenario.fly_us(run(0), Origin::Rc, seconds * SECOND - 1);
         assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
         scenario.pass_us(1);
@@ -590,23 +597,23 @@ fn the_ecus_own_start_up_time_has_bounds() {
     }
 }
 
-/// Sources that ask for a start while the node still listens are told so, or that there is nothing to be heard. A stream
-/// of standby is obeyed after the second in which a higher source could have spoken.
+/// Sources that command a start while the node still listens are answered so, or that there is nothing to be received. A stream
+/// of standby is obeyed after the second in which a higher source could have commanded.
 #[test]
 fn no_source_starts_an_engine_while_the_node_listens() {
     for ecu in BOTH {
-        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening), "{ecu:?}");
         scenario.pass_us(5 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::NoLink), "{ecu:?}");
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         assert_eq!(scenario.sent(), [], "nothing but ID 0");
         scenario.introduce();
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         assert_eq!(scenario.order(), Order::Standby);
         scenario.command(Command::Standby).unwrap();
 
-        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::RepeatStandby));
         scenario.fly_us(Command::Standby, Origin::Rc, SECOND - 1);
         assert_eq!(scenario.command(Command::Standby), Ok(Accepted::Held), "{ecu:?}");
@@ -617,23 +624,23 @@ fn no_source_starts_an_engine_while_the_node_listens() {
     }
 }
 
-/// An rpm demand needs an ECU that has it. More than the engine's maximum is the maximum, and told once.
+/// An rpm demand needs an ECU that has it. More than the engine's maximum is the maximum, and reported once.
 #[test]
 fn an_rpm_demand_needs_speed_control() {
     let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
     assert_eq!(scenario.command(Command::Run(rpm(0))), Err(Rejected::NoSpeedControl));
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     assert_eq!(scenario.command(Command::Run(rpm(0))), Ok(Accepted::InForce));
-    scenario.says(Says::Starting).says(Says::Running);
+    scenario.reports(Reports::Starting).reports(Reports::Running);
     scenario.bench.events();
     for demand in [ZK_MAX, ZK_MAX + 1, u32::MAX] {
         scenario.fly_us(Command::Run(rpm(demand)), Origin::Rc, 2 * SECOND + COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Run(rpm(ZK_MAX)), "{demand}");
         assert_eq!(scenario.wire(), Wire::RpmControl);
     }
-    let told: Vec<_> =
+    let reported: Vec<_> =
         scenario.bench.event_kinds().into_iter().filter(|event| matches!(event, Event::Clamped(_))).collect();
-    assert_eq!(told, [Event::Clamped(Rpm::new(ZK_MAX))]);
+    assert_eq!(reported, [Event::Clamped(Rpm::new(ZK_MAX))]);
 }
 
 /// One odd report of a running engine during a start, perhaps of a damaged frame, neither lets the demand out nor ends the
@@ -643,11 +650,11 @@ fn one_odd_report_does_not_end_a_start() {
     for (reports, ends) in [(1, false), (2, true)] {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         scenario.fly_us(run(80), Origin::Rc, SECOND);
         for _ in 0..reports {
             scenario.pass_us(FRAME_PERIOD_US / 4);
-            scenario.odd(Says::Running, scenario.values);
+            scenario.odd(Reports::Running, scenario.values);
         }
         assert_eq!(scenario.telemetry().start_by.is_none(), ends, "{reports}");
         scenario.fly_us(run(80), Origin::Rc, SECOND);
@@ -666,18 +673,18 @@ fn a_link_loss_that_ends_at_once_restarts_the_stable_link_time() {
         scenario.bench.jump_to_us(scenario.now_us() + 2 * SECOND);
         scenario.command_from(Command::Standby, Origin::Bench).unwrap();
         for _ in 0..2 {
-            scenario.odd(Says::Standby, scenario.values);
+            scenario.odd(Reports::Standby, scenario.values);
         }
         assert_eq!(scenario.telemetry().link, LinkState::Up);
         let answer = scenario.command_from(run(0), Origin::Bench);
         assert_eq!(answer, Err(Rejected::Start(Interlock::Link)), "{ecu:?}");
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.command_from(run(0), Origin::Bench), Ok(Accepted::InForce), "{ecu:?}");
     }
 }
 
-/// Arming and disarming are told, once for each change.
+/// Arming and disarming are reported, once for each change.
 #[test]
 fn arming_is_reported() {
     let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
@@ -685,6 +692,6 @@ fn arming_is_reported() {
     for command in [Command::Arm, Command::Arm, Command::Disarm, Command::Disarm] {
         scenario.command(command).unwrap();
     }
-    let told = [Event::Armed(true, Origin::Rc), Event::Armed(false, Origin::Rc)];
-    assert_eq!(scenario.bench.event_kinds(), told);
+    let reported = [Event::Armed(true, Origin::Rc), Event::Armed(false, Origin::Rc)];
+    assert_eq!(scenario.bench.event_kinds(), reported);
 }

@@ -11,7 +11,7 @@ use jetlink::report::LinkState;
 use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    ALL, BOTH, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent, rpm, run,
+    ALL, BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent, rpm, run,
 };
 
 fn drain() -> Command {
@@ -22,7 +22,7 @@ fn drain() -> Command {
 // Emergency stop
 // ---------------------------------------------------------------------------------------------
 
-/// AMT: in the reply to the very next frame. ZK: out of turn, at once, and again at every turn.
+/// AMT: in the reply to the very next frame. ZK: out of slot, at once, and again in every slot.
 #[test]
 fn a_stop_is_sent_at_once() {
     for after in [0, 1, 7_000, 20_000, 49_999] {
@@ -51,7 +51,7 @@ fn a_stop_is_sent_at_once() {
     }
 }
 
-/// Nothing stands before a stop: not commands without number, and not events that nobody takes out.
+/// Nothing delays a stop: not commands without number, and not events that nobody takes out.
 #[test]
 fn a_stop_waits_for_nothing() {
     for ecu in BOTH {
@@ -82,10 +82,10 @@ fn a_stop_waits_for_nothing() {
 #[test]
 fn a_stop_is_latched() {
     for ecu in BOTH {
-        for says in ALL {
+        for reports in ALL {
             let config = ecu.with(|s| s.loss.standby_after = Some(micros(500_000)));
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
-            scenario.says(says);
+            scenario.reports(reports);
             assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
             for command in [Command::Standby, run(0), run(50), Command::HandOverToPwm, drain()] {
                 for origin in Origin::SOURCES {
@@ -95,11 +95,11 @@ fn a_stop_is_latched() {
             }
             assert_eq!(scenario.command(Command::Arm), Err(Rejected::StopLatched));
             assert!(!scenario.telemetry().armed);
-            scenario.pass_us(20 * SECOND).silent().pass_us(5 * SECOND).says(says);
+            scenario.pass_us(20 * SECOND).silent().pass_us(5 * SECOND).reports(reports);
             let telemetry = scenario.telemetry();
             assert!(telemetry.stop_latched);
             assert_eq!((telemetry.ordered.order, telemetry.loss), (Order::EmergencyStop, LossStage::None));
-            assert_eq!(scenario.wire(), Wire::Stop, "{ecu:?} {says:?}");
+            assert_eq!(scenario.wire(), Wire::Stop, "{ecu:?} {reports:?}");
         }
     }
 }
@@ -147,27 +147,27 @@ fn a_stop_is_released_by_its_source_or_a_higher_one() {
     }
 }
 
-/// Where the ECU is heard and reports an engine that does not run.
+/// Where the ECU is received and reports an engine that does not run.
 #[test]
 fn a_stop_is_released_only_when_the_engine_has_stopped() {
     for ecu in BOTH {
-        for says in ALL {
+        for reports in ALL {
             let mut scenario = Scenario::started(ecu, percent(0));
             scenario.command(Command::EmergencyStop).unwrap();
-            scenario.says(says);
-            let stopped = matches!(says, Says::Stopped | Says::Standby | Says::Cooling);
+            scenario.reports(reports);
+            let stopped = matches!(reports, Reports::Stopped | Reports::Standby | Reports::Cooling);
             let expected = if stopped { Ok(Accepted::InForce) } else { Err(Rejected::NotStopped) };
-            assert_eq!(scenario.command(Command::ReleaseStop), expected, "{ecu:?} {says:?}");
+            assert_eq!(scenario.command(Command::ReleaseStop), expected, "{ecu:?} {reports:?}");
             assert_eq!(scenario.telemetry().stop_latched, !stopped);
         }
-        // For one second and for ten: an ECU that is not heard says nothing of its engine.
+        // For one second and for ten: an ECU that is not received reports nothing of its engine.
         for seconds in [2, 10] {
             let mut scenario = Scenario::started(ecu, percent(0));
             scenario.command(Command::EmergencyStop).unwrap();
-            scenario.says(Says::Stopped).silent().pass_us(seconds * SECOND);
+            scenario.reports(Reports::Stopped).silent().pass_us(seconds * SECOND);
             assert_eq!(scenario.command(Command::ReleaseStop), Err(Rejected::NoLink), "{ecu:?} {seconds}");
             assert_eq!(scenario.order(), Order::EmergencyStop);
-            scenario.says(Says::Stopped);
+            scenario.reports(Reports::Stopped);
             scenario.command(Command::ReleaseStop).expect("the control");
         }
     }
@@ -191,20 +191,20 @@ fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
     assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce));
 }
 
-/// At idle: a stick that still stands at 80 % keeps the stop.
+/// At idle: a stick that is still at 80 % keeps the stop.
 #[test]
 fn a_stop_is_released_only_at_idle() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(80));
         scenario.command(Command::EmergencyStop).unwrap();
-        scenario.says(Says::Stopped);
+        scenario.reports(Reports::Stopped);
         let _ = scenario.command(run(80));
         let not_idle = Err(Rejected::Start(Interlock::NotIdle));
         assert_eq!(scenario.command(Command::ReleaseStop), not_idle, "{ecu:?}");
         for idle in [run(0), Command::Standby] {
             let mut scenario = Scenario::started(ecu, percent(80));
             scenario.command(Command::EmergencyStop).unwrap();
-            scenario.says(Says::Stopped);
+            scenario.reports(Reports::Stopped);
             assert_eq!(scenario.command(idle), Err(Rejected::StopLatched));
             assert_eq!(scenario.command(Command::ReleaseStop), Ok(Accepted::InForce), "{ecu:?}");
         }
@@ -239,9 +239,9 @@ fn a_release_allows_no_start() {
 #[test]
 fn a_stop_is_sent_while_the_node_listens() {
     for ecu in BOTH {
-        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(Command::EmergencyStop), Ok(Accepted::InForce));
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!((scenario.order(), scenario.wire()), (Order::EmergencyStop, Wire::Stop), "{ecu:?}");
     }
 }
@@ -255,37 +255,37 @@ fn record(order: Order, origin: Origin) -> Option<RetainedState> {
 }
 
 /// Of an engine that has reached running.
-fn kept_run(demand: Demand) -> Option<RetainedState> {
+fn retained_run(demand: Demand) -> Option<RetainedState> {
     record(Order::Run(demand), Origin::Rc)
 }
 
 /// Of one that has not.
 fn start_cut_short() -> Option<RetainedState> {
-    kept_run(percent(0)).map(|kept| RetainedState { ran: false, ..kept })
+    retained_run(percent(0)).map(|retained| RetainedState { ran: false, ..retained })
 }
 
-/// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is heard. Only a standby that was
-/// in force goes on at once, because it can start nothing.
+/// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is received. Only a standby that was
+/// in force continues at once, because it can start nothing.
 #[test]
 fn after_a_reset_the_node_listens_first() {
-    for (kept, order) in [
+    for (retained, order) in [
         (None, Order::Listen),
-        (kept_run(percent(60)), Order::Doubt(percent(60))),
+        (retained_run(percent(60)), Order::Doubt(percent(60))),
         (start_cut_short(), Order::Listen),
     ] {
-        let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept);
+        let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), retained);
         zk.pass_us(20 * FRAME_PERIOD_US);
         let sent = zk.bench.bytes();
         assert!(
             sent.len() >= 20 && sent.iter().all(|bytes| *bytes == zk_frames::keep_alive()),
             "{sent:02x?}"
         );
-        let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        let mut amt = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), retained);
         amt.pass_us(20 * FRAME_PERIOD_US);
         assert_eq!(amt.bench.bytes(), Vec::<Vec<u8>>::new());
         for scenario in [&zk, &amt] {
             assert_eq!(scenario.order(), order);
-            assert_eq!(scenario.telemetry().armed, kept.is_some());
+            assert_eq!(scenario.telemetry().armed, retained.is_some());
         }
     }
     let mut zk = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), record(Order::Standby, Origin::Rc));
@@ -294,15 +294,15 @@ fn after_a_reset_the_node_listens_first() {
     assert!(sent.len() >= 20 && sent.iter().all(|wire| *wire == Wire::Standby), "{sent:?}");
 }
 
-/// An engine that runs goes on with what was kept, without a change on the wire, under the source that ruled: from the
-/// second report that says so. One is not enough.
+/// An engine that runs continues with what was retained, without a change on the wire, under the source that was in control: from the
+/// second report that shows it. One is not enough.
 #[test]
 fn a_running_engine_resumes_with_its_retained_order() {
     for ecu in BOTH {
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         scenario.introduce();
         scenario.values.half_percents = 120;
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.run_to_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
         assert!(scenario.telemetry().in_doubt.is_some());
@@ -314,16 +314,16 @@ fn a_running_engine_resumes_with_its_retained_order() {
         scenario.run_to_us(4 * FRAME_PERIOD_US);
         let sent = scenario.sent();
         assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Run(600)), "{sent:?}");
-        // Its source speaks on: no bump and no stage of loss.
+        // Its source continues to command: no bump and no stage of loss.
         assert_eq!(scenario.command(run(65)), Ok(Accepted::InForce));
         assert_eq!(scenario.telemetry().loss, LossStage::None);
 
-        // A state without a name confirms nothing. An AMT ECU whose shaft turns is answered all the same, a ZK ECU hears
+        // A state without a name confirms nothing. An AMT ECU whose shaft turns is answered all the same, a ZK ECU receives
         // ID 0, until the doubt has lasted too long.
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         scenario.introduce();
         scenario.values.half_percents = 120;
-        scenario.says = Some(Says::Unknown);
+        scenario.reports = Some(Reports::Unknown);
         scenario.fly_us(run(60), Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.order(), Order::Doubt(percent(60)), "{ecu:?}");
         let sent = scenario.sent();
@@ -335,10 +335,10 @@ fn a_running_engine_resumes_with_its_retained_order() {
         }
         assert!(!scenario.bench.event_kinds().iter().any(|event| matches!(event, Event::Resumed(_))));
 
-        // Nobody speaks: the stages of loss, counted from here on.
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        // No source commands: the stages of loss, counted from here on.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         scenario.introduce();
-        scenario.says(Says::Running).pass_us(5 * SECOND);
+        scenario.reports(Reports::Running).pass_us(5 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().loss), (0, LossStage::FailSafe), "{ecu:?}");
     }
 }
@@ -351,20 +351,20 @@ fn a_reset_ends_a_start() {
         let mut before = Scenario::ready(ecu, ecu.config());
         before.command(run(0)).unwrap();
         before.values.rpm = Some(rpm);
-        before.says(Says::Starting);
+        before.reports(Reports::Starting);
         before.fly_us(run(0), Origin::Rc, SECOND);
         assert!(!before.bench.machine.record().ran);
         let mut scenario = before.reset(ecu.config());
         scenario.run_to_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{ecu:?}");
         scenario.run_to_us(2 * FRAME_PERIOD_US);
-        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: two reports say that it starts");
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: two reports show that it starts");
         scenario.fly_us(run(60), Origin::Rc, SECOND);
         let sent = scenario.sent();
         assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{ecu:?} {sent:?}");
-        // The control: one that has reached running goes on.
+        // The control: one that has reached running continues.
         before.values.rpm = Some(TURNING);
-        before.says(Says::Running);
+        before.reports(Reports::Running);
         before.fly_us(run(60), Origin::Rc, 2 * SECOND);
         let mut scenario = before.reset(ecu.config());
         scenario.fly_us(run(60), Origin::Rc, SECOND);
@@ -372,16 +372,16 @@ fn a_reset_ends_a_start() {
     }
 }
 
-/// Nothing was kept, as after a power-up: what the ECU says it obeys, under the stages of loss until a source speaks. Two
+/// Nothing was retained, as after a power-up: what the ECU reports it obeys, under the stages of loss until a source commands. Two
 /// reports have to agree, on an AMT ECU's throttle too.
 #[test]
 fn a_running_engine_resumes_with_what_its_ecu_reports() {
     for ecu in BOTH {
-        for kept in [None, record(Order::Listen, Origin::Node)] {
-            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        for retained in [None, record(Order::Listen, Origin::Node)] {
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained);
             scenario.introduce();
             scenario.values.half_percents = 130;
-            scenario.says = Some(Says::Running);
+            scenario.reports = Some(Reports::Running);
             if ecu == Ecu::Zk {
                 // Its throttle comes in a frame of its own, after the state.
                 scenario.pass_us(6 * FRAME_PERIOD_US);
@@ -395,7 +395,7 @@ fn a_running_engine_resumes_with_what_its_ecu_reports() {
                 scenario.pass_us(1);
             }
             let telemetry = scenario.telemetry();
-            assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {kept:?}");
+            assert_eq!(telemetry.ordered.order, Order::Run(percent(65)), "{ecu:?} {retained:?}");
             assert_eq!((telemetry.active_source, telemetry.loss), (Origin::Node, LossStage::Hold));
             let from = scenario.now_us();
             scenario.run_to_us(from + SECOND);
@@ -404,7 +404,7 @@ fn a_running_engine_resumes_with_what_its_ecu_reports() {
             scenario.pass_us(5 * SECOND);
             assert_eq!(scenario.tenths(), 0);
         }
-        // Whoever speaks takes over without a bump, the lowest source too.
+        // Whichever source commands takes over without a bump, the lowest source too.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
         scenario.introduce();
         scenario.bench.receive(&match ecu {
@@ -412,7 +412,7 @@ fn a_running_engine_resumes_with_what_its_ecu_reports() {
             Ecu::Amt => vec![],
         });
         scenario.values.half_percents = 130;
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.command_from(run(20), Origin::Bench), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!(scenario.tenths(), 650);
         assert_eq!(scenario.command_from(run(66), Origin::Bench), Ok(Accepted::InForce));
@@ -425,25 +425,25 @@ fn a_running_engine_resumes_with_what_its_ecu_reports() {
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
     for half_percents in [130, 60, 130, 60] {
         scenario.pass_us(FRAME_PERIOD_US);
-        scenario.odd(Says::Running, Values { half_percents, ..scenario.values });
+        scenario.odd(Reports::Running, Values { half_percents, ..scenario.values });
         assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
     }
-    // A throttle that never comes: after 3 s it goes on at idle.
+    // A throttle that never comes: after 3 s it continues at idle.
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.pass_us(3 * SECOND - 1);
     assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]));
     scenario.pass_us(FRAME_PERIOD_US);
     assert_eq!(scenario.order(), Order::Run(percent(0)));
     scenario.pass_us(60 * SECOND);
-    assert_eq!(scenario.order(), Order::Run(percent(0)), "it is heard to run");
+    assert_eq!(scenario.order(), Order::Run(percent(0)), "it reports a running engine");
 }
 
-/// A kept rpm waits for what says that the ECU knows speed control; else it would fall to a throttle.
+/// A retained rpm waits for a report that the ECU knows speed control; else it would fall to a throttle.
 #[test]
 fn a_retained_rpm_resumes_as_an_rpm() {
-    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(rpm(90_000)));
-    scenario.says(Says::Running);
+    let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), retained_run(rpm(90_000)));
+    scenario.reports(Reports::Running);
     assert_eq!(scenario.order(), Order::Doubt(rpm(90_000)), "the version is not known");
     assert_eq!(scenario.sent(), []);
     scenario.introduce();
@@ -454,20 +454,20 @@ fn a_retained_rpm_resumes_as_an_rpm() {
     assert!(sent.len() >= 19 && sent.iter().all(|wire| *wire == Wire::RpmControl), "{sent:?}");
 }
 
-/// Where no engine runs it is standby, whatever was kept; and no start follows from a stream of run.
+/// Where no engine runs it is standby, whatever was retained; and no start follows from a stream of run.
 #[test]
 fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
     for ecu in BOTH {
-        for says in [Says::Stopped, Says::Standby, Says::Cooling] {
-            for kept in [None, kept_run(percent(60)), record(Order::Standby, Origin::Rc)] {
-                let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        for reports in [Reports::Stopped, Reports::Standby, Reports::Cooling] {
+            for retained in [None, retained_run(percent(60)), record(Order::Standby, Origin::Rc)] {
+                let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained);
                 scenario.introduce();
-                scenario.says(says);
+                scenario.reports(reports);
                 let ordered = scenario.telemetry().ordered;
                 assert_eq!(
                     (ordered.order, ordered.origin),
                     (Order::Standby, Origin::Node),
-                    "{ecu:?} {says:?}"
+                    "{ecu:?} {reports:?}"
                 );
                 scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
                 assert_eq!(scenario.wire(), Wire::Standby);
@@ -475,7 +475,7 @@ fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
         }
     }
     // AMT-9: an ECU that has just been powered up, too, in its first frame.
-    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept_run(percent(60)));
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), retained_run(percent(60)));
     scenario.bench.rx_at_us(FRAME_PERIOD_US, &amt_frames::setup("9.35 140617 "));
     assert_eq!(scenario.order(), Order::Standby);
     scenario.pass_us(FRAME_PERIOD_US);
@@ -486,10 +486,10 @@ fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
 #[test]
 fn a_shutdown_resumes_after_a_reset() {
     for ecu in BOTH {
-        let kept = record(Order::Standby, Origin::Rc);
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        let retained = record(Order::Standby, Origin::Rc);
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained);
         scenario.introduce();
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby), "{ecu:?}");
     }
 }
@@ -498,45 +498,45 @@ fn a_shutdown_resumes_after_a_reset() {
 #[test]
 fn a_latched_stop_survives_a_reset() {
     for ecu in BOTH {
-        for says in ALL {
-            let kept = record(Order::EmergencyStop, Origin::Emergency);
-            let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept);
+        for reports in ALL {
+            let retained = record(Order::EmergencyStop, Origin::Emergency);
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained);
             assert!(scenario.telemetry().stop_latched);
-            scenario.says = Some(says);
+            scenario.reports = Some(reports);
             scenario.pass_us(2 * FRAME_PERIOD_US);
             let sent = scenario.sent();
             assert!(!sent.is_empty() && sent.iter().all(|wire| *wire == Wire::Stop), "{ecu:?} {sent:?}");
-            scenario.says(says);
+            scenario.reports(reports);
             let not_yours = Err(Rejected::NotYours(Origin::Emergency));
             assert_eq!(scenario.command(Command::ReleaseStop), not_yours);
         }
-        // And what is kept of it is the same again, but for arming, which a stop ends, and one more reset.
-        let kept = record(Order::EmergencyStop, Origin::Emergency);
-        let scenario = Scenario::after_reset(ecu, ecu.config(), kept);
-        let again = kept.map(|kept| RetainedState { armed: false, resets: 1, ..kept });
+        // And what is retained of it is the same again, but for arming, which a stop ends, and one more reset.
+        let retained = record(Order::EmergencyStop, Origin::Emergency);
+        let scenario = Scenario::after_reset(ecu, ecu.config(), retained);
+        let again = retained.map(|retained| RetainedState { armed: false, resets: 1, ..retained });
         assert_eq!(Some(scenario.bench.machine.record()), again);
     }
 }
 
-/// An AMT ECU with a fault sends, and does not say what its engine does: what was kept counts for as much as the exhaust
+/// An AMT ECU with a fault sends, and does not report the state of its engine: what was retained counts for as much as the exhaust
 /// says. Without a record nothing is in force, until the stages of loss have run out.
 #[test]
 fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
-    let run = kept_run(percent(60));
-    for (kept, egt, order, sent) in [
+    let run = retained_run(percent(60));
+    for (retained, egt, order, sent) in [
         (run, 500, Order::Doubt(percent(60)), vec![Wire::Run(600); 3]),
         (run, 26, Order::Standby, vec![Wire::Standby; 3]),
         (None, 500, Order::Listen, vec![]),
         (None, 26, Order::Listen, vec![]),
     ] {
-        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), kept);
+        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), retained);
         (scenario.values.fault, scenario.values.egt_celsius) = (1, egt);
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.pass_us(2 * FRAME_PERIOD_US - 1);
         assert_eq!(scenario.sent(), [], "no answer is better than a wrong one: {egt}");
         scenario.pass_us(2 * FRAME_PERIOD_US + 1);
         assert_eq!((scenario.order(), scenario.sent()), (order, sent), "{egt}");
-        if kept.is_none() {
+        if retained.is_none() {
             scenario.run_to_us(11 * SECOND - 1);
             assert_eq!((scenario.order(), scenario.sent()), (Order::Listen, vec![]), "{egt}");
             scenario.run_to_us(11 * SECOND);
@@ -545,15 +545,15 @@ fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
     }
 }
 
-/// What is kept is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
+/// What is retained is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
 #[test]
 fn the_retained_order_is_the_one_in_force() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(60));
         scenario.fly_us(run(60), Origin::Rc, 4 * FRAME_PERIOD_US);
-        let kept = scenario.bench.machine.record();
-        assert_eq!(Some(RetainedState { arm_commanded: 0, ..kept }), kept_run(percent(60)));
-        assert_eq!(kept.arm_commanded, 1 << 3, "RC, the fourth of all origins");
+        let retained = scenario.bench.machine.record();
+        assert_eq!(Some(RetainedState { arm_commanded: 0, ..retained }), retained_run(percent(60)));
+        assert_eq!(retained.arm_commanded, 1 << 3, "RC, the fourth of all origins");
         scenario.pass_us(10 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
         scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
@@ -563,12 +563,12 @@ fn the_retained_order_is_the_one_in_force() {
         scenario.shut_down().unwrap();
         assert_eq!(scenario.bench.machine.record().order, Order::Standby);
 
-        // While it is in doubt, what was kept stays kept, and the reset counts; arming counts.
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), kept_run(percent(60)));
+        // While it is in doubt, what was retained stays retained, and the reset counts; arming counts.
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         let again = scenario.bench.machine.record();
         assert_eq!(
-            Some(RetainedState { silent: micros(0), all_silent: micros(0), ..again }),
-            kept_run(percent(60)).map(|kept| RetainedState { resets: 1, ..kept })
+            Some(RetainedState { silent: micros(0), all_silent: micros(0), unconfirmed: micros(0), ..again }),
+            retained_run(percent(60)).map(|retained| RetainedState { resets: 1, ..retained })
         );
         scenario.command(Command::Disarm).unwrap();
         let record = scenario.bench.machine.record();
@@ -576,7 +576,7 @@ fn the_retained_order_is_the_one_in_force() {
     }
 }
 
-/// A source that was lost is lost after the reset, too: it rules when it has spoken for a while. Nor do the stages begin
+/// A source that was lost is lost after the reset, too: it is in control when it has commanded for a while. Nor do the stages begin
 /// anew: a node that is reset again and again does not hold a demand up that nobody gives any more.
 #[test]
 fn a_lost_source_stays_lost() {
@@ -589,11 +589,11 @@ fn a_lost_source_stays_lost() {
         assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
         assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
         assert_eq!(scenario.tenths(), 0);
-        // It speaks for 1 s, and waits for 2 s to take over.
+        // It commands for 1 s, and waits for 2 s to take over.
         scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 0);
         scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
-        assert_eq!(scenario.tenths(), 800, "{ecu:?}: it has spoken for long enough");
+        assert_eq!(scenario.tenths(), 800, "{ecu:?}: it has commanded for long enough");
 
         // A reset puts the life of the engine in doubt: when the stages of loss have run out, 11.5 s of silence of which
         // each reset takes 0.2 s at least, it ends there.
@@ -607,34 +607,34 @@ fn a_lost_source_stays_lost() {
     }
 }
 
-/// One report that the engine stands, the first after the reset, does not stop one that runs; two do.
+/// One report that the engine is at rest, the first after the reset, does not stop one that runs; two do.
 #[test]
 fn one_odd_report_after_a_reset_stops_nothing() {
     for (odd, expected) in [(1, Order::Run(percent(60))), (2, Order::Standby)] {
-        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), kept_run(percent(60)));
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), retained_run(percent(60)));
         for _ in 0..odd {
             scenario.pass_us(FRAME_PERIOD_US / 4);
-            scenario.odd(Says::Standby, scenario.values);
+            scenario.odd(Reports::Standby, scenario.values);
         }
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(60), Origin::Rc, SECOND);
         assert_eq!(scenario.order(), expected, "{odd}");
     }
 }
 
-/// Whoever stopped the engine before a reset still holds the stop if a lower source stops it again before the node's
+/// The source that stopped the engine before a reset still holds the stop if a lower source stops it again before the node's
 /// tasks have begun.
 #[test]
 fn a_retained_stop_stays_with_the_higher_source() {
-    for (kept, again, holds) in [
+    for (retained, again, holds) in [
         (Origin::Emergency, Origin::Bench, Origin::Emergency),
         (Origin::Bench, Origin::Emergency, Origin::Emergency),
     ] {
         let mut engine = Engine::new(&Ecu::Amt.config());
-        engine.restore(record(Order::EmergencyStop, kept));
+        engine.restore(record(Order::EmergencyStop, retained));
         engine.command(at_us(0), Command::EmergencyStop, again, true).unwrap();
         assert_eq!(engine.record().origin, holds);
-        engine.start(at_us(0), record(Order::EmergencyStop, kept));
+        engine.start(at_us(0), record(Order::EmergencyStop, retained));
         assert_eq!((engine.record().order, engine.record().origin), (Order::EmergencyStop, holds));
     }
 }
@@ -649,6 +649,6 @@ fn a_reset_does_not_cancel_ctf() {
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
     // And the engine that it stopped was commanded to.
-    before.says(Says::Cooling);
+    before.reports(Reports::Cooling);
     assert_eq!((before.order(), before.bench.machine.failed()), (Order::Standby, false));
 }

@@ -15,6 +15,7 @@ mod engine_sources;
 mod engine_start;
 mod engine_stop;
 mod reading_points;
+mod runner_watch;
 mod supervision;
 mod support;
 mod toy_protocol;

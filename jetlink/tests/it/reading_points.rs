@@ -1,5 +1,5 @@
 //! Every reading point of the two protocols is asserted by a test that names it, and cited where the code
-//! obeys it, so that whoever has a differing ECU finds the one place to change.
+//! obeys it, so that a user with a differing ECU finds the one place to change.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -14,7 +14,7 @@ use crate::refusal::Refusal;
 use crate::services::{self, NodeService};
 use embassy_time::{Duration, Instant};
 
-/// Shortest interval of a message that may be asked for.
+/// Shortest interval of a message that may be requested.
 const SHORTEST: Duration = Duration::from_millis(50);
 /// Bit of `DO_ENGINE_CONTROL`: a start while disarmed is allowed.
 const WHILE_DISARMED: i32 = 1;
@@ -42,7 +42,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         confirmation: u8,
         params: [f32; 7],
     ) {
-        // Component 0 is everybody: nobody obeys that.
+        // Component 0 is all components: none obeys that.
         let Some(place) = self.addressed(now, port, target) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         let answer = if self.may_command(from.system) {
@@ -94,9 +94,12 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                     (Some(0), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) => {
                         self.stop_engine(now, engine)
                     }
+                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.damaged => {
+                        refuse(Refusal::Damaged)
+                    }
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
                         let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
-                        let situation = Self::situation(now, &self.vehicle, &self.heard);
+                        let situation = Self::situation(now, &self.vehicle, &self.received);
                         engine
                             .start(situation, from, confirmation, bits == WHILE_DISARMED)
                             .map(|()| Ack::Accepted)
@@ -146,10 +149,14 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         };
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
+            (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings()),
+            (NodeService::ConfirmSettings, _) => {
+                refuse(Refusal::Malformed("address the component of the node"))
+            }
             (service, Place::Engine(engine)) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
                 done(match service {
-                    NodeService::EmergencyStop => Ok(()),
+                    NodeService::EmergencyStop | NodeService::ConfirmSettings => Ok(()),
                     NodeService::Release => engine.release(),
                     NodeService::Stop => engine.stop(now),
                     NodeService::Ecu(service) => engine.service(service),

@@ -1,7 +1,11 @@
 //! Messages that come in, but commands and parameters.
 
 use super::{Place, Service};
-use crate::dialect::{MavMessage, RC_CHANNELS_OVERRIDE_DATA, SERVO_OUTPUT_RAW_DATA};
+use crate::dialect::*;
+use crate::fields::{
+    Fields, command, command_ack, command_cancel, heartbeat, param_request_list, param_request_read,
+    param_set, rc_channels_override, servo_output_raw, setup_signing,
+};
 use crate::frame::{Address, Frame};
 use crate::ids::{CMD_SET_MESSAGE_INTERVAL, Severity};
 use crate::servo::throttle;
@@ -9,6 +13,7 @@ use crate::settings::DemandSource;
 use crate::vehicle::VehicleEvent;
 use embassy_time::Instant;
 use jetlink::command::Order;
+use mavlink_core::MessageData;
 
 impl<const N: usize, const P: usize> Service<'_, N, P> {
     pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame) {
@@ -18,15 +23,17 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         if own == Some(from.system) && self.place(from.component).is_some() {
             return;
         }
-        if let MavMessage::SETUP_SIGNING(setup) = &frame.message {
-            self.set_up_signing(now, port, from, setup);
+        let fields = &frame.fields;
+        let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
+        if frame.id == SETUP_SIGNING_DATA::ID {
+            self.set_up_signing(now, port, from, target(setup_signing::TARGET), fields);
             return;
         }
         if !self.admits(now, port, &frame) {
             return;
         }
-        match frame.message {
-            MavMessage::HEARTBEAT(beat) => {
+        match frame.id {
+            HEARTBEAT_DATA::ID => {
                 self.note_station(now, from.system);
                 if self.autopilot_port == Some(port) {
                     let rest = !self.engines.iter().any(|engine| {
@@ -35,80 +42,67 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                             Order::Run(_) | Order::Doubt(_) | Order::Pwm
                         )
                     });
-                    let what = (beat.mavtype, beat.autopilot, beat.base_mode);
-                    let event = self.vehicle.heartbeat(now, from, what, rest);
+                    let what = [heartbeat::TYPE, heartbeat::AUTOPILOT, heartbeat::BASE_MODE];
+                    let event = self.vehicle.heartbeat(now, from, what.map(|at| fields.u8(at)).into(), rest);
                     self.vehicle_event(now, event);
                 }
             }
-            MavMessage::SERVO_OUTPUT_RAW(outputs) => {
+            SERVO_OUTPUT_RAW_DATA::ID => {
                 if self.autopilot_port == Some(port) && self.vehicle.is_autopilot(from) {
-                    self.outputs(now, &outputs);
+                    self.outputs(now, fields);
                 }
             }
-            MavMessage::RC_CHANNELS_OVERRIDE(channels) => {
-                if own == Some(channels.target_system) && self.may_command(from.system) {
-                    self.channels(now, &channels);
+            RC_CHANNELS_OVERRIDE_DATA::ID => {
+                let target = target(rc_channels_override::TARGET);
+                if own == Some(target.system) && self.may_command(from.system) {
+                    self.channels(now, target, fields);
                 }
             }
-            MavMessage::COMMAND_ACK(ack) => {
-                let ours = own.is_some_and(|own| ack.target_system == own || ack.target_system == 0)
-                    && (ack.target_component == 0 || self.place(ack.target_component) == Some(Place::Node));
+            COMMAND_ACK_DATA::ID => {
+                let target = target(command_ack::TARGET);
+                let ours = own.is_some_and(|own| target.system == own || target.system == 0)
+                    && (target.component == 0 || self.place(target.component) == Some(Place::Node));
                 if self.autopilot_port == Some(port)
                     && self.vehicle.is_autopilot(from)
-                    && ack.command == CMD_SET_MESSAGE_INTERVAL
+                    && fields.u16(command_ack::COMMAND) == CMD_SET_MESSAGE_INTERVAL
                     && ours
                 {
-                    self.request.answered(now, ack.result == 0);
+                    self.request.answered(now, fields.u8(command_ack::RESULT) == 0);
                 }
             }
-            MavMessage::COMMAND_LONG(command) => {
-                let params = [
-                    command.param1,
-                    command.param2,
-                    command.param3,
-                    command.param4,
-                    command.param5,
-                    command.param6,
-                    command.param7,
-                ];
-                let target = Address { system: command.target_system, component: command.target_component };
-                self.command(now, port, from, target, command.command, command.confirmation, params);
+            id @ (COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID) => {
+                let is_int = id == COMMAND_INT_DATA::ID;
+                let params = core::array::from_fn(|i| {
+                    let at = command::PARAMS + 4 * i;
+                    if is_int && command::WHOLE.contains(&i) {
+                        fields.u32(at).cast_signed() as f32
+                    } else {
+                        fields.f32(at)
+                    }
+                });
+                let confirmation = if is_int { 0 } else { fields.u8(command::CONFIRMATION) };
+                let number = fields.u16(command::COMMAND);
+                self.command(now, port, from, target(command::TARGET), number, confirmation, params);
             }
-            MavMessage::COMMAND_INT(command) => {
-                let params = [
-                    command.param1,
-                    command.param2,
-                    command.param3,
-                    command.param4,
-                    command.x as f32,
-                    command.y as f32,
-                    command.z,
-                ];
-                let target = Address { system: command.target_system, component: command.target_component };
-                self.command(now, port, from, target, command.command, 0, params);
+            COMMAND_CANCEL_DATA::ID => {
+                let number = fields.u16(command_cancel::COMMAND);
+                self.cancel(now, port, from, target(command_cancel::TARGET), number);
             }
-            MavMessage::COMMAND_CANCEL(cancel) => {
-                let target = Address { system: cancel.target_system, component: cancel.target_component };
-                self.cancel(now, port, from, target, cancel.command);
+            PARAM_REQUEST_LIST_DATA::ID => {
+                self.list_parameters(now, port, target(param_request_list::TARGET));
             }
-            MavMessage::PARAM_REQUEST_LIST(request) => {
-                let target = Address { system: request.target_system, component: request.target_component };
-                self.list_parameters(now, port, target);
+            PARAM_REQUEST_READ_DATA::ID => {
+                let index = fields.u16(param_request_read::INDEX).cast_signed();
+                let name = fields.bytes::<16>(param_request_read::NAME);
+                self.read_parameter(now, port, target(param_request_read::TARGET), &name, index);
             }
-            MavMessage::PARAM_REQUEST_READ(request) => {
-                let target = Address { system: request.target_system, component: request.target_component };
-                self.read_parameter(now, port, target, &request.param_id, request.param_index);
+            PARAM_SET_DATA::ID => {
+                let name = fields.bytes::<16>(param_set::NAME);
+                let value = fields.f32(param_set::VALUE);
+                self.set_parameter(now, port, from, target(param_set::TARGET), &name, value);
             }
-            MavMessage::PARAM_SET(set) => {
-                let target = Address { system: set.target_system, component: set.target_component };
-                self.set_parameter(now, port, from, target, &set.param_id, set.param_value);
-            }
-            // Done above, and what we send ourselves.
-            MavMessage::SETUP_SIGNING(_)
-            | MavMessage::EFI_STATUS(_)
-            | MavMessage::NAMED_VALUE_FLOAT(_)
-            | MavMessage::PARAM_VALUE(_)
-            | MavMessage::STATUSTEXT(_) => {}
+            // What we send ourselves.
+            _ => {}
         }
     }
 
@@ -116,10 +110,10 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         if !self.may_command(system) {
             return;
         }
-        if let Some(known) = self.heard.iter_mut().find(|(other, _)| *other == system) {
+        if let Some(known) = self.received.iter_mut().find(|(other, _)| *other == system) {
             known.1 = now;
-        } else if self.heard.push((system, now)).is_err()
-            && let Some(oldest) = self.heard.iter_mut().min_by_key(|(_, at)| *at)
+        } else if self.received.push((system, now)).is_err()
+            && let Some(oldest) = self.received.iter_mut().min_by_key(|(_, at)| *at)
         {
             *oldest = (system, now);
         }
@@ -130,7 +124,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             Some(VehicleEvent::Learnt(id)) => {
                 self.say(now, Place::Node, Severity::Info, None, format_args!("vehicle is system {id}"));
             }
-            Some(VehicleEvent::TwoHeard(one, other)) => {
+            Some(VehicleEvent::TwoAutopilots(one, other)) => {
                 // There is no id to send it with, but where one is set.
                 self.say(
                     now,
@@ -147,75 +141,39 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         }
     }
 
-    fn outputs(&mut self, now: Instant, outputs: &SERVO_OUTPUT_RAW_DATA) {
-        let Some(clock) = self.clocks.get_mut(usize::from(outputs.port)) else { return };
-        if !clock.counts(now, outputs.time_usec) {
+    fn outputs(&mut self, now: Instant, outputs: &Fields) {
+        let of = usize::from(outputs.u8(servo_output_raw::PORT));
+        let Some(clock) = self.clocks.get_mut(of) else { return };
+        if !clock.counts(now, outputs.u32(servo_output_raw::TIME_USEC)) {
             self.counters.demands_late = self.counters.demands_late.wrapping_add(1);
             return;
         }
         self.counters.demands = self.counters.demands.wrapping_add(1);
-        if outputs.port == 0 {
+        if of == 0 {
             self.request.frame();
         }
-        let pulses = [
-            outputs.servo1_raw,
-            outputs.servo2_raw,
-            outputs.servo3_raw,
-            outputs.servo4_raw,
-            outputs.servo5_raw,
-            outputs.servo6_raw,
-            outputs.servo7_raw,
-            outputs.servo8_raw,
-            outputs.servo9_raw,
-            outputs.servo10_raw,
-            outputs.servo11_raw,
-            outputs.servo12_raw,
-            outputs.servo13_raw,
-            outputs.servo14_raw,
-            outputs.servo15_raw,
-            outputs.servo16_raw,
-        ];
-        let first = 1 + 16 * usize::from(outputs.port);
+        let first = 1 + 16 * of;
         for place in 0..self.engines.len() {
-            let pulse = self.engines.get(place).and_then(|engine| {
+            let at = self.engines.get(place).and_then(|engine| {
                 let of_outputs = engine.settings.demand_source() == DemandSource::ServoOutput;
                 let output = usize::from(engine.settings.output).checked_sub(first)?;
-                pulses.get(output).copied().filter(|_| of_outputs)
+                servo_output_raw::output(output).filter(|_| of_outputs)
             });
-            if let Some(pulse) = pulse {
-                self.demand(now, place, pulse);
+            if let Some(at) = at {
+                self.demand(now, place, outputs.u16(at));
             }
         }
     }
 
-    fn channels(&mut self, now: Instant, channels: &RC_CHANNELS_OVERRIDE_DATA) {
-        let Some(Place::Engine(place)) = self.place(channels.target_component) else { return };
-        let pulses = [
-            channels.chan1_raw,
-            channels.chan2_raw,
-            channels.chan3_raw,
-            channels.chan4_raw,
-            channels.chan5_raw,
-            channels.chan6_raw,
-            channels.chan7_raw,
-            channels.chan8_raw,
-            channels.chan9_raw,
-            channels.chan10_raw,
-            channels.chan11_raw,
-            channels.chan12_raw,
-            channels.chan13_raw,
-            channels.chan14_raw,
-            channels.chan15_raw,
-            channels.chan16_raw,
-            channels.chan17_raw,
-            channels.chan18_raw,
-        ];
-        let pulse = self.engines.get(place).and_then(|engine| {
+    fn channels(&mut self, now: Instant, target: Address, channels: &Fields) {
+        let Some(Place::Engine(place)) = self.place(target.component) else { return };
+        let at = self.engines.get(place).and_then(|engine| {
             let of_channels = engine.settings.demand_source() == DemandSource::RcOverride;
-            pulses.get(usize::from(engine.settings.output).checked_sub(1)?).copied().filter(|_| of_channels)
+            let channel = usize::from(engine.settings.output).checked_sub(1)?;
+            rc_channels_override::channel(channel).filter(|_| of_channels)
         });
-        if let Some(pulse) = pulse {
-            self.demand(now, place, pulse);
+        if let Some(at) = at {
+            self.demand(now, place, channels.u16(at));
         }
     }
 
@@ -225,7 +183,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             self.counters.demands_odd = self.counters.demands_odd.wrapping_add(1);
             return;
         };
-        let refused = engine.take_demand(Self::situation(now, &self.vehicle, &self.heard), demand);
+        let refused = engine.take_demand(Self::situation(now, &self.vehicle, &self.received), demand);
         if let Some(why) = refused {
             self.say_not_started(now, place, why);
         }

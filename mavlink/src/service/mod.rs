@@ -2,6 +2,7 @@
 
 mod commands;
 mod incoming;
+mod keeping;
 mod outgoing;
 pub mod parameters;
 mod signing;
@@ -13,20 +14,23 @@ use crate::port::{Class, Port, PortConfig, PortCounters};
 use crate::refusal::Refusal;
 use crate::report::Fleet;
 use crate::request::RateRequest;
+use crate::sent::{Payload, Sent};
 use crate::servo::FrameClock;
 use crate::settings::{EngineSettings, NodeSettings};
 use crate::signing::{Signing, SigningCounters, SigningState};
 use crate::text::{Limiter, pieces, text};
 use crate::vehicle::Vehicle;
 use embassy_time::{Duration, Instant};
-use heapless::Vec;
+use heapless::{Deque, Vec};
 use jetlink::channel::Source;
 use jetlink::config::EngineConfig;
 
 /// Time between two looks at the engines.
 const TICK: Duration = Duration::from_millis(50);
-/// Time in which an autopilot is heard, if there is one.
+/// Time in which an autopilot is received, if there is one.
 const LISTEN: Duration = Duration::from_secs(3);
+/// Parameters that may wait to be stored.
+const PENDING: usize = 8;
 /// Systems whose heartbeats are remembered: those that may command.
 const STATIONS: usize = 4;
 
@@ -44,7 +48,7 @@ pub struct Counters {
     pub demands: u32,
     /// Frames of outputs that were repeated or late.
     pub demands_late: u32,
-    /// Pulse widths that are not believed.
+    /// Pulse widths that are not accepted.
     pub demands_odd: u32,
     /// Texts that were lost, because too many came.
     pub texts_lost: u32,
@@ -77,7 +81,7 @@ pub struct Service<'a, const N: usize, const P: usize> {
     /// Clocks of outputs 1 to 16 and 17 to 32.
     clocks: [FrameClock; 2],
     /// Systems that may command, with their last heartbeat.
-    heard: Vec<(u8, Instant), STATIONS>,
+    received: Vec<(u8, Instant), STATIONS>,
     /// Of the node, and of each engine.
     node_texts: Limiter,
     texts: Vec<Limiter, N>,
@@ -88,7 +92,34 @@ pub struct Service<'a, const N: usize, const P: usize> {
     /// Engine that sends first: where a port is slow, not always the same is dropped.
     first: usize,
     reboot: bool,
+    keeping: Keeping,
+    /// The stored settings are damaged, and nobody has confirmed the present ones.
+    damaged: bool,
+    /// All records have to be stored anew.
+    anew: bool,
+    /// Parameters that were set and are not stored yet.
+    pending: Deque<Pending, PENDING>,
     counters: Counters,
+}
+
+/// What becomes of a parameter that was set.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Keeping {
+    /// The code that built the service looks after it ([`Service::settings`], [`Service::engine_settings`]).
+    ByBuilder,
+    /// It is stored: [`Service::next_save`].
+    Stored,
+    /// It is lost at the next start. A text says so.
+    Lost,
+}
+
+/// A parameter that was set and is not stored yet.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    port: usize,
+    place: Place,
+    index: usize,
+    old: i32,
 }
 
 /// One engine for the service: the right to command it as MAVLink, and its settings.
@@ -145,7 +176,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             vehicle: Vehicle::new(settings.identity.system),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
-            heard: Vec::new(),
+            received: Vec::new(),
             node_texts: Limiter::new(now),
             text_id: 0,
             started: now,
@@ -153,6 +184,10 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             next_heartbeat: now,
             first: 0,
             reboot: false,
+            keeping: Keeping::ByBuilder,
+            damaged: false,
+            anew: false,
+            pending: Deque::new(),
             counters: Counters::default(),
         }
     }
@@ -226,7 +261,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
         self.vehicle.id()
     }
 
-    /// The system id on a port. While an autopilot is heard that has not been learnt, and on the autopilot's port, there is
+    /// The system id on a port. While an autopilot is received that has not been learnt, and on the autopilot's port, there is
     /// none; elsewhere it is 1 until one is known.
     fn system(&self, now: Instant, port: usize) -> Option<u8> {
         match self.vehicle.id() {
@@ -262,8 +297,8 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
                 || settings.own_vehicle && self.vehicle.id() == Some(system))
     }
 
-    fn situation<'b>(now: Instant, vehicle: &'b Vehicle, heard: &'b [(u8, Instant)]) -> Situation<'b> {
-        Situation { now, vehicle, heard }
+    fn situation<'b>(now: Instant, vehicle: &'b Vehicle, received: &'b [(u8, Instant)]) -> Situation<'b> {
+        Situation { now, vehicle, received }
     }
 
     /// Whether any engine turns or is ordered to.
@@ -272,13 +307,18 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     }
 
     /// Sends a message on a port.
-    fn send<M: mavlink_core::MessageData>(
+    fn send<M: Sent>(&mut self, now: Instant, port: usize, place: Place, class: Class, message: &M) -> bool {
+        self.send_payload(now, port, place, class, &Payload::of(message))
+    }
+
+    #[inline(never)]
+    fn send_payload(
         &mut self,
         now: Instant,
         port: usize,
         place: Place,
         class: Class,
-        message: &M,
+        message: &Payload,
     ) -> bool {
         let Some(system) = self.system(now, port) else { return false };
         let from = Address { system, component: self.component(place) };
@@ -289,7 +329,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
-    /// Which component of ours a message is for. Component 0, which is everybody, is none.
+    /// Which component of ours a message is for. Component 0, which is all of them, is none.
     fn addressed(&self, now: Instant, port: usize, target: Address) -> Option<Place> {
         (self.system(now, port) == Some(target.system)).then(|| self.place(target.component))?
     }

@@ -1,4 +1,4 @@
-//! What is sent without being asked: heartbeats, `EFI_STATUS`, named values, texts of events, and the request for the rate of
+//! What is sent without a request: heartbeats, `EFI_STATUS`, named values, texts of events, and the request for the rate of
 //! the autopilot's outputs.
 
 use super::{Place, Service};
@@ -25,7 +25,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     pub(super) fn tick(&mut self, now: Instant) {
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
-            if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.heard)) {
+            if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.received)) {
                 self.say_not_started(now, place, why);
             }
             self.report_events(now, place);
@@ -152,13 +152,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         }
     }
 
-    /// Asks the autopilot for its outputs, where an engine follows them.
+    /// Requests the autopilot's outputs, where an engine follows them.
     fn request_rate(&mut self, now: Instant) {
         let follows = self.engines.iter().any(|it| it.settings.demand_source() == DemandSource::ServoOutput);
         let (true, Some(port), Some(system)) = (follows, self.autopilot_port, self.vehicle.id()) else {
             return;
         };
-        let Some(interval) = self.request.due(now, self.vehicle.is_heard(now)) else { return };
+        let Some(interval) = self.request.due(now, self.vehicle.is_received(now)) else { return };
         let message = COMMAND_LONG_DATA {
             param1: MESSAGE_SERVO_OUTPUT_RAW as f32,
             param2: interval.as_micros() as f32,

@@ -1,16 +1,17 @@
 //! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`, and count and
-//! order are fixed. They are kept in RAM: who builds the service may store them ([`Service::settings`]).
+//! order are fixed. They are served from RAM; `keeping.rs` has what is stored.
 
-use super::{Place, Service};
+use super::{Keeping, Pending, Place, Service};
 use crate::dialect::PARAM_VALUE_DATA;
+use crate::engine::Engine;
 use crate::frame::Address;
 use crate::ids::{PARAM_REAL32, Severity};
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
-use crate::settings::{EngineSettings, NodeSettings};
+use crate::settings::{EngineSettings, NodeSettings, is_parameter};
 use embassy_time::{Duration, Instant};
-use jetlink::config::EngineConfig;
+use jetlink::config::{EngineConfig, LinkSettings};
 use jetlink::setting::{Effect, Row, Setting};
 use mavlink_core::types::CharArray;
 
@@ -26,43 +27,27 @@ pub fn node_parameters() -> impl Iterator<Item = &'static Setting> {
 
 /// The parameters of an engine, in their order, with their texts.
 pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static Setting> {
-    config.settings().chain(EngineSettings::SETTINGS)
-}
-
-// The same without texts: an image does not hold those.
-
-fn node_rows() -> impl Iterator<Item = &'static Row> {
-    NodeSettings::TABLE_ROWS.into_iter().flatten()
-}
-
-fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'static Row> {
-    config.rows().chain(EngineSettings::ROWS)
+    config.settings().filter(|setting| is_parameter(setting.name)).chain(EngineSettings::SETTINGS)
 }
 
 impl<const N: usize, const P: usize> Service<'_, N, P> {
-    fn row(&self, place: Place, index: usize) -> Option<&'static Row> {
-        match place {
-            Place::Node => node_rows().nth(index),
-            Place::Engine(engine) => engine_rows(&self.engines.get(engine)?.config).nth(index),
-        }
-    }
-
     fn count(&self, place: Place) -> usize {
-        match place {
-            Place::Node => node_rows().count(),
-            Place::Engine(engine) => {
-                self.engines.get(engine).map_or(0, |engine| engine_rows(&engine.config).count())
-            }
-        }
+        let mut count = 0;
+        self.find_row(place, &mut |_| {
+            count += 1;
+            false
+        });
+        count
     }
 
-    fn position(&self, place: Place, name: &str) -> Option<usize> {
-        match place {
-            Place::Node => node_rows().position(|row| row.name == name),
-            Place::Engine(engine) => {
-                engine_rows(&self.engines.get(engine)?.config).position(|row| row.name == name)
-            }
-        }
+    fn position(&self, place: Place, name: Name<'_>) -> Option<(usize, &'static Row)> {
+        let mut before = 0;
+        let found = self.find_row(place, &mut |row| {
+            let is_it = row.name.as_bytes() == name.0;
+            before += usize::from(!is_it);
+            is_it
+        });
+        found.map(|row| (before, row))
     }
 
     fn value(&self, place: Place, name: &str) -> Option<i32> {
@@ -76,7 +61,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     }
 
     /// Sends a parameter. False: there is none of this index.
-    fn send_parameter(&mut self, now: Instant, port: usize, place: Place, index: usize) -> bool {
+    pub(super) fn send_parameter(&mut self, now: Instant, port: usize, place: Place, index: usize) -> bool {
         let Some(row) = self.row(place, index) else { return false };
         let Some(value) = self.value(place, row.name) else { return false };
         let mut id = [0; 16];
@@ -139,13 +124,13 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         now: Instant,
         port: usize,
         target: Address,
-        name: &CharArray<16>,
+        name: &[u8],
         index: i16,
     ) {
         let Some(place) = self.addressed(now, port, target) else { return };
         let index = match usize::try_from(index) {
             Ok(index) => Some(index),
-            Err(_) => name.to_str().ok().and_then(|name| self.position(place, name)),
+            Err(_) => self.position(place, Name::of(name)).map(|(index, _)| index),
         };
         if let Some(index) = index {
             self.send_parameter(now, port, place, index);
@@ -158,44 +143,34 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         port: usize,
         from: Address,
         target: Address,
-        name: &CharArray<16>,
+        name: &[u8],
         value: f32,
     ) {
         let Some(place) = self.addressed(now, port, target) else { return };
-        let name = name.to_str().unwrap_or_default();
-        let result = if self.may_command(from.system) {
-            self.set(place, name, value)
-        } else {
-            Err(Refusal::NotAllowed(from.system))
+        let name = Name::of(name);
+        let Some((index, row)) = self.position(place, name) else {
+            let why = Refusal::UnknownSetting;
+            self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
+            return;
         };
-        match result {
-            Ok(effect) => {
-                self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
-                if effect == Effect::AtNextStart {
-                    self.say(
-                        now,
-                        place,
-                        Severity::Notice,
-                        Some(port),
-                        format_args!("{name} counts from the node's next start on"),
-                    );
-                }
-            }
-            Err(why) => {
-                self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
-            }
-        }
-        // The new value, or the old one where it was refused.
-        if let Some(index) = self.position(place, name) {
-            self.send_parameter(now, port, place, index);
+        let old = self.value(place, row.name).unwrap_or_default();
+        let result = if !self.may_command(from.system) {
+            Err(Refusal::NotAllowed(from.system))
+        } else if self.pending.is_full() {
+            Err(Refusal::StoreBusy)
+        } else {
+            self.set(place, row, value)
+        };
+        if result.is_ok() && self.keeping == Keeping::Stored {
+            // There is space. It is answered when it is stored.
+            let _ = self.pending.push_back(Pending { port, place, index, old });
+        } else {
+            self.settled(now, port, place, index, result);
         }
     }
 
-    fn set(&mut self, place: Place, name: &str, value: f32) -> Result<Effect, Refusal> {
-        let row = self
-            .position(place, name)
-            .and_then(|index| self.row(place, index))
-            .ok_or(Refusal::UnknownSetting)?;
+    fn set(&mut self, place: Place, row: &'static Row, value: f32) -> Result<(), Refusal> {
+        let name = row.name;
         let number = whole(value).ok_or(Refusal::NotWhole)?;
         if !row.allows(number) {
             return Err(Refusal::OutOfRange(row));
@@ -222,15 +197,46 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                     let mut config = engine.config;
                     // Its name and its range have been checked.
                     if !config.change(name, number) {
-                        return Err(Refusal::SettingOff);
+                        return Err(Refusal::UnknownSetting);
                     }
-                    if engine.source.handle().configure(&config.supervision).is_err() {
-                        return Err(Refusal::OutOfRange(row));
-                    }
+                    Self::configure(engine, &config, row)?;
                     engine.config = config;
                 }
             }
         }
-        Ok(row.effect)
+        Ok(())
+    }
+
+    /// Gives a setting of the supervision or the link, whose range has been checked, to the engine.
+    pub(super) fn configure(
+        engine: &Engine<'_>,
+        config: &EngineConfig,
+        row: &'static Row,
+    ) -> Result<(), Refusal> {
+        let handle = engine.source.handle();
+        match row.effect {
+            Effect::AtRest => {
+                handle.configure_link(&LinkSettings::from(config)).map_err(|_| Refusal::LineTooSlow)
+            }
+            _ => handle.configure(&config.supervision).map_err(|_| Refusal::OutOfRange(row)),
+        }
+    }
+}
+
+/// A name that was received.
+#[derive(Clone, Copy)]
+struct Name<'a>(&'a [u8]);
+
+impl<'a> Name<'a> {
+    /// Of 16 letters, or of fewer that zeros follow.
+    fn of(bytes: &'a [u8]) -> Self {
+        let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+        Self(bytes.get(..end).unwrap_or_default())
+    }
+}
+
+impl core::fmt::Display for Name<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.iter().try_for_each(|&byte| core::fmt::Write::write_char(f, byte.into()))
     }
 }

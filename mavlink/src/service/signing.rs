@@ -1,7 +1,7 @@
 //! What a key demands of frames that come in, and how it is set.
 
 use super::{Place, Service};
-use crate::dialect::SETUP_SIGNING_DATA;
+use crate::fields::{Fields, setup_signing};
 use crate::frame::{Address, Frame};
 use crate::ids::Severity;
 use crate::refusal::Refusal;
@@ -38,9 +38,9 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         now: Instant,
         port: usize,
         from: Address,
-        setup: &SETUP_SIGNING_DATA,
+        target: Address,
+        setup: &Fields,
     ) {
-        let target = Address { system: setup.target_system, component: setup.target_component };
         if self.addressed(now, port, target) != Some(Place::Node) {
             return;
         }
@@ -70,13 +70,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     }
 
     /// Returns whether there is a key now.
-    fn set_key(
-        &mut self,
-        now: Instant,
-        port: usize,
-        from: Address,
-        setup: &SETUP_SIGNING_DATA,
-    ) -> Result<bool, Refusal> {
+    fn set_key(&mut self, now: Instant, port: usize, from: Address, setup: &Fields) -> Result<bool, Refusal> {
         if !self.is_usb(port) {
             return Err(Refusal::OnlyByUsb);
         }
@@ -86,15 +80,15 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         if self.any_turns() {
             return Err(Refusal::Turns);
         }
-        let stamp = Stamp::new(setup.initial_timestamp)
+        let stamp = Stamp::new(u64::from_le_bytes(setup.bytes(setup_signing::TIMESTAMP)))
             .ok_or(Refusal::Malformed("SETUP_SIGNING: initial_timestamp has 48 bits"))?;
-        let key = Key::new(setup.secret_key);
+        let key = Key::new(setup.bytes(setup_signing::KEY));
         self.signing.set_key(now, key, stamp);
-        // What was heard before may have come from anybody. The id stays: it changes at a start only.
+        // What was received before may have come from anybody. The id stays: it changes at a start only.
         self.vehicle = Vehicle::new(self.vehicle.id().unwrap_or(0));
         self.request = RateRequest::new(now);
         self.clocks = [FrameClock::default(); 2];
-        self.heard.clear();
+        self.received.clear();
         Ok(key.is_some())
     }
 }

@@ -4,7 +4,7 @@ use super::world::*;
 use crate::dialect::*;
 use crate::frame::Address;
 use crate::ids::*;
-use jetlink::command::Order;
+use jetlink::command::{Command, Order, Origin};
 use jetlink::engine::state::EngineState;
 
 const ACCEPTED: Option<u8> = Some(0);
@@ -48,6 +48,30 @@ fn each_condition_of_a_start_is_named() {
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("stop it first"), "{text}");
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "that cost nothing");
+    });
+}
+
+/// In a `COMMAND_INT` the byte of the confirmation is the frame of coordinates: whatever it is, the start is no repeat.
+#[test]
+fn a_start_as_command_int_is_no_repeat() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.control(0, &[0.0]).await.0, ACCEPTED);
+        world.until("standby", 300, || world.telemetry(0).state == EngineState::Standby).await;
+        world.pass(6.0).await;
+        let start = COMMAND_INT_DATA {
+            param1: 1.0,
+            command: CMD_DO_ENGINE_CONTROL,
+            target_system: SYSTEM,
+            target_component: ENGINE[0],
+            frame: 3,
+            ..Default::default()
+        };
+        let frame = world.frame(TO_GROUND, GROUND, &start);
+        let to = (SYSTEM, ENGINE[0]);
+        let (answer, text) = world.answer_to(TO_GROUND, &frame, GROUND, to, CMD_DO_ENGINE_CONTROL).await;
+        assert_eq!(answer, ACCEPTED, "{text}");
     });
 }
 
@@ -141,7 +165,7 @@ fn a_stop_acts_against_the_stream_and_only_a_command_starts_again() {
                     world.say(TO_GROUND, GROUND, &message);
                     world.pass(0.2).await;
                     let frames = world.frames.borrow();
-                    let ack = frames.iter().skip(at).find_map(|(_, _, frame)| match &frame.message {
+                    let ack = frames.iter().skip(at).find_map(|(_, _, frame)| match &frame.message() {
                         MavMessage::COMMAND_ACK(ack) => Some((ack.command, ack.result)),
                         _ => None,
                     });
@@ -249,6 +273,25 @@ fn an_emergency_stop_is_latched_and_arming_counts_only_after_disarmed() {
     });
 }
 
+/// Radio control releases a stop and arms: with the autopilot disarmed, and with none.
+#[test]
+fn what_another_source_arms_after_a_stop_stays_armed() {
+    for alive in [true, false] {
+        run(async |world| {
+            world.plane.alive.set(alive);
+            world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
+            let radio = world.node.handles()[0].source(Origin::Rc).expect("nobody else is radio control");
+            radio.command(Command::EmergencyStop).expect("never refused");
+            world.pass(3.0).await;
+            assert!(world.telemetry(0).stop_latched);
+            radio.command(Command::ReleaseStop).expect("the engine is at rest");
+            radio.command(Command::Arm).expect("nothing is latched");
+            world.pass(3.0).await;
+            assert!(world.telemetry(0).armed, "the autopilot is alive: {alive}");
+        });
+    }
+}
+
 #[test]
 fn without_a_demand_source_the_commanding_station_keeps_the_order_alive() {
     run(async |world| {
@@ -333,5 +376,34 @@ fn the_node_restarts_only_with_all_engines_at_rest() {
         assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, ACCEPTED);
         assert_eq!(world.service.borrow_mut().take_request(), Some(crate::service::Request::Reboot));
         assert_eq!(world.service.borrow_mut().take_request(), None);
+    });
+}
+
+#[test]
+fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
+    const CONFIRM_SETTINGS: &[f32] = &[30.0, 21196.0];
+    run(async |world| {
+        world.ready().await;
+        // Nothing to confirm.
+        let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
+        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert!(text.contains("the settings are not damaged"), "{text}");
+        // Running engines continue, and the settings are confirmed only with all engines at rest.
+        world.start(1).await;
+        world.service.borrow_mut().set_damaged(true);
+        let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
+        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+        // A stop needs no whole settings. A start does.
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.cold(1).await;
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(text.contains("the stored settings are damaged"), "{text}");
+        world.pass(6.0).await;
+        assert_eq!(world.telemetry(0).ordered.order, Order::Standby, "nor later");
+        let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
+        assert_eq!((answer, world.service.borrow_mut().take_anew()), (ACCEPTED, true), "{text}");
+        world.start(0).await;
     });
 }

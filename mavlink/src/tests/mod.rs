@@ -5,6 +5,7 @@ mod commands;
 mod mutated;
 mod parameters;
 mod signing;
+mod store;
 mod streams;
 mod throttle;
 mod world;

@@ -3,8 +3,11 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::service::parameters::{engine_parameters, node_parameters};
-use crate::settings::NodeSettings;
+use crate::settings::{EngineSettings, NodeSettings, ONLY_IN_CONFIG};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
+use jetlink::line::Line;
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -17,7 +20,7 @@ fn list(world: &World<'_>, component: u8) {
 /// Parameters on the autopilot's port since frame `at`: component, index, count, name and value.
 fn listed(world: &World<'_>, at: usize) -> Vec<(u8, u16, u16, String, f32)> {
     let frames = world.frames.borrow();
-    let values = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message {
+    let values = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
         MavMessage::PARAM_VALUE(value) if *port == TO_AUTOPILOT => Some((
             frame.from.component,
             value.param_index,
@@ -62,6 +65,21 @@ fn a_list_has_every_setting_once_at_twenty_a_second() {
         listed.iter().for_each(|(component, .., name, _)| *names.entry((*component, name)).or_default() += 1);
         assert!(names.values().all(|&count| count == 1));
     });
+}
+
+#[test]
+fn an_engine_has_forty_parameters_at_most_and_what_is_left_out_exists() {
+    let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
+    let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
+    assert!(node_parameters().count() <= 60);
+    for config in [amt, zk] {
+        let parameters: Vec<_> = engine_parameters(&config).map(|row| row.name).collect();
+        assert!(parameters.len() <= 40, "{}", parameters.len());
+        let all = config.settings().count() + EngineSettings::SETTINGS.len();
+        let left_out = ONLY_IN_CONFIG.iter().filter(|name| config.number(name).is_some()).count();
+        assert_eq!(all, parameters.len() + left_out);
+    }
+    assert!(ONLY_IN_CONFIG.iter().all(|name| amt.number(name).is_some()));
 }
 
 #[test]
@@ -120,7 +138,6 @@ fn a_refused_setting_echoes_the_old_value() {
             ("LOSS_THR", f32::NAN, 0.0, "whole number"),
             ("LOSS_HOLD", -1.0, 1000.0, "use 0 to 60000"),
             ("MAV_THR_MIN", 1900.0, 1100.0, "MAV_THR_MIN has to be below"),
-            ("GOV_P", 9.0, 8.0, "turn on what it belongs to"),
         ] {
             let (echo, text) = world.set(ENGINE[0], name, value).await;
             assert_eq!(echo, Some(old), "{name} {value}: {text}");
@@ -144,6 +161,23 @@ fn a_refused_setting_echoes_the_old_value() {
         let (config, _) = service.engine_settings().next().unwrap();
         assert_eq!(config.number("LOSS_THR"), Some(0));
         assert_eq!(service.counters().parameters_set, 0);
+    });
+}
+
+/// A setting of the link waits until the engine is at rest; one that the line has no time for is refused.
+#[test]
+fn settings_of_a_link_wait_until_the_engine_is_at_rest() {
+    run(async |world| {
+        world.ready().await;
+        let (echo, text) = world.set(ENGINE[1], "LINK_LOST", 3000.0).await;
+        assert_eq!((echo, text.as_str()), (Some(3000.0), ""), "at rest: at once");
+        world.start(1).await;
+        let (echo, text) = world.set(ENGINE[1], "LINK_LOST", 2000.0).await;
+        assert_eq!(echo, Some(2000.0));
+        assert!(text.contains("LINK_LOST waits until the engine is at rest"), "{text}");
+        let (echo, text) = world.set(ENGINE[0], "AMT_GUARD", 30_000.0).await;
+        assert_eq!(echo, Some(500.0));
+        assert!(text.contains("the baud rate leaves no time for this value"), "{text}");
     });
 }
 

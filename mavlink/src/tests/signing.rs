@@ -244,14 +244,14 @@ fn a_clock_behind_and_a_seventeenth_sender_are_counted() {
         assert_eq!(counted(world), NOTHING);
         world.say(TO_GROUND, from(15), &beat);
         assert_eq!(counted(world), SigningCounters { too_many: 1, ..NOTHING });
-        // Those that are known go on.
+        // Known senders continue.
         world.start(0).await;
     });
     let ahead = SigningState::new(key(), Stamp::new(SENDERS_STAMP + 7_000_000).unwrap());
     run_signed(NodeSettings::DEFAULT, ahead, PortConfig::network(), async |world| {
         world.pass(30.0).await;
         assert!(counted(world).clocks_behind > 50, "{:?}", counted(world));
-        assert_eq!(world.service.borrow().system_id(), None, "nobody is believed");
+        assert_eq!(world.service.borrow().system_id(), None, "nobody is accepted");
     });
 }
 
@@ -323,12 +323,12 @@ fn by_another_port_no_key_is_set_or_cleared() {
         let (has, _) = set_up(world, TO_AUTOPILOT, &bytes(SETUP)).await;
         assert!(!has);
         assert_eq!(counted(world), SigningCounters { setups_refused: 1, ..NOTHING });
-        let said = world.frames.borrow().iter().any(|(_, port, frame)| {
+        let sent_text = world.frames.borrow().iter().any(|(_, port, frame)| {
             *port == TO_AUTOPILOT
-                && matches!(&frame.message, MavMessage::STATUSTEXT(text)
+                && matches!(&frame.message(), MavMessage::STATUSTEXT(text)
                     if text.text.to_str().is_ok_and(|text| text.contains("by USB")))
         });
-        assert!(said, "the text says why");
+        assert!(sent_text, "the text says why");
     });
     run_with_key(async |world| {
         world.ready().await;

@@ -1,4 +1,4 @@
-//! What is sent without being asked: rates, the share of a port, identity, values.
+//! What is sent without a request: rates, the share of a port, identity, values.
 
 use super::world::*;
 use crate::dialect::*;
@@ -13,7 +13,7 @@ fn rate(world: &World<'_>, seconds: u64, port: usize, component: u8, what: fn(&M
     let from = Instant::now() - Duration::from_secs(seconds);
     let frames = world.frames.borrow();
     let recent = frames.iter().filter(|(at, on, frame)| {
-        *at >= from && *on == port && frame.from.component == component && what(&frame.message)
+        *at >= from && *on == port && frame.from.component == component && what(&frame.message())
     });
     recent.count() as f64 / seconds as f64
 }
@@ -26,7 +26,7 @@ const VALUES: fn(&MavMessage) -> bool = |message| matches!(message, MavMessage::
 fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
     run(async |world| {
         world.pass(4.0).await;
-        assert_eq!(*world.bytes.borrow(), [0; 2], "an autopilot is heard that is not learnt yet");
+        assert_eq!(*world.bytes.borrow(), [0; 2], "an autopilot is received that is not learnt yet");
         world.pass(20.0).await;
         for port in [TO_AUTOPILOT, TO_GROUND] {
             for component in [NODE, ENGINE[0], ENGINE[1]] {
@@ -36,7 +36,7 @@ fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
         }
         for (_, _, frame) in &*world.frames.borrow() {
             assert_eq!(frame.from.system, SYSTEM);
-            if let MavMessage::HEARTBEAT(beat) = &frame.message {
+            if let MavMessage::HEARTBEAT(beat) = &frame.message() {
                 // Nothing that a ground station takes for a vehicle, or for one that is armed.
                 assert_eq!((beat.mavtype, beat.autopilot), (TYPE_GENERIC, AUTOPILOT_INVALID));
                 assert_eq!((beat.base_mode, beat.mavlink_version), (MODE_CUSTOM, 3));
@@ -75,7 +75,7 @@ fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
             let mut names: Vec<String> = frames
                 .iter()
                 .filter(|(_, port, frame)| *port == TO_AUTOPILOT && frame.from.component == component)
-                .filter_map(|(.., frame)| match &frame.message {
+                .filter_map(|(.., frame)| match &frame.message() {
                     MavMessage::NAMED_VALUE_FLOAT(value) => Some(value.name.to_str().unwrap().into()),
                     _ => None,
                 })
@@ -107,7 +107,7 @@ fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
 }
 
 #[test]
-fn rates_are_per_port_and_a_message_comes_when_asked_for() {
+fn rates_are_per_port_and_a_message_comes_on_request() {
     run(async |world| {
         world.ready().await;
         let interval = [225.0, 500_000.0];
@@ -143,7 +143,7 @@ fn efi_status_is_what_the_engine_reports_and_never_a_number_that_cannot_be_cast(
         world.pass(20.0).await;
         let frames = world.frames.borrow();
         let of = |component: u8| {
-            frames.iter().filter_map(move |(_, _, frame)| match &frame.message {
+            frames.iter().filter_map(move |(_, _, frame)| match frame.message() {
                 MavMessage::EFI_STATUS(efi) if frame.from.component == component => Some(efi),
                 _ => None,
             })
@@ -182,7 +182,7 @@ fn the_state_of_an_engine_is_in_its_heartbeat_and_its_texts() {
         world.pass(2.0).await;
         let mut states = Vec::new();
         for (_, port, frame) in &*world.frames.borrow() {
-            if let (TO_GROUND, MavMessage::HEARTBEAT(beat)) = (*port, &frame.message)
+            if let (TO_GROUND, MavMessage::HEARTBEAT(beat)) = (*port, &frame.message())
                 && frame.from.component == ENGINE[1]
                 && states.last() != Some(&(beat.custom_mode as u8))
             {

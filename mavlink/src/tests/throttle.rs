@@ -41,7 +41,7 @@ fn a_start_runs_at_idle_and_then_follows_the_throttle() {
             world.until("idle", 10, || world.ordered(engine) == Some(0)).await;
             world.pass(12.0).await;
         }
-        // Pulse widths that nobody believes are silence: the last demand is held, then the fail-safe throttle.
+        // Pulse widths that nobody accepts are silence: the last demand is held, then the fail-safe throttle.
         world.throttle(1700);
         world.until("both", 10, || (0..2).all(|engine| world.ordered(engine) == Some(750))).await;
         world.throttle(0);
@@ -114,7 +114,7 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
         assert_eq!(last, 0, "disarmed");
         world.plane.armed.set(true);
         world.rises_to(1, 1000).await;
-        // It had forgotten the rate, and was asked again.
+        // It had forgotten the rate, and it was requested again.
         let requests = world.plane.requests.borrow();
         assert!(requests.len() >= 2 && requests.iter().all(|(_, us)| *us == 25_000.0), "{requests:?}");
         let gaps: Vec<Duration> = requests.windows(2).map(|two| two[1].0 - two[0].0).collect();

@@ -125,11 +125,8 @@ impl World<'_> {
     ) -> impl Future<Output = ()> {
         let caller = core::panic::Location::caller();
         async move {
-            let end = Instant::now() + Duration::from_secs(seconds);
-            while !done() {
-                assert!(Instant::now() < end, "not within {seconds} s: {what} ({caller})");
-                Timer::after(Duration::from_millis(20)).await;
-            }
+            let so = clock::until(Duration::from_secs(seconds), Duration::from_millis(20), done).await;
+            assert!(so, "not within {seconds} s: {what} ({caller})");
         }
     }
 
@@ -178,7 +175,7 @@ impl World<'_> {
         let mut result = None;
         for (_, on, frame) in frames.iter().skip(at).filter(|(_, on, _)| *on == port) {
             assert_eq!(*on, port);
-            match &frame.message {
+            match &frame.message() {
                 MavMessage::COMMAND_ACK(ack) if ack.command == command => {
                     assert_eq!((ack.target_system, ack.target_component), (from.system, from.component));
                     assert_eq!((frame.from.system, frame.from.component), (system, component));
@@ -212,12 +209,15 @@ impl World<'_> {
         };
         self.say(TO_GROUND, GROUND, &message);
         self.pass(0.2).await;
+        self.answers(at)
+    }
+
+    /// The last value of a parameter and all texts since frame `at`.
+    pub fn answers(&self, at: usize) -> (Option<f32>, String) {
         let (mut echo, mut texts) = (None, String::new());
         for (_, _, frame) in self.frames.borrow().iter().skip(at).filter(|(_, port, _)| *port == TO_GROUND) {
-            match &frame.message {
-                MavMessage::PARAM_VALUE(value) if value.param_id.to_str() == Ok(name) => {
-                    echo = Some(value.param_value)
-                }
+            match &frame.message() {
+                MavMessage::PARAM_VALUE(value) => echo = Some(value.param_value),
                 MavMessage::STATUSTEXT(text) => texts += text.text.to_str().unwrap(),
                 _ => {}
             }
@@ -290,7 +290,7 @@ impl World<'_> {
     pub fn texts(&self) -> String {
         let mut texts = String::new();
         for (_, port, frame) in &*self.frames.borrow() {
-            if let (TO_GROUND, MavMessage::STATUSTEXT(text)) = (*port, &frame.message) {
+            if let (TO_GROUND, MavMessage::STATUSTEXT(text)) = (*port, &frame.message()) {
                 texts += text.text.to_str().unwrap();
                 texts += "\n";
             }
@@ -405,7 +405,7 @@ impl World<'_> {
 
     /// The autopilot's answer to a request for a rate: 25 ms, as ArduPlane grants.
     fn answer(&self, port: usize, frame: &Frame) {
-        let MavMessage::COMMAND_LONG(command) = &frame.message else { return };
+        let MavMessage::COMMAND_LONG(command) = &frame.message() else { return };
         if port != TO_AUTOPILOT || !self.plane.alive.get() {
             return;
         }
@@ -459,7 +459,7 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
     run_signed(settings, SigningState::NONE, PortConfig::usb(), scenario);
 }
 
-/// With what was kept of the node's signing, and the ground station's port. Whoever is there has its key.
+/// With what was kept of the node's signing, and the ground station's port. Its sender has the key.
 pub fn run_signed(
     settings: NodeSettings,
     signing: SigningState,

@@ -1,6 +1,7 @@
 //! The control message `FF OPS THR OPS THR` (AMT-10): decoding it, and finding it in a stream of bytes.
 
 use crate::ecu::{LineFault, Nanos};
+use core::fmt;
 
 /// Begins every message in both directions and occurs nowhere else (AMT-1).
 pub const HEAD: u8 = 0xFF;
@@ -53,6 +54,17 @@ pub struct AmtCommand {
     pub throttle_half_percent: u8,
 }
 
+impl fmt::Display for AmtCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.ops {
+            Ops::EmergencyStop => f.write_str("emergency stop"),
+            Ops::AutoStop => f.write_str("standby (auto stop)"),
+            Ops::Run => write!(f, "run, throttle {:.1} %", f64::from(self.throttle_half_percent) / 2.0),
+            Ops::Ctf => f.write_str("special functions"),
+        }
+    }
+}
+
 /// Reason why a control message is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadCommand {
@@ -66,6 +78,18 @@ pub enum BadCommand {
     Ops(u8),
     /// Throttle outside 32..=232.
     Throttle(u8),
+}
+
+impl fmt::Display for BadCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shape => f.write_str("not five bytes that begin with 0xFF"),
+            Self::Truncated => f.write_str("a new head before the end"),
+            Self::Mismatch => f.write_str("the two copies differ"),
+            Self::Ops(ops) => write!(f, "unknown switch 0x{ops:02X}"),
+            Self::Throttle(throttle) => write!(f, "throttle byte {throttle} is not within 32 to 232"),
+        }
+    }
 }
 
 /// Reads one control message.
@@ -114,7 +138,7 @@ pub(super) struct Receiver {
 
 impl Receiver {
     /// `start` is the start time of this byte, in case it begins a message.
-    pub(super) fn hear(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Received {
+    pub(super) fn receive(&mut self, start: Nanos, byte: Result<u8, LineFault>) -> Received {
         let Ok(byte) = byte else {
             return Received::Broken { in_message: core::mem::take(&mut self.len) > 0 };
         };
@@ -184,19 +208,20 @@ mod tests {
     fn the_receiver_starts_over_at_every_head() {
         let mut receiver = Receiver::default();
         let bytes = [9, 0xFF, 0x14, 0xFF, 0x11, 32, 0x11, 32, 7];
-        let heard: Vec<Received> = (0..).zip(bytes).map(|(at, byte)| receiver.hear(at, Ok(byte))).collect();
+        let received: Vec<Received> =
+            (0..).zip(bytes).map(|(at, byte)| receiver.receive(at, Ok(byte))).collect();
         use Received::{Part, Stray, Truncated};
         let command = Ok(AmtCommand { ops: Ops::EmergencyStop, throttle_half_percent: 0 });
         let message = Received::Message { start: 3, command };
-        assert_eq!(heard, [Stray, Part, Part, Truncated, Part, Part, Part, message, Stray]);
+        assert_eq!(received, [Stray, Part, Part, Truncated, Part, Part, Part, message, Stray]);
     }
 
     #[test]
     fn a_broken_byte_loses_the_message() {
         let mut receiver = Receiver::default();
-        receiver.hear(0, Ok(0xFF));
-        assert_eq!(receiver.hear(1, Err(LineFault::Framing)), Received::Broken { in_message: true });
-        assert_eq!(receiver.hear(2, Err(LineFault::Noise)), Received::Broken { in_message: false });
-        assert_eq!(receiver.hear(3, Ok(0x14)), Received::Stray);
+        receiver.receive(0, Ok(0xFF));
+        assert_eq!(receiver.receive(1, Err(LineFault::Framing)), Received::Broken { in_message: true });
+        assert_eq!(receiver.receive(2, Err(LineFault::Noise)), Received::Broken { in_message: false });
+        assert_eq!(receiver.receive(3, Ok(0x14)), Received::Stray);
     }
 }

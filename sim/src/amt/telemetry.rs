@@ -1,5 +1,7 @@
 //! The reports of an AMT ECU, and the bytes of the four kinds of set.
 
+use core::fmt;
+
 /// The engines of the document's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EngineModel {
@@ -18,6 +20,27 @@ pub enum EngineModel {
 }
 
 impl EngineModel {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Mercury, Self::Pegasus, Self::Olympus, Self::Titan, Self::Nike, Self::Lynx];
+
+    /// Name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Mercury => "mercury",
+            Self::Pegasus => "pegasus",
+            Self::Olympus => "olympus",
+            Self::Titan => "titan",
+            Self::Nike => "nike",
+            Self::Lynx => "lynx",
+        }
+    }
+
+    /// The engine with this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|engine| engine.name() == name)
+    }
+
     /// Data 1 of the alternate set (AMT-4).
     pub const fn id(self) -> u8 {
         match self {
@@ -74,6 +97,14 @@ impl EngineModel {
             Self::Mercury | Self::Pegasus => 6.25,
             _ => 9.30,
         }
+    }
+}
+
+/// The name with a capital letter, as AMT prints it.
+impl fmt::Display for EngineModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (first, rest) = self.name().split_at(1);
+        write!(f, "{}{rest}", first.to_ascii_uppercase())
     }
 }
 

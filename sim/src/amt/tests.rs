@@ -204,7 +204,7 @@ fn silence_is_counted_as_none() {
 }
 
 #[test]
-fn messages_that_nobody_asked_for_are_not_obeyed() {
+fn unsolicited_messages_are_not_obeyed() {
     let mut bench = Bench::olympus();
     bench.send(100 * MILLIS, &run(50)); // before the first set
     bench.send(510 * MILLIS, &run(50)); // into the set-up set
@@ -249,7 +249,7 @@ fn a_start_shows_all_its_states_in_order() {
     let mut states: Vec<u8> =
         bench.sets.iter().map(|(_, _, bytes)| bytes[1]).filter(|&byte| byte & 7 == 4).collect();
     states.dedup();
-    // Run is the switch; no clearance at first, because 0x14 is what asks for it.
+    // Run is the switch; no clearance at first, because 0x14 requests it.
     assert_eq!(states, [0x0C, 0x14, 0x24, 0x44, 0x64]);
     bench.reply(&run(100)).wait(15_000);
     assert_eq!(bench.last(), [0xFF, 0x84, 217, 163, 200, 190]);
@@ -299,7 +299,7 @@ fn a_silent_host_stops_the_engine_after_the_serial_delay() {
     assert_eq!(bench.ecu.stats.serial_delay_stops, 1);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
 
-    // The host is back and still says run: that is no reason to start.
+    // The host is back and still commands run: that is no reason to start.
     bench.reply(&run(0)).wait(120_000);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
     bench.reply(&AUTO).wait(1000);

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_without_reply_is_told_once() {
+    fn a_set_without_reply_is_reported_once() {
         let mut window = window();
         assert!(!window.gave_up(200 * MILLIS));
         window.sent(225 * MILLIS, 250 * MILLIS);

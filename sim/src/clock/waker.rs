@@ -1,4 +1,4 @@
-//! The waker of the one future that a thread's clock runs.
+//! The wakers of the one future that a thread's clock runs, and of tasks in it.
 //!
 //! Its table is a `static`: with `Waker::from(Arc<impl Wake>)` the table is a constant that may
 //! exist more than once (Miri does that on purpose), two clones then do not recognise each other
@@ -8,21 +8,32 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::{RawWaker, RawWakerVTable, Waker};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// Whether the root future of a thread has to be polled.
+/// Whether the root future of a thread, or a task in it, has to be polled.
 #[derive(Debug)]
 pub(super) struct Root {
     woken: AtomicBool,
+    /// Waker of the future that polls it.
+    outer: OnceLock<Waker>,
 }
 
 impl Root {
     pub(super) fn new() -> Arc<Self> {
-        Arc::new(Self { woken: AtomicBool::new(false) })
+        Arc::new(Self { woken: AtomicBool::new(false), outer: OnceLock::new() })
     }
 
     pub(super) fn wake(&self) {
         self.woken.store(true, Ordering::Release);
+        if let Some(outer) = self.outer.get() {
+            outer.wake_by_ref();
+        }
+    }
+
+    /// Sets the waker of the future that polls this one, at the first poll.
+    pub(super) fn inside(&self, waker: &Waker) {
+        let outer = self.outer.get_or_init(|| waker.clone());
+        debug_assert!(outer.will_wake(waker), "a task stays where it was first polled");
     }
 
     pub(super) fn is_woken(&self) -> bool {
@@ -30,7 +41,7 @@ impl Root {
     }
 
     pub(super) fn take_woken(&self) -> bool {
-        self.woken.swap(false, Ordering::AcqRel)
+        self.is_woken() && self.woken.swap(false, Ordering::AcqRel)
     }
 }
 

@@ -113,8 +113,8 @@ fn the_curve_sets_how_fast_it_accelerates() {
 #[test]
 fn an_rpm_demand_is_met_and_limited() {
     let mut bench = Bench::running(Parameters::ZK_160K);
-    for (asked, expected) in [(100_000, 100_000.0), (0, 50_000.0), (400_000, 160_000.0)] {
-        bench.turbine.set_demand(Demand::Rpm(asked));
+    for (wanted, expected) in [(100_000, 100_000.0), (0, 50_000.0), (400_000, 160_000.0)] {
+        bench.turbine.set_demand(Demand::Rpm(wanted));
         assert!((bench.wait(20.0).rpm() - expected).abs() < 50.0);
     }
 }
@@ -195,7 +195,7 @@ fn a_start_that_does_not_light_is_given_up() {
 }
 
 #[test]
-fn its_course_does_not_depend_on_how_often_it_is_asked() {
+fn its_course_does_not_depend_on_how_often_it_is_advanced() {
     let course = |step: Nanos| {
         let mut turbine = Turbine::new(Parameters::OLYMPUS);
         turbine.advance_to(0);

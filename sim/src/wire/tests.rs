@@ -12,17 +12,17 @@ use std::collections::VecDeque;
 #[derive(Debug, Default)]
 struct Scripted {
     script: VecDeque<(Nanos, Vec<u8>)>,
-    heard: Vec<(Nanos, Result<u8, LineFault>)>,
+    received: Vec<(Nanos, Result<u8, LineFault>)>,
     powered: Vec<bool>,
 }
 
 impl Scripted {
-    fn says(at: Nanos, bytes: &[u8]) -> Self {
+    fn sends(at: Nanos, bytes: &[u8]) -> Self {
         Self { script: [(at, bytes.to_vec())].into(), ..Self::default() }
     }
 
     fn bytes_received(&self) -> Vec<u8> {
-        self.heard.iter().filter_map(|(_, byte)| byte.ok()).collect()
+        self.received.iter().filter_map(|(_, byte)| byte.ok()).collect()
     }
 }
 
@@ -38,7 +38,7 @@ impl Ecu for Scripted {
     }
 
     fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
-        self.heard.push((now, byte));
+        self.received.push((now, byte));
     }
 
     fn power(&mut self, _now: Nanos, on: bool) {
@@ -67,7 +67,7 @@ async fn read_n(rx: &mut WireRx, n: usize) -> Vec<u8> {
     bytes
 }
 
-/// What arrives in so many ms.
+/// What arrives in this time, ms.
 async fn read_for(rx: &mut WireRx, ms: u64) -> Vec<Result<u8, WireError>> {
     let mut bytes = Vec::new();
     let mut buf = [0; 64];
@@ -84,7 +84,7 @@ async fn read_for(rx: &mut WireRx, ms: u64) -> Vec<Result<u8, WireError>> {
 #[test]
 fn each_byte_arrives_at_the_first_tick_after_its_stop_bit() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(Scripted::says(MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
     let times = with(&plug, async {
         let mut times = Vec::new();
         let mut buf = [0; 16];
@@ -111,9 +111,9 @@ fn write_returns_at_once_and_flush_at_the_last_stop_bit() {
         tx.flush().await.unwrap();
         assert_eq!(clock::now_ns(), 7_167_000); // 40 bits at 9600 baud are 4166.6 µs
     });
-    let heard = plug.ecu(|ecu| core::mem::take(&mut ecu.heard));
+    let received = plug.ecu(|ecu| core::mem::take(&mut ecu.received));
     let expected = [(4_041_667, 0xFF), (5_083_333, 0x14), (6_125_000, 0x64), (7_166_667, 0xD3)];
-    assert_eq!(heard, expected.map(|(at, byte)| (at, Ok(byte))));
+    assert_eq!(received, expected.map(|(at, byte)| (at, Ok(byte))));
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn a_flush_with_nothing_to_send_ends_at_once() {
 #[test]
 fn both_directions_at_once_do_not_disturb_each_other() {
     clock::reset();
-    let (mut rx, mut tx, plug) = connect(Scripted::says(0, b"down"), Line::n1(4800), 0);
+    let (mut rx, mut tx, plug) = connect(Scripted::sends(0, b"down"), Line::n1(4800), 0);
     with(&plug, async {
         let up = async {
             tx.write_all(b"up").await.unwrap();
@@ -172,7 +172,7 @@ fn both_directions_at_once_do_not_disturb_each_other() {
 fn a_clean_line_changes_nothing_in_100_000_bytes() {
     clock::reset();
     let sent: Vec<u8> = (0..100_000_u32).map(|i| (i * 7 + i / 256) as u8).collect();
-    let (mut rx, mut tx, plug) = connect(Scripted::says(0, &sent), Line::n1(115_200), 3);
+    let (mut rx, mut tx, plug) = connect(Scripted::sends(0, &sent), Line::n1(115_200), 3);
     with(&plug, async {
         let (_, received) =
             join(async { tx.write_all(&sent).await.unwrap() }, read_n(&mut rx, sent.len())).await;
@@ -188,7 +188,7 @@ fn a_clean_line_changes_nothing_in_100_000_bytes() {
 fn through(faults: Faults, framing: FramingAs, seed: u64) -> (Vec<Result<u8, WireError>>, Vec<Entry>) {
     clock::reset();
     let sent: Vec<u8> = (0..10_000_u32).map(|i| i as u8).collect();
-    let (mut rx, _tx, plug) = connect(Scripted::says(0, &sent), Line::n1(115_200), seed);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(0, &sent), Line::n1(115_200), seed);
     plug.set_faults(faults, Faults::default());
     plug.framing(framing);
     plug.record(true);
@@ -269,7 +269,7 @@ fn the_same_seed_gives_the_same_faults() {
 #[test]
 fn delay_and_jitter_shift_arrivals_and_keep_the_order() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1, 2]), Line::n1(9600), 0);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(0, &[1, 2]), Line::n1(9600), 0);
     plug.set_faults(Faults { delay_ns: 5 * MILLIS, ..Faults::default() }, Faults::default());
     with(&plug, async {
         read_n(&mut rx, 1).await;
@@ -285,20 +285,20 @@ fn delay_and_jitter_shift_arrivals_and_keep_the_order() {
 #[test]
 fn faults_towards_the_ecu_reach_the_ecu_only() {
     clock::reset();
-    let (mut rx, mut tx, plug) = connect(Scripted::says(0, &[1, 2, 3]), Line::n1(9600), 0);
+    let (mut rx, mut tx, plug) = connect(Scripted::sends(0, &[1, 2, 3]), Line::n1(9600), 0);
     plug.set_faults(Faults::default(), Faults { framing_per_million: 1_000_000, ..Faults::default() });
     with(&plug, async {
         tx.write_all(&[4, 5]).await.unwrap();
         assert_eq!(read_n(&mut rx, 3).await, [1, 2, 3]);
     });
-    let heard = plug.ecu(|ecu| ecu.heard.clone());
-    assert_eq!(heard, [(1_041_667, Err(LineFault::Framing)), (2_083_333, Err(LineFault::Framing))]);
+    let received = plug.ecu(|ecu| ecu.received.clone());
+    assert_eq!(received, [(1_041_667, Err(LineFault::Framing)), (2_083_333, Err(LineFault::Framing))]);
 }
 
 #[test]
 fn a_cut_loses_both_ways_and_the_byte_under_way() {
     clock::reset();
-    let (mut rx, mut tx, plug) = connect(Scripted::says(0, &[1, 2, 3, 4, 5, 6]), Line::n1(9600), 0);
+    let (mut rx, mut tx, plug) = connect(Scripted::sends(0, &[1, 2, 3, 4, 5, 6]), Line::n1(9600), 0);
     let received = with(&plug, async {
         tx.write_all(&[1, 2, 3, 4, 5, 6]).await.unwrap();
         let cutter = async {
@@ -322,7 +322,7 @@ fn one_wire_is_cut_and_the_other_is_not() {
         [(Direction::ToNode, vec![], vec![1, 2, 3]), (Direction::ToEcu, vec![Ok(1), Ok(2), Ok(3)], vec![])]
     {
         clock::reset();
-        let (mut rx, mut tx, plug) = connect(Scripted::says(0, &[1, 2, 3]), Line::n1(9600), 0);
+        let (mut rx, mut tx, plug) = connect(Scripted::sends(0, &[1, 2, 3]), Line::n1(9600), 0);
         plug.cut_one(direction, true);
         let received = with(&plug, async {
             tx.write_all(&[1, 2, 3]).await.unwrap();
@@ -334,13 +334,13 @@ fn one_wire_is_cut_and_the_other_is_not() {
 }
 
 #[test]
-fn another_ecu_is_plugged_in_and_speaks_from_then_on() {
+fn another_ecu_is_plugged_in_and_sends_from_then_on() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1, 2, 3, 4]), Line::n1(9600), 0);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(0, &[1, 2, 3, 4]), Line::n1(9600), 0);
     let received = with(&plug, async {
         let change = async {
             Timer::after_micros(1500).await; // in the middle of the second byte
-            let next = Scripted::says(clock::now_ns() + 5_000_000, &[7, 8]);
+            let next = Scripted::sends(clock::now_ns() + 5_000_000, &[7, 8]);
             let before = plug.replace_ecu(next);
             assert!(before.next_wake() > clock::now_ns());
         };
@@ -350,7 +350,7 @@ fn another_ecu_is_plugged_in_and_speaks_from_then_on() {
 }
 
 #[test]
-fn a_stalled_transmitter_holds_writes_and_flushes_until_it_goes_on() {
+fn a_stalled_transmitter_holds_writes_and_flushes_until_it_continues() {
     clock::reset();
     let (_rx, mut tx, plug) = connect(Scripted::default(), Line::n1(9600), 0);
     with(&plug, async {
@@ -366,9 +366,9 @@ fn a_stalled_transmitter_holds_writes_and_flushes_until_it_goes_on() {
         plug.stall_tx(false);
         tx.flush().await.unwrap();
     });
-    let heard = plug.ecu(|ecu| ecu.bytes_received());
-    assert_eq!(heard[..3], [1, 2, 3]);
-    assert!(heard.len() > 3 && heard[3..].iter().all(|byte| *byte == 9), "{heard:?}");
+    let received = plug.ecu(|ecu| ecu.bytes_received());
+    assert_eq!(received[..3], [1, 2, 3]);
+    assert!(received.len() > 3 && received[3..].iter().all(|byte| *byte == 9), "{received:?}");
 }
 
 #[test]
@@ -390,7 +390,7 @@ fn echo_gives_the_node_its_own_bytes() {
 #[test]
 fn babble_fills_the_line_without_a_pause() {
     clock::reset();
-    let (mut rx, mut tx, plug) = connect(Scripted::says(10 * MILLIS, b"frame"), Line::n1(9600), 0);
+    let (mut rx, mut tx, plug) = connect(Scripted::sends(10 * MILLIS, b"frame"), Line::n1(9600), 0);
     with(&plug, async {
         plug.babble(Some(Babble::Repeat(vec![0xFF, 0x0C])));
         let received = read_for(&mut rx, 1001).await;
@@ -408,7 +408,7 @@ fn babble_fills_the_line_without_a_pause() {
 #[test]
 fn ends_that_are_set_differently_understand_nothing() {
     clock::reset();
-    let ecu = Scripted::says(0, &[1, 2, 3]);
+    let ecu = Scripted::sends(0, &[1, 2, 3]);
     let (mut rx, mut tx, plug) = connect_mismatched(ecu, Line::n1(9600), Line::n1(4800), 0);
     plug.framing(FramingAs::Error);
     let received = with(&plug, async {
@@ -416,14 +416,14 @@ fn ends_that_are_set_differently_understand_nothing() {
         read_for(&mut rx, 50).await
     });
     assert_eq!(received, [Err(WireError::Framing); 3]);
-    assert_eq!(plug.ecu(|ecu| ecu.heard.len()), 2);
+    assert_eq!(plug.ecu(|ecu| ecu.received.len()), 2);
     assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), []);
 }
 
 #[test]
 fn a_reader_that_sleeps_loses_bytes_as_on_hardware() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1; 300]), Line::n1(115_200), 0);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(0, &[1; 300]), Line::n1(115_200), 0);
     with(&plug, async {
         Timer::after_millis(100).await;
         assert_eq!(read_for(&mut rx, 10).await.len(), 256);
@@ -434,7 +434,7 @@ fn a_reader_that_sleeps_loses_bytes_as_on_hardware() {
 #[test]
 fn losing_power_ends_the_frame() {
     clock::reset();
-    let (mut rx, _tx, plug) = connect(Scripted::says(0, &[1, 2, 3, 4]), Line::n1(9600), 0);
+    let (mut rx, _tx, plug) = connect(Scripted::sends(0, &[1, 2, 3, 4]), Line::n1(9600), 0);
     let received = with(&plug, async {
         Timer::after_micros(1500).await;
         plug.power(false);
@@ -461,7 +461,8 @@ fn injected_bytes_take_their_time() {
 fn in_real_time_bytes_take_their_time() {
     clock::reset();
     clock::set_pace(clock::Pace::RealTime);
-    let (mut rx, mut tx, plug) = connect(Scripted::says(10 * MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
+    let (mut rx, mut tx, plug) =
+        connect(Scripted::sends(10 * MILLIS, &[1, 2, 3, 4, 5, 6]), Line::n1(2400), 0);
     let real = std::time::Instant::now();
     let node = async {
         tx.write_all(&[7; 5]).await.unwrap();
@@ -469,8 +470,8 @@ fn in_real_time_bytes_take_their_time() {
     };
     assert!(clock::run_for(select(node, plug.run()), Duration::from_secs(20)).is_some());
     assert!(real.elapsed().as_millis() >= 33, "10 ms and six bytes of 4.17 ms, at most 2 ms ahead");
-    let heard = plug.ecu(|ecu| ecu.heard.clone());
+    let received = plug.ecu(|ecu| ecu.received.clone());
     // However late the host was scheduled, bytes follow each other as on a line.
-    assert!(heard.windows(2).all(|pair| (4_166_666..=4_166_667).contains(&(pair[1].0 - pair[0].0))));
-    assert_eq!(heard.len(), 5);
+    assert!(received.windows(2).all(|pair| (4_166_666..=4_166_667).contains(&(pair[1].0 - pair[0].0))));
+    assert_eq!(received.len(), 5);
 }

@@ -2,6 +2,7 @@
 //! stream of bytes.
 
 use crate::ecu::LineFault;
+use core::fmt;
 
 /// Begins every control frame.
 pub const HEAD: u8 = 0xFF;
@@ -134,6 +135,53 @@ pub enum ZkCommand {
     Pressure(u16),
 }
 
+impl fmt::Display for Sw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "no switch",
+            Self::Stop => "stop",
+            Self::Standby => "standby",
+            Self::Run => "run",
+        })
+    }
+}
+
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::DrainOil => "drain oil",
+            Self::TestGlowPlug => "test the glow plug",
+            Self::TestMainValve => "test the main valve",
+            Self::TestIgnitionValve => "test the ignition valve",
+            Self::TestPump => "test the pump",
+            Self::TestStarter => "test the starter",
+            Self::Rate20 => "status rate 20 Hz",
+            Self::Rate50 => "status rate 50 Hz",
+            Self::Rate100 => "status rate 100 Hz",
+            Self::ResetFuel => "reset the fuel counter",
+            Self::ZeroThrust => "zero the thrust",
+            Self::OpenPump => "open the pump",
+            Self::ClosePump => "close the pump",
+        })
+    }
+}
+
+impl fmt::Display for ZkCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty => f.write_str("ID 0: keeps the connection"),
+            Self::Control { sw, throttle } => {
+                write!(f, "ID 1: {sw}, throttle {:.1} %", f64::from(*throttle) / 10.0)
+            }
+            Self::Action(action) => write!(f, "ID 2: {action}"),
+            Self::Switch { sw, factor } => write!(f, "ID 6: {sw}, RPM_X {factor}"),
+            Self::Rpm(code) => write!(f, "ID 7: rpm / 10 / RPM_X = {code}"),
+            Self::Pressure(pressure) => write!(f, "ID 8: {pressure} hPa"),
+            other => write!(f, "ID {}", other.id()),
+        }
+    }
+}
+
 impl ZkCommand {
     /// The command ID.
     pub const fn id(self) -> u8 {
@@ -172,6 +220,17 @@ pub enum BadCommand {
     Id(u8),
     /// A value outside its documented range.
     Range(u8),
+}
+
+impl fmt::Display for BadCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Head => f.write_str("the first byte is not 0xFF"),
+            Self::Crc => f.write_str("wrong CRC"),
+            Self::Id(id) => write!(f, "unknown ID {id}"),
+            Self::Range(id) => write!(f, "a value of ID {id} is out of its range"),
+        }
+    }
 }
 
 /// Reads one control frame. Reserved bits are ignored; see [`reserved_bits`].
@@ -241,7 +300,7 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    pub(super) fn hear(&mut self, byte: Result<u8, LineFault>) -> Received {
+    pub(super) fn receive(&mut self, byte: Result<u8, LineFault>) -> Received {
         let Ok(byte) = byte else {
             // The byte is unknown, so the frame that it belonged to is unknown too.
             self.len = 0;
@@ -364,25 +423,27 @@ mod tests {
         assert_eq!(reserved_bits(&frame(0x84, 1)), 0x0400);
     }
 
-    fn hear(bytes: &[u8]) -> (Vec<[u8; 4]>, usize, usize) {
+    fn receive(bytes: &[u8]) -> (Vec<[u8; 4]>, usize, usize) {
         let mut receiver = Receiver::default();
-        let heard: Vec<Received> = bytes.iter().map(|&byte| receiver.hear(Ok(byte))).collect();
-        let frames =
-            heard.iter().filter_map(|h| if let Received::Frame(f) = h { Some(*f) } else { None }).collect();
-        let count = |what| heard.iter().filter(|&&h| h == what).count();
+        let received: Vec<Received> = bytes.iter().map(|&byte| receiver.receive(Ok(byte))).collect();
+        let frames = received
+            .iter()
+            .filter_map(|h| if let Received::Frame(f) = h { Some(*f) } else { None })
+            .collect();
+        let count = |what| received.iter().filter(|&&h| h == what).count();
         (frames, count(Received::WrongCrc), count(Received::Stray))
     }
 
     #[test]
     fn frames_are_found_after_noise_and_after_half_frames() {
         let good = [0xFF, 0x14, 0x64, 0xD3];
-        assert_eq!(hear(&good), (vec![good], 0, 0));
-        assert_eq!(hear(&[1, 2, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 0, 2));
+        assert_eq!(receive(&good), (vec![good], 0, 0));
+        assert_eq!(receive(&[1, 2, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 0, 2));
         // Half a frame, then a whole one: no byte of the whole one is dropped.
-        assert_eq!(hear(&[0xFF, 0x14, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
-        assert_eq!(hear(&[0xFF, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
+        assert_eq!(receive(&[0xFF, 0x14, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
+        assert_eq!(receive(&[0xFF, 0xFF, 0x14, 0x64, 0xD3]), (vec![good], 1, 0));
         // 0xFF within a frame.
         let with_ff = frame(0x40, 0xFF);
-        assert_eq!(hear(&with_ff), (vec![with_ff], 0, 0));
+        assert_eq!(receive(&with_ff), (vec![with_ff], 0, 0));
     }
 }

@@ -1,6 +1,6 @@
 //! Counters of a simulated ZK ECU.
 
-use crate::ecu::Nanos;
+use crate::ecu::{Counts, Nanos};
 
 /// Invalid frames, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,5 +85,27 @@ impl Stats {
     /// All status frames sent.
     pub fn frames_sent(&self) -> u64 {
         self.frames.iter().sum()
+    }
+
+    /// Those that every ECU has.
+    pub fn counts(&self) -> Counts {
+        Counts {
+            frames: self.frames_sent(),
+            accepted: self.accepted,
+            bad: self.bad.total() + self.reserved_bits + self.ignored.version,
+            loss_stops: self.control_losses,
+            intervals: self.intervals.min.zip(self.intervals.max),
+            ..Counts::default()
+        }
+    }
+
+    /// What a host that keeps to the protocol never causes, in sentences.
+    pub fn host_faults(&self) -> Vec<&'static str> {
+        let found = [
+            (self.reserved_bits > 0, "it received reserved bits other than 0"),
+            (self.ignored != Ignored::default(), "it received commands that do not fit its version or state"),
+            (self.control_losses > 0, "it lost its control signal"),
+        ];
+        found.into_iter().filter_map(|(found, text)| found.then_some(text)).collect()
     }
 }

@@ -314,7 +314,7 @@ fn up_to_version_4_silence_is_error_13_and_standby() {
         assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
         assert_eq!((bench.ecu.error(), bench.ecu.stats.control_losses), (error::CONTROL_LOST, 1));
 
-        // The host is back and still says run: that is no reason to start.
+        // The host is back and still commands run: that is no reason to start.
         bench.host(&[control(3, 0)]).wait(120_000);
         assert_eq!(bench.error_and_switch(), (13, 1));
         assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
@@ -336,26 +336,26 @@ fn from_version_5_silence_changes_nothing() {
 }
 
 #[test]
-fn id_1_rules_switch_and_throttle_in_mode_1() {
+fn id_1_controls_switch_and_throttle_in_mode_1() {
     let mut bench = Bench::running(4);
     bench.host(&[control(3, 600)]).wait(10_000);
     assert!((bench.ecu.turbine().rpm() - 116_000.0).abs() < 100.0);
 }
 
 #[test]
-fn id_6_rules_the_switch_and_id_1_the_throttle_in_mode_2() {
+fn id_6_controls_the_switch_and_id_1_the_throttle_in_mode_2() {
     let mut bench = Bench::version(4);
-    // SW 0 in ID 1 would be the PWM hand-over; here it says nothing.
+    // SW 0 in ID 1 would be the PWM hand-over; here it has no meaning.
     bench.host(&[switch(3, 0), control(0, 0)]).until(|ecu| ecu.state() == state::MINIMUM);
     assert_eq!(bench.ecu.controlled_by(), ControlledBy::Uart);
     bench.host(&[switch(3, 0), control(1, 400)]).wait(10_000);
-    assert!((bench.ecu.turbine().rpm() - 94_000.0).abs() < 100.0, "SW 1 in ID 1 says nothing either");
+    assert!((bench.ecu.turbine().rpm() - 94_000.0).abs() < 100.0, "SW 1 in ID 1 has no meaning either");
     bench.host(&[switch(2, 0), control(3, 400)]).wait(200);
     assert_eq!(bench.ecu.state(), state::COOLING);
 }
 
 #[test]
-fn id_6_and_7_rule_in_mode_3_and_id_1_is_ignored() {
+fn id_6_and_7_control_mode_3_and_id_1_is_ignored() {
     let mut bench = Bench::version(4);
     bench.host(&[switch(3, 4), rpm(2500)]).until(|ecu| ecu.turbine().phase() == Phase::Running);
     bench.wait(10_000);
@@ -372,7 +372,7 @@ fn id_6_and_7_rule_in_mode_3_and_id_1_is_ignored() {
 }
 
 #[test]
-fn id_7_without_a_factor_says_nothing() {
+fn id_7_without_a_factor_has_no_meaning() {
     let mut bench = Bench::running(4);
     bench.once(rpm(3000)).wait(5000);
     assert!((bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0);
@@ -513,7 +513,7 @@ fn what_a_version_does_not_know_it_ignores_and_does_not_answer() {
 }
 
 #[test]
-fn a_pressure_is_asked_for_and_taken() {
+fn a_pressure_is_requested_and_taken() {
     let mut bench = Bench::new(ZkConfig { esr: true, ..ZkConfig::new(4) });
     bench.wait(500);
     bench.host(&[EMPTY]).wait(1000);

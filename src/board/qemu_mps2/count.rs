@@ -6,7 +6,7 @@
 //! them and triggers the receiver's interrupt. From there on, the firmware is the same to the last instruction.
 
 use super::hardware::Register;
-use super::memory_uart::{SPOKE, TIMER_VALUE, now};
+use super::memory_uart::{FIRST_SENT, TIMER_VALUE, now};
 use super::semihosting::exit;
 use super::uart::Port;
 use core::sync::atomic::Ordering;
@@ -60,16 +60,16 @@ pub async fn run() -> ! {
         for _ in 0..FRAMES {
             period.next().await;
             for (byte, least) in frame.iter().zip(&mut bytes) {
-                SPOKE.store(0, Ordering::Relaxed);
+                FIRST_SENT.store(0, Ordering::Relaxed);
                 Port::put(engine.port.into(), *byte);
                 let before = now();
                 // The interrupts of the UART and of the engines' executor are over when this returns.
                 Port::interrupt(engine.port.into());
                 let after = now();
                 *least = instructions(before, after).saturating_sub(itself).min(*least);
-                let spoke = SPOKE.load(Ordering::Relaxed);
-                if spoke != 0 {
-                    reply = instructions(before, spoke).min(reply);
+                let first_sent = FIRST_SENT.load(Ordering::Relaxed);
+                if first_sent != 0 {
+                    reply = instructions(before, first_sent).min(reply);
                 }
             }
         }

@@ -5,6 +5,9 @@ use cortex_m::{interrupt::InterruptNumber, peripheral::NVIC};
 /// The ECU ports by number, from 0. QEMU's n-th `-serial` is UARTn.
 pub const PORTS: [&str; 4] = ["UART0", "UART1", "UART2", "UART3"];
 
+/// Number of its UARTs: those of the ECUs, then the one of MAVLink.
+pub const UARTS: usize = PORTS.len() + 1;
+
 /// Clock of the core and of all its buses.
 pub const CLOCK_HZ: u32 = 25_000_000;
 

@@ -1,11 +1,12 @@
-//! ECU ports on the design kit's UARTs: each has a one-byte buffer and an interrupt for either
+//! Ports on the design kit's UARTs: each has a one-byte buffer and an interrupt for either
 //! direction, and always one stop bit.
 //!
 //! QEMU moves bytes as fast as its socket takes them. To behave like a real line, [`EcuTx::flush`]
 //! waits until the last stop bit would have been sent at the port's baud rate. This is also right on
 //! the board, whose UART has no flag for an empty shift register.
 
-use super::hardware::{CLOCK_HZ, Handler, Irq, PORTS, Register, pend, unmask};
+use super::hardware::{CLOCK_HZ, Handler, Irq, Register, UARTS, pend, unmask};
+use crate::board::format::Format;
 use core::cell::Cell;
 use core::convert::Infallible;
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
@@ -38,11 +39,11 @@ const ENABLE: u32 = 0b1111;
 const TX_DONE: u32 = 1 << 0;
 const RX_DONE: u32 = 1 << 1;
 
-/// An open ECU port.
+/// An open port.
 pub struct EcuPort {
-    /// From the ECU.
+    /// From the ECU or the autopilot.
     pub rx: EcuRx,
-    /// To the ECU.
+    /// To it.
     pub tx: EcuTx,
     /// Line errors, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
@@ -76,36 +77,43 @@ pub struct Port {
 }
 
 #[cfg(not(feature = "count"))]
-const BASES: [Register; PORTS.len()] = [
+const BASES: [Register; UARTS] = [
     Register::at(0x4000_4000),
     Register::at(0x4000_5000),
     Register::at(0x4000_6000),
     Register::at(0x4000_7000),
+    Register::at(0x4000_9000),
 ];
 #[cfg(feature = "count")]
 use super::memory_uart::BASES;
 
-static UARTS: [Port; PORTS.len()] =
-    [Port::new(BASES[0], 0), Port::new(BASES[1], 2), Port::new(BASES[2], 4), Port::new(BASES[3], 18)];
+static PORT: [Port; UARTS] = [
+    Port::new(BASES[0], 0),
+    Port::new(BASES[1], 2),
+    Port::new(BASES[2], 4),
+    Port::new(BASES[3], 18),
+    Port::new(BASES[4], 20),
+];
 
 /// Writes the UARTs' interrupts into the vector table.
 pub const fn bind(table: &mut [Handler; 32]) {
-    const RECEIVE: [Handler; PORTS.len()] = [receive::<0>, receive::<1>, receive::<2>, receive::<3>];
-    const TRANSMIT: [Handler; PORTS.len()] = [transmit::<0>, transmit::<1>, transmit::<2>, transmit::<3>];
+    const RECEIVE: [Handler; UARTS] = [receive::<0>, receive::<1>, receive::<2>, receive::<3>, receive::<4>];
+    const TRANSMIT: [Handler; UARTS] =
+        [transmit::<0>, transmit::<1>, transmit::<2>, transmit::<3>, transmit::<4>];
     let mut i = 0;
-    while i < PORTS.len() {
-        table[UARTS[i].rx_interrupt.0 as usize] = RECEIVE[i];
-        table[UARTS[i].tx_interrupt.0 as usize] = TRANSMIT[i];
+    while i < UARTS {
+        table[PORT[i].rx_interrupt.0 as usize] = RECEIVE[i];
+        table[PORT[i].tx_interrupt.0 as usize] = TRANSMIT[i];
         i += 1;
     }
 }
 
 extern "C" fn receive<const N: usize>() {
-    UARTS[N].receive();
+    PORT[N].receive();
 }
 
 extern "C" fn transmit<const N: usize>() {
-    UARTS[N].transmit();
+    PORT[N].transmit();
 }
 
 impl Port {
@@ -130,10 +138,16 @@ impl Port {
     ///
     /// # Panics
     ///
-    /// If the line has two stop bits, which this UART cannot send.
-    pub fn open(number: usize, line: Line) -> EcuPort {
-        defmt::assert!(line.stop_bits == StopBits::One, "{=str} sends one stop bit only", PORTS[number]);
-        let port = &UARTS[number];
+    /// If the line has two stop bits, parity or an inverted RX, which this UART does not have.
+    pub fn open(number: usize, format: Format) -> EcuPort {
+        let Format { baud, stop_bits, even_parity, inverted_rx } = format;
+        let line = Line { baud, stop_bits };
+        defmt::assert!(
+            stop_bits == StopBits::One && !even_parity && !inverted_rx,
+            "UART{=usize} has one stop bit, no parity and no inversion",
+            number
+        );
+        let port = &PORT[number];
         port.line.lock(|state| state.set((line.time_of(1), Instant::MIN)));
         port.register(BAUDDIV).write(CLOCK_HZ / line.baud);
         port.register(CTRL).write(ENABLE);
@@ -169,7 +183,7 @@ impl Port {
             }
             self.register(DATA).write(byte[0].into());
             #[cfg(feature = "count")]
-            super::memory_uart::spoke();
+            super::memory_uart::first_sent();
             self.line.lock(|line| {
                 let (byte_time, free) = line.get();
                 line.set((byte_time, free.max(Instant::now()) + byte_time));
@@ -180,7 +194,7 @@ impl Port {
     /// Gives the receiver a byte, where its registers are memory.
     #[cfg(feature = "count")]
     pub fn put(number: usize, byte: u8) {
-        let port = &UARTS[number];
+        let port = &PORT[number];
         port.register(DATA).write(byte.into());
         port.register(STATE).write(RX_FULL);
     }
@@ -189,7 +203,7 @@ impl Port {
     #[cfg(feature = "count")]
     #[inline(always)]
     pub fn interrupt(number: usize) {
-        pend(UARTS[number].rx_interrupt);
+        pend(PORT[number].rx_interrupt);
     }
 
     fn is_drained(&self) -> bool {

@@ -1,17 +1,17 @@
 //! How fast a demand may rise.
 
 use super::{Case, Rule};
-use crate::history::{Ask, Cause, MS, SECOND, Said, Told, Word};
+use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sent};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
 const STEP: f64 = 7.0;
 
 impl Case<'_> {
     /// A demand as a share of full throttle, or of the highest speed, in 0.1 %.
-    pub(super) fn share(&self, ask: Ask) -> f64 {
-        match ask {
-            Ask::Throttle(tenths) => f64::from(tenths),
-            Ask::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
+    pub(super) fn share(&self, demanded: Demanded) -> f64 {
+        match demanded {
+            Demanded::Throttle(tenths) => f64::from(tenths),
+            Demanded::Rpm(rpm) => f64::from(rpm).min(self.h.rules.max_rpm) / self.h.rules.max_rpm * 1000.0,
         }
     }
 
@@ -28,32 +28,34 @@ impl Case<'_> {
         // Where sets could not be read there was no frame since.
         let reach = at - when + 3 * self.h.rules.period + 50 * MS;
         let since = at.saturating_sub(reach);
-        self.h.said(since, at).iter().any(|said| {
-            let Word::Run(ask) = said.word else { return false };
-            self.share(ask) + STEP >= to && self.was_in_force(*said, ask, since, from)
+        self.h.commanded(since, at).iter().any(|commanded| {
+            let PilotCommand::Run(demanded) = commanded.command else { return false };
+            self.share(demanded) + STEP >= to && self.was_in_force(*commanded, demanded, since, from)
         })
     }
 
-    /// The words of a source just before this one, with no gap between them, say a demand that was on the wire. Several may
-    /// come in one slot, and one word of standby between two of run changes nothing.
-    fn was_in_force(&self, said: Said, ask: Ask, since: u64, from: f64) -> bool {
-        let Said { source, at, .. } = said;
+    /// The commands of a source just before this one, with no gap between them, command a demand that was on the wire. Several may
+    /// come in one slot, and one command of standby between two of run changes nothing.
+    fn was_in_force(&self, commanded: Commanded, demanded: Demanded, since: u64, from: f64) -> bool {
+        let Commanded { source, at, .. } = commanded;
         let mut next = at;
         let mut standby = 0;
-        for &(when, word) in self.voices.until(source, at.saturating_sub(1)).iter().rev() {
+        for &(when, command) in self.command_log.until(source, at.saturating_sub(1)).iter().rev() {
             // A source that was away has to rise at the rate.
-            if next > when + self.voices.age(source) {
+            if next > when + self.command_log.age(source) {
                 return false;
             }
-            match word {
-                Word::Run(before) if from + STEP >= self.share(before) => return true,
+            match command {
+                PilotCommand::Run(before) if from + STEP >= self.share(before) => return true,
                 // A throttle and a speed do not compare.
-                Word::Run(before) if core::mem::discriminant(&before) != core::mem::discriminant(&ask) => {
+                PilotCommand::Run(before)
+                    if core::mem::discriminant(&before) != core::mem::discriminant(&demanded) =>
+                {
                     return true;
                 }
-                Word::Run(_) if when < since => return false,
-                Word::Run(_) => standby = 0,
-                Word::Standby if standby == 0 => standby = 1,
+                PilotCommand::Run(_) if when < since => return false,
+                PilotCommand::Run(_) => standby = 0,
+                PilotCommand::Standby if standby == 0 => standby = 1,
                 _ => return false,
             }
             next = when;
@@ -64,9 +66,9 @@ impl Case<'_> {
     pub(super) fn rate(&mut self) {
         let h = self.h;
         let rules = &h.rules;
-        let mut before: Option<(u64, Ask, f64)> = None;
-        // What came to the ECU last: the demand that a node without memory finds and goes on with.
-        let mut obeyed: Option<(Ask, f64)> = None;
+        let mut before: Option<(u64, Demanded, f64)> = None;
+        // What came to the ECU last: the demand that a node without memory finds and continues with.
+        let mut obeyed: Option<(Demanded, f64)> = None;
         // Until an ID 6 without RPM_X has come, that is the speed.
         let mut by_rpm = false;
         let mut forgets =
@@ -74,38 +76,38 @@ impl Case<'_> {
         let mut reported = 0;
         for frame in &h.frames {
             if forgets.next_if(|up| *up <= frame.at).is_some() {
-                let higher = |(_, low): &(Ask, f64)| before.is_none_or(|(.., before)| *low > before);
+                let higher = |(_, low): &(Demanded, f64)| before.is_none_or(|(.., before)| *low > before);
                 let found = obeyed.filter(higher);
-                before = found.map(|(ask, low)| (frame.at - rules.period, ask, low)).or(before);
+                before = found.map(|(demanded, low)| (frame.at - rules.period, demanded, low)).or(before);
             }
-            if matches!(frame.told, Told::Full(switch, _) | Told::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
+            if matches!(frame.sent, Sent::Full(switch, _) | Sent::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
             {
                 // The next run begins from the throttle of a start.
-                let idle = Ask::Throttle(rules.start_throttle);
+                let idle = Demanded::Throttle(rules.start_throttle);
                 before = Some((frame.at, idle, f64::from(rules.start_throttle)));
                 obeyed = if frame.arrived { Some((idle, f64::from(rules.start_throttle))) } else { obeyed };
             }
-            if let Told::Mode(_, factor) = frame.told
+            if let Sent::Mode(_, factor) = frame.sent
                 && frame.arrived
             {
                 by_rpm = factor > 0;
             }
-            let Some(ask) = frame.told.demand() else { continue };
-            let (at, share) = (frame.at, self.share(ask));
-            if frame.arrived && (!by_rpm || matches!(ask, Ask::Rpm(_))) {
-                obeyed = Some((ask, share));
+            let Some(demanded) = frame.sent.demand() else { continue };
+            let (at, share) = (frame.at, self.share(demanded));
+            if frame.arrived && (!by_rpm || matches!(demanded, Demanded::Rpm(_))) {
+                obeyed = Some((demanded, share));
             }
-            if let Some((when, last, low)) = before.replace((at, ask, share))
-                && core::mem::discriminant(&last) == core::mem::discriminant(&ask)
+            if let Some((when, last, low)) = before.replace((at, demanded, share))
+                && core::mem::discriminant(&last) == core::mem::discriminant(&demanded)
                 && share > low
                 && at >= reported
                 && !h.pwm.touches(when, at)
             {
-                let idle = match ask {
-                    Ask::Throttle(_) => f64::from(rules.idle_band.max(rules.start_throttle)),
-                    Ask::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
+                let idle = match demanded {
+                    Demanded::Throttle(_) => f64::from(rules.idle_band.max(rules.start_throttle)),
+                    Demanded::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
                 };
-                // Two frames apart at most: what a frame says was reckoned up to a slot before it began.
+                // Two frames apart at most: what a frame reports was reckoned up to a slot before it began.
                 let time = (at - when) + rules.period + 20 * MS;
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
@@ -115,7 +117,7 @@ impl Case<'_> {
                     self.verdict.finding(
                         Rule::Rate,
                         at,
-                        format!("the demand rises from {last} to {ask} in {} ms", (at - when) / MS),
+                        format!("the demand rises from {last} to {demanded} in {} ms", (at - when) / MS),
                     );
                     reported = at + 5 * SECOND;
                 }

@@ -1,11 +1,11 @@
 //! What goes out while nobody can know whether an engine lives: nothing that could start one, and all that may.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Kind, MS, SECOND, Spans, Switch, Told, Word};
+use crate::history::{Demanded, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
-/// Damaged frames stand for frames for this long.
+/// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
-/// A speed goes out in turn with ID 0, and anything else at every second slot: in so many slots one of them is a speed.
+/// A speed goes out alternating with ID 0, and anything else in every second slot: in this number of slots one of them is a speed.
 const SPEED_SLOTS: u64 = 8;
 
 impl Case<'_> {
@@ -20,7 +20,7 @@ impl Case<'_> {
         // Of ZK two reports of the state have to come, and it comes once in a round.
         let confirms = match h.rules.kind {
             Kind::Amt => 0,
-            Kind::Zk(_) => ((h.rules.round - 1) * h.rules.period).saturating_sub(20 * MS),
+            Kind::Zk(_) => ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS),
         };
         let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
         // After a reset, too.
@@ -36,14 +36,17 @@ impl Case<'_> {
         let mut reported = 0;
         for frame in &h.frames {
             let at = frame.at;
-            if frame.told.switch() != Some(Switch::Run) || at < reported || !doubts.contains(at) {
+            if frame.sent.switch() != Some(Switch::Run) || at < reported || !doubts.contains(at) {
                 continue;
             }
             let from = doubts.last_before(at).map_or(at, |(from, _)| from);
             // A frame that nobody sent, or a start that was granted since.
             let forged =
                 h.forged.iter().any(|forged| (from.saturating_sub(2 * self.gap())..at).contains(forged));
-            let started = h.said(from, at).iter().any(|said| matches!(said.word, Word::Standby));
+            let started = h
+                .commanded(from, at)
+                .iter()
+                .any(|commanded| matches!(commanded.command, PilotCommand::Standby));
             let started = started && h.rules.link_stable < at - from;
             if !forged && !started {
                 let text = format!("run, and nothing has confirmed the engine since {}", seconds(from));
@@ -54,18 +57,18 @@ impl Case<'_> {
         self.speed_in_doubt();
     }
 
-    /// A ZK ECU in rpm mode goes on to get the speed, as long as somebody says run.
+    /// A ZK ECU in rpm mode continues to get the speed, as long as somebody commands run.
     fn speed_in_doubt(&mut self) {
         let h = self.h;
         let slots = SPEED_SLOTS * h.rules.period + 100 * MS;
         let gaps: Vec<_> = h.mute.at_least(self.gap() + slots + SECOND).iter().collect();
         for (from, to) in gaps {
-            let rpm = |at| matches!(self.voices.run_in_control(at), Some((_, Ask::Rpm(_))));
+            let rpm = |at| matches!(self.command_log.run_in_control(at), Some((_, Demanded::Rpm(_))));
             // In rpm mode for a while before, with an engine that lives.
             let frames = h.frames_within(from.saturating_sub(3 * SECOND), from);
-            let by_rpm = frames.iter().any(|frame| matches!(frame.told, Told::Rpm(_)))
-                && frames.iter().any(|frame| matches!(frame.told, Told::Mode(Some(Switch::Run), 1..)))
-                && !frames.iter().any(|frame| matches!(frame.told, Told::Full(..)));
+            let by_rpm = frames.iter().any(|frame| matches!(frame.sent, Sent::Rpm(_)))
+                && frames.iter().any(|frame| matches!(frame.sent, Sent::Mode(Some(Switch::Run), 1..)))
+                && !frames.iter().any(|frame| matches!(frame.sent, Sent::Full(..)));
             if h.version(from) < 4 || !by_rpm || !self.known_to_run(from) {
                 continue;
             }
@@ -77,15 +80,17 @@ impl Case<'_> {
                     || h.unpowered.touches(since, at)
                     || h.versions.iter().any(|(when, _)| (since..at).contains(when))
                     || self.stopped.touches(since, at);
-                let said = h.said(since, at).iter();
-                let other = said.clone().any(|said| !matches!(said.word, Word::Run(Ask::Rpm(_)) | Word::Arm));
+                let commanded = h.commanded(since, at).iter();
+                let other = commanded.clone().any(|commanded| {
+                    !matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)) | PilotCommand::Arm)
+                });
                 if disturbed || other || !rpm(at) {
                     break;
                 }
                 self.verdict.count("speeds in doubt", 1);
-                if !h.frames_within(at - slots, at).iter().any(|frame| matches!(frame.told, Told::Rpm(_))) {
+                if !h.frames_within(at - slots, at).iter().any(|frame| matches!(frame.sent, Sent::Rpm(_))) {
                     let text =
-                        format!("nothing is heard since {}, and no speed is on the wire", seconds(from));
+                        format!("nothing is received since {}, and no speed is on the wire", seconds(from));
                     self.verdict.finding(Rule::HeldDown, at, text);
                     break;
                 }

@@ -1,7 +1,7 @@
 //! Fuel into an engine at rest.
 
 use super::{Case, Rule, seconds};
-use crate::history::{MS, SECOND, Spans, Told, Word};
+use crate::history::{MS, PilotCommand, SECOND, Sent, Spans};
 use sim::turbine::Phase;
 
 /// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
@@ -30,17 +30,20 @@ impl Case<'_> {
         let h = self.h;
         let mut reported = 0;
         for frame in &h.frames {
-            let Told::Action(number) = frame.told else { continue };
+            let Sent::Action(number) = frame.sent else { continue };
             let at = frame.at;
             if !MOVES.contains(&number) || at < reported {
                 continue;
             }
-            let word = h.said(at.saturating_sub(10 * SECOND), at).iter().rev();
-            let word = word.clone().find(|said| said.word == Word::Service(number));
+            let command = h.commanded(at.saturating_sub(10 * SECOND), at).iter().rev();
+            let command =
+                command.clone().find(|commanded| commanded.command == PilotCommand::Service(number));
             let lately = |time: u64| h.samples(at.saturating_sub(time), at);
-            let why = match word {
-                None => Some("no pilot said so lately".to_string()),
-                Some(said) if !self.voices.armed_within(said.at.saturating_sub(200 * MS), at) => {
+            let why = match command {
+                None => Some("no pilot commanded it lately".to_string()),
+                Some(commanded)
+                    if !self.command_log.armed_within(commanded.at.saturating_sub(200 * MS), at) =>
+                {
                     Some("the engine is not armed".into())
                 }
                 _ if lately(1200 * MS).iter().all(|sample| sample.phase != Phase::Standby) => {
@@ -68,7 +71,7 @@ impl Case<'_> {
         let opened: Vec<u64> = h
             .frames
             .iter()
-            .filter(|frame| frame.told == Told::Action(OPEN_PUMP) && frame.arrived)
+            .filter(|frame| frame.sent == Sent::Action(OPEN_PUMP) && frame.arrived)
             .map(|frame| frame.at)
             .collect();
         for (from, to) in flows.iter() {
@@ -76,28 +79,37 @@ impl Case<'_> {
             if open + 2 * SECOND < from {
                 continue;
             }
-            let word = h.said(0, open).iter().rev().find(|said| said.word == Word::Service(OPEN_PUMP));
-            let Some(word) = word else { continue };
+            let command = h
+                .commanded(0, open)
+                .iter()
+                .rev()
+                .find(|commanded| commanded.command == PilotCommand::Service(OPEN_PUMP));
+            let Some(command) = command else { continue };
             let mut ends = open + h.rules.pump_bound;
-            let ended = h.said(open, to).iter().find(|said| matches!(said.word, Word::Stop | Word::Disarm));
-            ends = ends.min(ended.map_or(u64::MAX, |said| said.at));
-            // The source's own words, one after the other.
-            let mut heard = word.at;
-            for said in
-                h.said(word.at, to).iter().filter(|said| said.source == word.source && said.word.is_heard())
+            let ended = h
+                .commanded(open, to)
+                .iter()
+                .find(|commanded| matches!(commanded.command, PilotCommand::Stop | PilotCommand::Disarm));
+            ends = ends.min(ended.map_or(u64::MAX, |commanded| commanded.at));
+            // The source's own commands, one after the other.
+            let mut received = command.at;
+            for commanded in h
+                .commanded(command.at, to)
+                .iter()
+                .filter(|commanded| commanded.source == command.source && commanded.command.is_received())
             {
-                if said.at > heard + self.voices.age(word.source) {
+                if commanded.at > received + self.command_log.age(command.source) {
                     break;
                 }
-                heard = said.at;
+                received = commanded.at;
             }
-            ends = ends.min(heard + self.voices.age(word.source) + h.rules.hold + SECOND);
+            ends = ends.min(received + self.command_log.age(command.source) + h.rules.hold + SECOND);
             // A test in between has its own bound, in the ECU.
             let tests =
-                h.frames.iter().filter(|frame| matches!(frame.told, Told::Action(1..=5)) && frame.arrived);
+                h.frames.iter().filter(|frame| matches!(frame.sent, Sent::Action(1..=5)) && frame.arrived);
             let tests = tests.map(|frame| frame.at).filter(|at| (open..to).contains(at)).max();
             ends = ends.max(tests.map_or(0, |at| at + 3500 * MS));
-            // Ten frames at every second slot, and what does not get through.
+            // Ten frames in every second slot, and what does not get through.
             let late = 1500 * MS + 20 * h.rules.period;
             let clear = Spans::from(&[(ends, to)]);
             if to > ends + late && clear.total() - clear.common(&hidden) > late {

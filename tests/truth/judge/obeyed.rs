@@ -1,15 +1,15 @@
-//! What pilots say of the switch comes to pass: an engine that is shut down goes out, and a start that is asked for as
+//! What pilots command of the switch comes to pass: an engine that is shut down goes out, and a start that is commanded as
 //! documented begins.
 
 use super::{Case, Rule, seconds};
-use crate::history::{MS, SECOND, Spans, Switch, Word};
+use crate::history::{MS, PilotCommand, SECOND, Spans, Switch};
 use sim::turbine::Phase;
 
-/// From a word to a turbine without fire, with every wire whole.
+/// From a command to a turbine without fire, with every wire whole.
 const OBEYS: u64 = 1500 * MS;
-/// A start that is asked for is on the wire by then.
+/// A start that is commanded is on the wire by then.
 const GRANTED: u64 = SECOND;
-/// Everything that keeps an engine from a start is out of the way for so long before it.
+/// Everything that keeps an engine from a start is out of the way for this long before it.
 const READY: u64 = 8 * SECOND;
 
 impl Case<'_> {
@@ -19,7 +19,7 @@ impl Case<'_> {
         let cut = h.deaf.union(&h.noise_to_ecu).union(&h.unpowered.longer(h.rules.boot));
         // How the ECU is given its switch has to be found out anew.
         let cut = cut.union(&self.down.longer(2 * self.two_states()));
-        // An AMT ECU gets replies only, and a node that begins anew has to find out whom it speaks to.
+        // An AMT ECU gets replies only, and a node that begins anew has to find out what is on its line.
         let cut = if self.is_amt() { cut.union(&h.mute).union(&h.noise) } else { cut };
         cut.longer(h.rules.listen + SECOND)
     }
@@ -33,8 +33,8 @@ impl Case<'_> {
                 ends.push((from + OBEYS, "an emergency stop"));
             }
         }
-        for said in h.said.iter().filter(|said| said.word == Word::ShutDown) {
-            ends.push((said.at + OBEYS, "the order to shut down"));
+        for commanded in h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown) {
+            ends.push((commanded.at + OBEYS, "the order to shut down"));
         }
         for at in self.standbys() {
             ends.push((at, "standby"));
@@ -57,12 +57,14 @@ impl Case<'_> {
             );
             reported = at + 10 * SECOND;
         }
-        self.verdict
-            .count("shutdowns", h.said.iter().filter(|said| said.word == Word::ShutDown).count() as u64);
+        self.verdict.count(
+            "shutdowns",
+            h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown).count() as u64,
+        );
     }
 
-    /// Instants by which an engine has to be out, because whoever speaks has said nothing but standby for long enough,
-    /// whoever else was in control before.
+    /// Instants by which an engine has to be out, because whichever source commands has commanded nothing but standby for long enough,
+    /// whichever source was in control before.
     fn standbys(&self) -> Vec<u64> {
         let h = self.h;
         let rules = &h.rules;
@@ -70,21 +72,24 @@ impl Case<'_> {
         let long =
             age + rules.recover_after + rules.takeover + rules.hold + rules.lower_standby_after + OBEYS;
         let mut ends = Vec::new();
-        // Since when nobody has said anything else.
+        // Since when nobody has commanded anything else.
         let mut since = None;
-        for said in h.said.iter().filter(|said| said.word.is_heard()) {
-            let (at, source) = (said.at, said.source);
-            if said.word != Word::Standby {
+        for commanded in h.commanded.iter().filter(|commanded| commanded.command.is_received()) {
+            let (at, source) = (commanded.at, commanded.source);
+            if commanded.command != PilotCommand::Standby {
                 since = None;
                 continue;
             }
             let from = *since.get_or_insert(at);
-            let Some(speaks) = self.voices.speaks_since(source, at) else { continue };
-            // Whoever has been alone for long is in control.
-            let alone = h.said(from.saturating_sub(long), at).iter().all(|other| other.source == source)
+            let Some(commands_for_long) = self.command_log.commands_since(source, at) else { continue };
+            // A source that has been alone for long is in control.
+            let alone = h.commanded(from.saturating_sub(long), at).iter().all(|other| other.source == source)
                 && !self.down.touches(from.saturating_sub(60 * SECOND), at);
-            let waits =
-                if alone { from.max(speaks + rules.recover_after) + OBEYS } else { from.max(speaks) + long };
+            let waits = if alone {
+                from.max(commands_for_long + rules.recover_after) + OBEYS
+            } else {
+                from.max(commands_for_long) + long
+            };
             if at > waits && !self.down.touches(from, at) {
                 ends.push(at);
                 since = Some(at);
@@ -93,7 +98,7 @@ impl Case<'_> {
         ends
     }
 
-    /// A start that is asked for as documented begins.
+    /// A start that is commanded as documented begins.
     pub(super) fn granted(&mut self) {
         let h = self.h;
         let rules = &h.rules;
@@ -104,36 +109,47 @@ impl Case<'_> {
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).union(&h.deaf);
         let hidden = hidden.union(&self.stopped).union(&self.live).union(&self.faults);
         let mut before = [None; 4];
-        for said in h.said.iter().filter(|said| said.word.is_heard() || said.word == Word::Nothing) {
-            let first = before[said.source].replace(said.word) == Some(Word::Standby);
-            let Word::Run(ask) = said.word else { continue };
-            let at = said.at;
-            if !first || !self.is_idle(ask) || at < READY + rules.link_stable || at + GRANTED > h.end {
+        for commanded in h
+            .commanded
+            .iter()
+            .filter(|commanded| commanded.command.is_received() || commanded.command == PilotCommand::Nothing)
+        {
+            let first = before[commanded.source].replace(commanded.command) == Some(PilotCommand::Standby);
+            let PilotCommand::Run(demanded) = commanded.command else { continue };
+            let at = commanded.at;
+            if !first || !self.is_idle(demanded) || at < READY + rules.link_stable || at + GRANTED > h.end {
                 continue;
             }
             let since = at - READY;
             let settled = self
-                .voices
-                .speaks_since(said.source, at)
+                .command_log
+                .commands_since(commanded.source, at)
                 .is_some_and(|from| at >= from + rules.recover_after + rules.takeover + SECOND);
-            let lately = h.said(since, at + GRANTED);
-            // It says standby, then run at idle, and nobody else anything but standby, below it and all the time.
-            let mut heard = lately.iter().filter(|word| word.word.is_heard());
-            let clear = heard.all(|word| match word.word {
-                Word::Standby if word.source == said.source => word.at < at,
-                Word::Standby => word.source > said.source && self.says_standby_since(word.source, since, at),
-                Word::Run(ask) => word.source == said.source && word.at >= at && self.is_idle(ask),
+            let lately = h.commanded(since, at + GRANTED);
+            // It commands standby, then run at idle, and nobody else anything but standby, below it and all the time.
+            let mut received = lately.iter().filter(|command| command.command.is_received());
+            let clear = received.all(|command| match command.command {
+                PilotCommand::Standby if command.source == commanded.source => command.at < at,
+                PilotCommand::Standby => {
+                    command.source > commanded.source && self.streams_standby_since(command.source, since, at)
+                }
+                PilotCommand::Run(demanded) => {
+                    command.source == commanded.source && command.at >= at && self.is_idle(demanded)
+                }
                 _ => false,
             });
-            let quiet = !lately.iter().any(|word| matches!(word.word, Word::Disarm | Word::Release));
-            let armed = self.voices.surely_armed(since) && self.voices.surely_armed(at);
+            let quiet = !lately
+                .iter()
+                .any(|command| matches!(command.command, PilotCommand::Disarm | PilotCommand::Release));
+            let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(at);
             let samples = h.samples(since, at);
             let cold = samples.iter().all(|sample| {
                 sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0
             });
-            let services = h.said(at.saturating_sub(60 * SECOND), at).iter();
-            let services =
-                services.clone().any(|said| matches!(said.word, Word::Service(_) | Word::Pwm | Word::Ctf));
+            let services = h.commanded(at.saturating_sub(60 * SECOND), at).iter();
+            let services = services.clone().any(|commanded| {
+                matches!(commanded.command, PilotCommand::Service(_) | PilotCommand::Pwm | PilotCommand::Ctf)
+            });
             let still = samples.last().is_some_and(|sample| self.is_amt() || sample.rpm < 10_000.0);
             if !(settled && clear && quiet && armed && cold && still)
                 || services
@@ -144,23 +160,24 @@ impl Case<'_> {
                 continue;
             }
             self.verdict.count("starts that have to be granted", 1);
-            if !h.frames_within(at, at + GRANTED).iter().any(|frame| frame.told.switch() == Some(Switch::Run))
+            if !h.frames_within(at, at + GRANTED).iter().any(|frame| frame.sent.switch() == Some(Switch::Run))
             {
                 let text = format!(
-                    "source {} says standby and then run at idle, and no run is on the wire",
-                    said.source
+                    "source {} commands standby and then run at idle, and no run is on the wire",
+                    commanded.source
                 );
                 self.verdict.finding(Rule::Granted, at + GRANTED, text);
             }
         }
     }
 
-    /// Whether a source has said standby since then, and nothing else, and was heard before.
-    fn says_standby_since(&self, source: usize, since: u64, at: u64) -> bool {
-        let words = self.voices.until(source, at);
-        let words = &words[words.partition_point(|(when, _)| when + self.voices.age(source) < since)..];
-        words.first().is_some_and(|(when, _)| *when <= since)
-            && words.iter().all(|(_, word)| *word == Word::Standby)
-            && self.voices.speaks_since(source, at).is_some_and(|from| from <= since)
+    /// Whether a source has commanded standby since then, and nothing else, and was received before.
+    fn streams_standby_since(&self, source: usize, since: u64, at: u64) -> bool {
+        let commands = self.command_log.until(source, at);
+        let commands =
+            &commands[commands.partition_point(|(when, _)| when + self.command_log.age(source) < since)..];
+        commands.first().is_some_and(|(when, _)| *when <= since)
+            && commands.iter().all(|(_, command)| *command == PilotCommand::Standby)
+            && self.command_log.commands_since(source, at).is_some_and(|from| from <= since)
     }
 }

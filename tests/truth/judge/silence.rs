@@ -2,12 +2,12 @@
 
 use super::control::{silences, to_fail_safe};
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Kind, MS, SECOND, Switch, Told};
+use crate::history::{Cause, Demanded, Kind, MS, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// From a new demand to the turbine's speed.
 const SPIN_DOWN: u64 = 7 * SECOND;
-/// Standby follows the fail-safe so long after it, where no engine is known to run, and nothing else is configured.
+/// Time from the fail-safe to standby, where no engine is known to run, and nothing else is configured.
 const RUN_OUT: u64 = 10 * SECOND;
 /// Longest time in which a node that was reset finds out what its engine does, beside `listen`.
 const FINDS_OUT: u64 = 1500 * MS;
@@ -28,9 +28,9 @@ impl Case<'_> {
             // Until the ECU reports a running engine it is the throttle of a start.
             let starts = h.samples(from, to).iter().any(|sample| !sample.runs() || sample.hidden);
             let safe = if starts { rules.fail_safe.max(rules.start_throttle) } else { rules.fail_safe };
-            let lowest = |ask| match ask {
-                Ask::Throttle(tenths) => tenths <= safe + 6,
-                Ask::Rpm(rpm) => f64::from(rpm) <= rules.idle_rpm + 0.006 * rules.max_rpm,
+            let lowest = |demanded| match demanded {
+                Demanded::Throttle(tenths) => tenths <= safe + 6,
+                Demanded::Rpm(rpm) => f64::from(rpm) <= rules.idle_rpm + 0.006 * rules.max_rpm,
             };
             if wire >= to {
                 continue;
@@ -38,23 +38,26 @@ impl Case<'_> {
             self.verdict.count("silences", 1);
             let first = h.frames.partition_point(|frame| frame.at < wire);
             let frames = h.frames[first..].iter().take_while(|frame| frame.at < to);
-            let mut high = frames.filter(|frame| frame.told.demand().is_some_and(|ask| !lowest(ask)));
+            let mut high =
+                frames.filter(|frame| frame.sent.demand().is_some_and(|demanded| !lowest(demanded)));
             if let Some(frame) = high.next() {
-                let ask = frame.told.demand().unwrap_or(Ask::Throttle(0));
-                let text = format!("{ask} on the wire, all sources silent since {}", seconds(from));
+                let demanded = frame.sent.demand().unwrap_or(Demanded::Throttle(0));
+                let text = format!("{demanded} on the wire, all sources silent since {}", seconds(from));
                 self.verdict.finding(Rule::SilentWire, frame.at, text);
             }
-            // A ZK ECU from version 5 goes on as it was when the wire to it is cut: judged by the wire alone.
+            // A ZK ECU from version 5 continues as it was when the wire to it is cut: judged by the wire alone.
             let deaf = h.deaf.union(&h.noise).touches(from.saturating_sub(2 * SECOND), turbine.min(to));
             if turbine >= to || deaf && matches!(rules.kind, Kind::Zk(5..)) || h.pwm.touches(from, to) {
                 continue;
             }
             let share = f64::from(rules.fail_safe) / 1000.0;
             let most = rules.idle_rpm + (share + 0.04) * (rules.max_rpm - rules.idle_rpm);
-            let fast = h
-                .samples(turbine, to.min(turbine + 900 * SECOND))
-                .iter()
-                .find(|sample| sample.runs() && sample.rpm > most && !self.ecu_is_blind_to_us(sample.at));
+            let fast = h.samples(turbine, to.min(turbine + 900 * SECOND)).iter().find(|sample| {
+                sample.runs()
+                    && sample.rpm > most
+                    && !self.ecu_is_blind_to_us(sample.at)
+                    && !self.just_started(sample.at)
+            });
             if let Some(sample) = fast {
                 let text = format!(
                     "the turbine has {:.0} rpm, all sources silent since {}",
@@ -72,8 +75,8 @@ impl Case<'_> {
         let rules = &h.rules;
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let ends = from + age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT) + SECOND;
-        let told = h.frames_within(ends, to).iter().find(|frame| frame.told.switch() == Some(Switch::Run));
-        let Some(frame) = told else { return };
+        let sent = h.frames_within(ends, to).iter().find(|frame| frame.sent.switch() == Some(Switch::Run));
+        let Some(frame) = sent else { return };
         let ran = h
             .samples(from, frame.at)
             .iter()
@@ -83,6 +86,11 @@ impl Case<'_> {
                 format!("run for an engine that does not run, all sources silent since {}", seconds(from));
             self.verdict.finding(Rule::SilentWire, frame.at, text);
         }
+    }
+
+    /// It came up just now, perhaps with the throttle of a start.
+    fn just_started(&self, at: u64) -> bool {
+        self.h.samples(at.saturating_sub(SPIN_DOWN), at).iter().any(|sample| !sample.runs())
     }
 
     /// The wire to the ECU was cut or damaged just now: it cannot have obeyed yet.
@@ -97,12 +105,12 @@ impl Case<'_> {
     fn obeys_more(&self, at: u64) -> bool {
         let h = self.h;
         let before = h.frames[..h.frames.partition_point(|frame| frame.at < at)].iter().rev();
-        let ends = |told: Told| matches!(told.switch(), Some(Switch::Standby | Switch::Stop));
-        let last = before.filter(|frame| frame.arrived).map(|frame| frame.told);
-        let last = last.filter(|told| told.demand().is_some() || ends(*told)).take(1).find_map(Told::demand);
+        let ends = |sent: Sent| matches!(sent.switch(), Some(Switch::Standby | Switch::Stop));
+        let last = before.filter(|frame| frame.arrived).map(|frame| frame.sent);
+        let last = last.filter(|sent| sent.demand().is_some() || ends(*sent)).take(1).find_map(Sent::demand);
         match last {
-            Some(Ask::Throttle(tenths)) => tenths > h.rules.fail_safe + 6,
-            Some(Ask::Rpm(rpm)) => f64::from(rpm) > h.rules.idle_rpm + 0.006 * h.rules.max_rpm,
+            Some(Demanded::Throttle(tenths)) => tenths > h.rules.fail_safe + 6,
+            Some(Demanded::Rpm(rpm)) => f64::from(rpm) > h.rules.idle_rpm + 0.006 * h.rules.max_rpm,
             None => false,
         }
     }
@@ -126,7 +134,7 @@ impl Case<'_> {
             }
             by += reset.up - reset.down.max(from) + finds_out;
             if reset.cause != Cause::Watchdog {
-                // What was kept of a source is gone: the stages begin with nobody's demand.
+                // What was retained of a source is gone: the stages begin with nobody's demand.
                 by = by.max(reset.up + finds_out + stages);
             }
         }

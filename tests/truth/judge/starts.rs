@@ -1,13 +1,13 @@
-//! Who may start an engine, and for how long an engine at rest may be told to run.
+//! Who may start an engine, and for how long an engine at rest may be sent run.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Ask, Cause, Frame, Kind, MS, Mark, SECOND, Switch, Word};
+use crate::history::{Cause, Demanded, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Switch};
 use sim::turbine::Phase;
 
-/// After a lower demand a falling exhaust says nothing for so long.
+/// After a lower demand a falling exhaust proves nothing for this long.
 const LOWERED: u64 = 5 * SECOND;
-/// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by so many °C a second for
-/// so many seconds.
+/// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by this many °C a second for
+/// this many seconds.
 const FALL: f64 = 19.0;
 const FALLS_FOR: u64 = 5;
 
@@ -16,57 +16,60 @@ const FALLS_FOR: u64 = 5;
 pub(super) struct Start {
     pub source: usize,
     pub at: u64,
-    /// Withdrawn then: by a stop, a disarm, a person, its own standby or a higher source's change to it.
+    /// Cancelled then: by a stop, a disarm, a person, its own standby or a higher source's change to it.
     pub until: u64,
-    /// Withdrawn then if it still waits: by any fresh source's change to standby.
+    /// Cancelled then if it still waits: by any fresh source's change to standby.
     pub waits_until: u64,
     used: bool,
 }
 
 impl Case<'_> {
-    /// Every pair of words that asks for a start.
+    /// Every pair of commands for a start.
     fn pairs(&self) -> Vec<Start> {
         let mut starts: Vec<Start> = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
         let recovered = self.h.rules.recover_after + self.h.rules.takeover;
         let mut lost = self.h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).peekable();
-        for said in &self.h.said {
-            let (at, source) = (said.at, said.source);
+        for commanded in &self.h.commanded {
+            let (at, source) = (commanded.at, commanded.source);
             while lost.next_if(|reset| reset.down <= at).is_some() {
                 // No permission outlives a loss of the node's power.
                 ready = [false; 4];
             }
             // Of whom.
-            let withdraw = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
+            let cancel = |starts: &mut Vec<Start>, of: &dyn Fn(usize) -> bool| {
                 for start in starts.iter_mut().filter(|start| of(start.source)) {
                     start.until = start.until.min(at);
                 }
             };
-            match said.word {
-                Word::Standby => {
-                    let changed = matches!(last[source], Some((when, Word::Run(_))) if at <= when + self.voices.age(source));
+            match commanded.command {
+                PilotCommand::Standby => {
+                    let changed = matches!(last[source], Some((when, PilotCommand::Run(_))) if at <= when + self.command_log.age(source));
                     if changed {
                         ready = [false; 4];
                     }
                     ready[source] = true;
-                    // A stray word of a source that was away changes nothing; of a higher one it has to take effect.
-                    let spoken =
-                        self.voices.speaks_since(source, at).is_some_and(|since| at >= since + recovered);
-                    // Below a source that has been in control for a while and says run it does not take effect.
+                    // A stray command of a source that was away changes nothing; of a higher one it has to take effect.
+                    let commanding = self
+                        .command_log
+                        .commands_since(source, at)
+                        .is_some_and(|since| at >= since + recovered);
+                    // Below a source that has been in control for a while and commands run it does not take effect.
                     let behind = (0..source).any(|higher| {
-                        matches!(self.voices.fresh(higher, at), Some(Word::Run(_)))
-                            && self
-                                .voices
-                                .speaks_since(higher, at)
-                                .is_some_and(|since| at >= since + recovered)
+                        matches!(self.command_log.fresh(higher, at), Some(PilotCommand::Run(_)))
+                            && self.command_log.commands_since(higher, at).is_some_and(|since| {
+                                at >= since + recovered || self.new_since_a_reset(higher, since)
+                            })
                     });
-                    withdraw(&mut starts, &|of| of == source && !behind || changed && spoken && source < of);
+                    cancel(&mut starts, &|of| {
+                        of == source && !behind || changed && commanding && source < of
+                    });
                     for start in starts.iter_mut().filter(|_| changed) {
                         start.waits_until = start.waits_until.min(at);
                     }
                 }
-                Word::Run(ask) => {
-                    if core::mem::take(&mut ready[source]) && self.is_idle(ask) {
+                PilotCommand::Run(demanded) => {
+                    if core::mem::take(&mut ready[source]) && self.is_idle(demanded) {
                         starts.push(Start {
                             source,
                             at,
@@ -76,23 +79,23 @@ impl Case<'_> {
                         });
                     }
                 }
-                Word::Stop | Word::Disarm | Word::ShutDown => {
+                PilotCommand::Stop | PilotCommand::Disarm | PilotCommand::ShutDown => {
                     ready = [false; 4];
-                    withdraw(&mut starts, &|_| true);
+                    cancel(&mut starts, &|_| true);
                 }
                 _ => {}
             }
-            if said.word.is_heard() {
-                last[source] = Some((at, said.word));
+            if commanded.command.is_received() {
+                last[source] = Some((at, commanded.command));
             }
         }
         starts
     }
 
-    pub(super) fn is_idle(&self, ask: Ask) -> bool {
-        match ask {
-            Ask::Throttle(tenths) => tenths <= self.h.rules.idle_band,
-            Ask::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
+    pub(super) fn is_idle(&self, demanded: Demanded) -> bool {
+        match demanded {
+            Demanded::Throttle(tenths) => tenths <= self.h.rules.idle_band,
+            Demanded::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
         }
     }
 
@@ -110,7 +113,7 @@ impl Case<'_> {
     /// What keeps an engine from a start at this instant, in truth.
     fn interlock(&self, at: u64) -> Option<String> {
         let h = self.h;
-        if !self.voices.armed(at) {
+        if !self.command_log.armed(at) {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
@@ -147,9 +150,9 @@ impl Case<'_> {
     fn not_by(&self, start: &Start, at: u64) -> Option<String> {
         let who =
             |why: &str| Some(format!("the start of source {} at {} {why}", start.source, seconds(start.at)));
-        // What was withdrawn is off the wire with the next frame or two.
+        // What was cancelled is off the wire with the next frame or two.
         if at > start.until.saturating_add(3 * self.h.rules.period + 50 * MS) {
-            return who("was withdrawn");
+            return who("was cancelled");
         }
         if at > start.at + self.start_time() {
             return who("is too long ago");
@@ -160,9 +163,9 @@ impl Case<'_> {
         // Whether it waited shows at the next slot at the earliest.
         let waited = began > start.at + self.h.rules.period + 100 * MS;
         if waited && began > start.waits_until.saturating_add(self.h.rules.period + 100 * MS) {
-            return who("waited, and was withdrawn");
+            return who("waited, and was cancelled");
         }
-        if began > start.at + SECOND && longest(began) > self.voices.age(start.source) + 200 * MS {
+        if began > start.at + SECOND && longest(began) > self.command_log.age(start.source) + 200 * MS {
             return who("waited, and its source was lost");
         }
         let stages = super::control::to_fail_safe(self.h)
@@ -173,8 +176,8 @@ impl Case<'_> {
         }
         if waited {
             // Everything is checked again when it goes.
-            let ask = self.voices.last(start.source, began).map(|(_, word)| word);
-            if !matches!(ask, Some(Word::Run(ask)) if self.is_idle(ask)) {
+            let demanded = self.command_log.last(start.source, began).map(|(_, command)| command);
+            if !matches!(demanded, Some(PilotCommand::Run(demanded)) if self.is_idle(demanded)) {
                 return who("waited, and its source did not say run at idle any more");
             }
             if let Some(why) = self.interlock(began) {
@@ -185,18 +188,30 @@ impl Case<'_> {
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
     }
 
-    /// When run goes out after a start that was asked for, within this time.
-    fn began(&self, asked: u64, at: u64) -> u64 {
-        let mut frames = self.h.frames_within(asked, at).iter();
-        frames.find(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
+    /// Whether the node was reset since this source was received before: to the node it is a new one, and in control at once.
+    fn new_since_a_reset(&self, source: usize, since: u64) -> bool {
+        let before = self.command_log.last(source, since.saturating_sub(1)).map_or(0, |(when, _)| when);
+        self.h.resets.iter().any(|reset| (before..=since).contains(&reset.up))
     }
 
-    /// The longest time without a word of a source, from one of its words on.
+    /// When run goes out after a start that was commanded, within this time.
+    fn began(&self, requested: u64, at: u64) -> u64 {
+        let mut frames = self.h.frames_within(requested, at).iter();
+        frames.find(|frame| frame.sent.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
+    }
+
+    /// When the ECU has reported a start as under way: two states after it began, and what is damaged until `at` reports nothing.
+    fn reported_by(&self, start: u64, at: u64) -> u64 {
+        let begun = self.live.last_before(at).map_or(start, |(lit, _)| lit.max(start));
+        begun + self.two_states() + self.h.noise.within(begun, at)
+    }
+
+    /// The longest time without a command of a source, from one of its commands on.
     fn longest_gap(&self, source: usize, from: u64, to: u64) -> u64 {
-        let words = self.voices.until(source, to);
-        let words = &words[words.partition_point(|(at, _)| *at < from)..];
-        let ends = words.iter().skip(1).map(|(at, _)| *at).chain([to]);
-        words.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to - from)
+        let commands = self.command_log.until(source, to);
+        let commands = &commands[commands.partition_point(|(at, _)| *at < from)..];
+        let ends = commands.iter().skip(1).map(|(at, _)| *at).chain([to]);
+        commands.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to - from)
     }
 
     pub(super) fn starts(&mut self) {
@@ -206,16 +221,17 @@ impl Case<'_> {
             if mark != Mark::Ignition || h.pwm.contains(at) {
                 continue;
             }
-            // An ECU that hears nothing any more acts on the last word that came to it.
+            // An ECU that receives nothing any more acts on the last command that came to it.
             let frames = &h.frames[..h.frames.partition_point(|frame| frame.at <= at)];
-            let heard = frames.iter().rev().find(|frame| frame.arrived && frame.told.switch().is_some());
-            let told =
-                heard.filter(|frame| frame.told.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at);
-            let mut why = "no source said standby and then run at idle".to_string();
+            let received = frames.iter().rev().find(|frame| frame.arrived && frame.sent.switch().is_some());
+            let sent = received
+                .filter(|frame| frame.sent.switch() == Some(Switch::Run))
+                .map_or(at, |frame| frame.at);
+            let mut why = "no source commanded standby and then run at idle".to_string();
             let mut by = None;
             for (index, start) in starts.iter().enumerate().rev().filter(|(_, start)| start.at <= at).take(8)
             {
-                match self.not_by(start, told.max(start.at)) {
+                match self.not_by(start, sent.max(start.at)) {
                     None if start.used => {
                         let used = format!("the start of source {} was used before", start.source);
                         why = used;
@@ -234,43 +250,49 @@ impl Case<'_> {
                 self.verdict.count("starts that waited", u64::from(waited));
                 continue;
             }
-            // An outage with boot that is shorter than a gap cannot be seen.
+            // An outage with boot that is shorter than a gap cannot be seen, and in a start that was not reported yet at rest still
+            // fits.
             let unseen = h.unpowered.last_before(at).filter(|(from, to)| {
-                at < to + h.rules.boot + SECOND && to + h.rules.boot - from < self.gap() && !self.is_amt()
+                let start = starts.iter().rev().find(|start| start.at <= *from).map_or(0, |start| start.at);
+                let shows = if *from < self.reported_by(start, *from) { self.start_time() } else { SECOND };
+                at < to + h.rules.boot + shows && to + h.rules.boot - from < self.gap() && !self.is_amt()
             });
             if let Some((from, to)) = unseen {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
             // The order was right when it was given, and no other can reach the ECU since: AMT has no transmission but a
-            // reply. Until its serial delay is over the ECU acts on that word.
+            // reply. Until its serial delay is over the ECU acts on that command.
             let cut = h.mute.last_before(at).filter(|(from, to)| {
                 let silent =
-                    told + 2 * h.rules.period + 50 * MS >= *from && at < to + h.rules.period + 50 * MS;
+                    sent + 2 * h.rules.period + 50 * MS >= *from && at < to + h.rules.period + 50 * MS;
                 self.is_amt()
                     && silent
-                    && at < told + h.rules.gives_up_after + SECOND
-                    && self.live.contains(told)
+                    && at < sent + h.rules.gives_up_after + SECOND
+                    && self.live.contains(sent)
             });
             if let Some((from, _)) = cut {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
-            // With error sets only, the order goes on until the exhaust says that the engine is out, within 4 s: an ECU that clears its
-            // fault before that, and starts again on the run that it was told, cannot be seen.
+            // With error sets only, the order continues until the exhaust shows that the engine is out, within 4 s: an ECU that clears its
+            // fault before that, and starts again on the run that it was sent, cannot be seen. Nor can one whose exhaust is still hot
+            // and falls slowly, because its fast fall was explained by a lower demand.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let tripped = out.is_some_and(|out| {
-                // A fall says nothing within 5 s after the demand was lowered, by the stages of loss too.
+                // A fall proves nothing within 5 s after the demand was lowered, by the stages of loss too.
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
                 self.is_amt()
-                    && self.runs.touches(out.saturating_sub(5 * SECOND), out)
+                    // Without a flame the shaft turns on for a while.
+                    && self.runs.touches(out.saturating_sub(10 * SECOND), out)
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
                     && since.iter().all(|sample| sample.egt > 290.0)
                     // Nor does a node see the exhaust fall that is reset again before it has.
-                    && self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
+                    && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
+                        || counts > out && self.fallen(counts, at).is_none())
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
@@ -287,12 +309,12 @@ impl Case<'_> {
         let lives = self.starts_of_life();
         let gaps = self.blind.at_least(self.gap());
         let mut reported = 0;
-        for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Run)) {
+        for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Run)) {
             let at = frame.at;
             if at < reported || self.live.contains(at) || h.pwm.contains(at) {
                 continue;
             }
-            // AMT sets carry no checksum: to one that nobody sent, and that says running, there is a reply.
+            // AMT sets carry no checksum: to one that nobody sent, and that reports running, there is a reply.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
             if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
                 continue;
@@ -313,18 +335,19 @@ impl Case<'_> {
                 }
                 // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits. A gap that has
                 // just begun cannot be seen yet.
-                let lit = self.live.last_before(at).map_or(0, |(from, _)| from);
                 let unreported = latest(&starts, at).any(|start| {
-                    went_out.is_some_and(|out| out >= start.at && out < lit.max(start.at) + self.two_states())
-                        && anew.is_none_or(|anew| anew < lit.max(start.at) + self.two_states() + self.gap())
+                    let reported = self.reported_by(start.at, at);
+                    went_out.is_some_and(|out| out >= start.at && out < reported)
+                        && anew.is_none_or(|anew| anew < reported + self.gap())
                         && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
-                        && !self.is_amt()
+                        // An AMT ECU says so in each set: only noise can hide it.
+                        && (!self.is_amt() || h.noise.touches(start.at, reported))
                         && self.not_by(start, at).is_none()
                 });
                 if unreported {
                     continue;
                 }
-                // With error sets in a start nothing says that it failed, if the exhaust is not believed: the start's time.
+                // With error sets in a start nothing shows that it failed, if the exhaust is not used: the start's time.
                 let failed_start = latest(&starts, at).any(|start| {
                     self.is_amt()
                         && went_out.is_some_and(|out| {
@@ -338,16 +361,16 @@ impl Case<'_> {
                 if failed_start {
                     continue;
                 }
-                // An AMT ECU says that it was powered up.
-                let unheard = h.noise.union(&h.mute).union(&self.down);
+                // An AMT ECU reports that it was powered up.
+                let not_received = h.noise.union(&h.mute).union(&self.down);
                 let announced = h.unpowered.last_before(at).is_some_and(|(_, powered)| {
                     let set_up = powered + h.rules.boot;
                     self.is_amt()
                         && went_out.is_some_and(|out| out <= powered)
                         && at > set_up
-                        && !unheard.touches(powered, set_up + 200 * MS)
+                        && !not_received.touches(powered, set_up + 200 * MS)
                 });
-                // The engine went out: the first report that says so is enough.
+                // The engine went out: the first report that shows it is enough.
                 let unseen = |from: u64| {
                     anew.is_none_or(|anew| anew < from || anew < from + self.gap() + h.rules.boot)
                 };
@@ -359,7 +382,7 @@ impl Case<'_> {
                     let hot = if self.is_amt() && fault { self.put_out_by_exhaust(out, at) - out } else { 0 };
                     (out, out + hot + self.one_state() + noise.min(10 * SECOND) + down)
                 });
-                // With error sets only the exhaust tells.
+                // With error sets only the exhaust shows it.
                 let by_exhaust = |out| {
                     self.is_amt()
                         && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
@@ -369,7 +392,7 @@ impl Case<'_> {
                 if seen.is_some() && !announced {
                     continue;
                 }
-                // A node that was reset did not hear the power-up, and the first reports still say that the engine runs, with its
+                // A node that was reset did not receive the power-up, and the first reports still show that the engine runs, with its
                 // shaft turning: a running engine.
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
@@ -406,7 +429,7 @@ impl Case<'_> {
                     "run for an engine at rest{}{}{}",
                     since("which went out at", went_out),
                     since("ECU or line back since", anew),
-                    if in_gap.is_some() { ", and nothing is heard of it" } else { "" },
+                    if in_gap.is_some() { ", and nothing is received of it" } else { "" },
                 ),
             );
             reported = at + 10 * SECOND;
@@ -414,25 +437,33 @@ impl Case<'_> {
     }
 
     /// When the exhaust of an engine that went out has shown it: it is cold, or falls fast enough for long enough, and not
-    /// because a lower demand was asked for.
+    /// because a lower demand was commanded.
     fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
         let h = self.h;
         let samples = h.samples(out, at);
-        let cold = samples.iter().find(|sample| sample.egt < 290.0).map_or(at, |cold| cold.at + LOWERED);
-        if self.last_lowered(out.saturating_sub(LOWERED), at).is_some() {
-            return cold;
+        // While the thermocouple is broken nobody sees it.
+        let seen = |sample: &&Sample| sample.egt < 290.0 && !h.sensor.contains(sample.at);
+        let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
+        if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
+            return cold.max(lowered + LOWERED);
         }
-        let egt = |at| h.sample(at).map_or(0.0, |sample| sample.egt);
+        // A node that was reset has to see the fall anew.
+        let up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
+        self.fallen(out.max(up), at).map_or(cold, |fallen| fallen.min(cold))
+    }
+
+    /// When the exhaust has fallen fast enough, and for long enough, to show it.
+    fn fallen(&self, from: u64, to: u64) -> Option<u64> {
+        let egt = |at| self.h.sample(at).map_or(0.0, |sample| sample.egt);
         let falls =
             |at: u64| (0..FALLS_FOR).all(|n| egt(at - (n + 1) * SECOND) - egt(at - n * SECOND) > FALL);
-        let fallen =
-            samples.iter().map(|sample| sample.at).find(|at| *at >= out + FALLS_FOR * SECOND && falls(*at));
-        fallen.map_or(cold, |fallen| fallen.min(cold))
+        let samples = self.h.samples(from, to).iter().map(|sample| sample.at);
+        samples.into_iter().find(|at| *at >= from + FALLS_FOR * SECOND && falls(*at))
     }
 
     /// The last frame in this time with a lower demand than the one before it.
     fn last_lowered(&self, from: u64, to: u64) -> Option<u64> {
-        let demand = |frame: &Frame| frame.told.demand().map_or(0.0, |ask| self.share(ask));
+        let demand = |frame: &Frame| frame.sent.demand().map_or(0.0, |demanded| self.share(demanded));
         let mut pairs = self.h.frames_within(from, to).windows(2).rev();
         pairs.find(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])).map(|pair| pair[1].at)
     }
@@ -441,36 +472,38 @@ impl Case<'_> {
         let h = self.h;
         let lives = self.starts_of_life();
         let mut reported = 0;
-        for frame in h.frames.iter().filter(|frame| frame.told.switch() == Some(Switch::Pwm)) {
+        for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Pwm)) {
             let at = frame.at;
             if at < reported {
                 continue;
             }
-            let word = h.said(0, at).iter().rev().find(|said| said.word == Word::Pwm);
-            let why = match word {
-                None => Some("nobody said so"),
-                Some(said) => {
-                    let own = h
-                        .last_word(said.source, said.at, |word| matches!(word, Word::Standby | Word::Run(_)));
-                    // A word takes effect when its source is in control, and a second one has followed.
+            let command =
+                h.commanded(0, at).iter().rev().find(|commanded| commanded.command == PilotCommand::Pwm);
+            let why = match command {
+                None => Some("no source commanded it"),
+                Some(commanded) => {
+                    let own = h.last_command(commanded.source, commanded.at, |command| {
+                        matches!(command, PilotCommand::Standby | PilotCommand::Run(_))
+                    });
+                    // A command takes effect when its source is in control, and a second one has followed.
                     let effect = h.rules.recover_after + h.rules.takeover + 700 * MS;
-                    let stop = h.said(said.at + 1, at.saturating_sub(200 * MS)).iter();
-                    let stop = stop.clone().any(|later| later.word == Word::Stop);
-                    let since = h.said(said.at + 1, at.saturating_sub(effect));
+                    let stop = h.commanded(commanded.at + 1, at.saturating_sub(200 * MS)).iter();
+                    let stop = stop.clone().any(|later| later.command == PilotCommand::Stop);
+                    let since = h.commanded(commanded.at + 1, at.saturating_sub(effect));
                     let slack = self.gap() + h.rules.boot;
-                    if own.is_none_or(|own| own.word != Word::Standby) {
-                        Some("its source had not said standby")
-                    } else if !self.voices.armed_within(said.at.saturating_sub(MS), said.at) {
+                    if own.is_none_or(|own| own.command != PilotCommand::Standby) {
+                        Some("its source had not commanded standby")
+                    } else if !self.command_log.armed_within(commanded.at.saturating_sub(MS), commanded.at) {
                         Some("the engine was not armed")
                     } else if stop
-                        || since
-                            .iter()
-                            .any(|later| later.word == Word::Standby && later.source <= said.source)
+                        || since.iter().any(|later| {
+                            later.command == PilotCommand::Standby && later.source <= commanded.source
+                        })
                     {
                         Some("it was taken back")
-                    } else if h.resets.iter().any(|reset| (said.at..at).contains(&reset.up)) {
+                    } else if h.resets.iter().any(|reset| (commanded.at..at).contains(&reset.up)) {
                         Some("the node was reset since")
-                    } else if lives.iter().any(|anew| *anew > said.at && at > anew + slack) {
+                    } else if lives.iter().any(|anew| *anew > commanded.at && at > anew + slack) {
                         Some("the ECU was powered up, or the line lost, since")
                     } else {
                         None

@@ -1,7 +1,7 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, Kind, MS, SECOND, Spans, Switch, Told, Word};
+use crate::history::{Cause, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
@@ -11,38 +11,39 @@ const AT_ONCE: usize = 5;
 impl Case<'_> {
     pub(super) fn bad_frames(&mut self) {
         for frame in &self.h.frames {
-            if let Told::Bad(bytes) = frame.told {
+            if let Sent::Bad(bytes) = frame.sent {
                 self.verdict.finding(Rule::Frame, frame.at, format!("no frame: {bytes:02X?}"));
             }
         }
-        // What was meant for the time in which the transmitter stood still does not go out after it.
+        // What was meant for the time in which the transmitter hung does not go out after it.
         for &stall in &self.h.stalls {
             let frames = self.h.frames_within(stall, stall + 2 * self.h.rules.period).len();
             if frames > AT_ONCE {
-                let text = format!("{frames} frames within two slots after the transmitter stood still");
+                let text = format!("{frames} frames within two slots after the transmitter hung");
                 self.verdict.finding(Rule::Frame, stall, text);
             }
         }
     }
 
-    /// From each stop to the first word that may have released it.
+    /// From each stop to the first command that may have released it.
     fn latches(&self) -> Vec<(u64, u64)> {
         let mut latches = Vec::new();
         let mut open: Option<(u64, usize)> = None;
         let mut lost = self.h.resets.iter().filter(|reset| reset.cause == Cause::PowerOn).peekable();
-        for said in &self.h.said {
-            while let Some(reset) = lost.next_if(|reset| reset.down <= said.at) {
+        for commanded in &self.h.commanded {
+            while let Some(reset) = lost.next_if(|reset| reset.down <= commanded.at) {
                 latches.extend(open.take().map(|(from, _)| (from, reset.down)));
             }
-            match said.word {
+            match commanded.command {
                 // The lowest of those who stopped it may release it, or anybody above.
-                Word::Stop => {
-                    open = open
-                        .map_or(Some((said.at, said.source)), |(at, who)| Some((at, who.max(said.source))))
+                PilotCommand::Stop => {
+                    open = open.map_or(Some((commanded.at, commanded.source)), |(at, who)| {
+                        Some((at, who.max(commanded.source)))
+                    })
                 }
-                Word::Release => {
-                    if let Some((from, _)) = open.take_if(|(_, who)| said.source <= *who) {
-                        latches.push((from, said.at));
+                PilotCommand::Release => {
+                    if let Some((from, _)) = open.take_if(|(_, who)| commanded.source <= *who) {
+                        latches.push((from, commanded.at));
                     }
                 }
                 _ => {}
@@ -66,8 +67,8 @@ impl Case<'_> {
             let first = h.frames.partition_point(|frame| frame.at < from);
             let frames = || h.frames[first..].iter().take_while(move |frame| frame.at < to);
             // A pump is closed after the first stop.
-            let first_stop = frames().find(|frame| says_stop(frame)).map_or(to, |frame| frame.at);
-            let closes = |frame: &&Frame| frame.told == Told::Action(CLOSE_PUMP);
+            let first_stop = frames().find(|frame| is_stop(frame)).map_or(to, |frame| frame.at);
+            let closes = |frame: &&Frame| frame.sent == Sent::Action(CLOSE_PUMP);
             if let Some(frame) =
                 frames().find(closes).filter(|frame| frame.at > from + 2 * MS && frame.at < first_stop)
             {
@@ -78,7 +79,7 @@ impl Case<'_> {
             let mut closed_last = false;
             let mut up = 0;
             let wrong = frames().filter(|frame| frame.at > from + late).find(|frame| {
-                let close = frame.told == Told::Action(CLOSE_PUMP);
+                let close = frame.sent == Sent::Action(CLOSE_PUMP);
                 // A node that begins anew knows that a pump was open, not how often it was closed.
                 let last = h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= frame.at).last();
                 if last.is_some_and(|last| core::mem::replace(&mut up, last) != last) {
@@ -89,18 +90,18 @@ impl Case<'_> {
                 }
                 let allowed = close && !closed_last && closes <= 10;
                 closed_last = close;
-                !allowed && !says_stop(frame)
+                !allowed && !is_stop(frame)
             });
             if let Some(frame) = wrong {
-                let text = format!("stopped at {}, and {:?} is on the wire", seconds(from), frame.told);
+                let text = format!("stopped at {}, and {:?} is on the wire", seconds(from), frame.sent);
                 self.verdict.finding(Rule::Stop, frame.at, text);
             }
-            // There is one at every slot: ZK by itself, AMT in reply to each set that can be heard.
+            // There is one in every slot: ZK by itself, AMT in reply to each set that can be received.
             let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS)).union(&self.stalled());
             let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
             let most = 3 * period + 30 * MS;
             let mut before = from;
-            for at in frames().filter(|frame| says_stop(frame)).map(|frame| frame.at).chain([to]) {
+            for at in frames().filter(|frame| is_stop(frame)).map(|frame| frame.at).chain([to]) {
                 if at > before + most && at - before - deaf.within(before, at) > most {
                     let text = format!(
                         "stopped at {}, and no stop is on the wire until {}",
@@ -115,7 +116,7 @@ impl Case<'_> {
         }
     }
 
-    /// The times in which nothing leaves the node, because its transmitter stands still.
+    /// The times in which nothing leaves the node, because its transmitter hangs.
     fn stalled(&self) -> Spans {
         let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
         Spans::from(&stalled.collect::<Vec<_>>())
@@ -129,36 +130,36 @@ impl Case<'_> {
         }
         let mut reported = 0;
         for frame in &h.frames {
-            let needed = match frame.told {
+            let needed = match frame.sent {
                 // A stop and a standby go blind; older versions ignore them.
-                Told::Mode(Some(Switch::Stop | Switch::Standby), _) | Told::Action(CLOSE_PUMP) => continue,
-                Told::Mode(..) | Told::Rpm(_) => 4,
-                Told::Action(12) => 5,
-                Told::Action(10 | 11) => 2,
+                Sent::Mode(Some(Switch::Stop | Switch::Standby), _) | Sent::Action(CLOSE_PUMP) => continue,
+                Sent::Mode(..) | Sent::Rpm(_) => 4,
+                Sent::Action(12) => 5,
+                Sent::Action(10 | 11) => 2,
                 _ => continue,
             };
             if frame.at < reported || h.version(frame.at) >= needed {
                 continue;
             }
-            // Another ECU that was plugged in without a gap cannot be seen before it says so.
+            // Another ECU that was plugged in without a gap cannot be seen before it reports it.
             let since = h.versions.iter().rev().find(|(at, _)| *at <= frame.at).map_or(0, |(at, _)| *at);
             let seen = self.blind.at_least(self.gap()).touches(since.saturating_sub(MS), since + self.gap());
             if since > 0 && !seen && frame.at < since + 2 * self.two_states() + h.rules.boot {
                 continue;
             }
-            // In doubt the demand goes on as ID 7, which no ECU minds that was not given a factor.
+            // In doubt the demand continues as ID 7, which no ECU minds that was not given a factor.
             let doubt = self.blind.longer(2 * self.two_states() + SECOND).contains(frame.at);
-            if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.told, Told::Rpm(_)) {
+            if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.sent, Sent::Rpm(_)) {
                 continue;
             }
             let text =
-                format!("{:?} needs version {needed}, the ECU has {}", frame.told, h.version(frame.at));
+                format!("{:?} needs version {needed}, the ECU has {}", frame.sent, h.version(frame.at));
             self.verdict.finding(Rule::Version, frame.at, text);
             reported = frame.at + 10_000 * MS;
         }
     }
 }
 
-fn says_stop(frame: &Frame) -> bool {
-    frame.told.switch() == Some(Switch::Stop)
+fn is_stop(frame: &Frame) -> bool {
+    frame.sent.switch() == Some(Switch::Stop)
 }

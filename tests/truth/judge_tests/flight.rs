@@ -3,10 +3,10 @@
 use super::*;
 
 #[test]
-fn an_ordinary_flight_keeps_every_rule() {
+fn an_ordinary_flight_breaks_no_rule() {
     for kind in [AMT, ZK5, Kind::Zk(3)] {
         flight(kind, 60.0)
-            .says(PILOT, 60.0, 70.0, Word::Standby)
+            .streams(PILOT, 60.0, 70.0, PilotCommand::Standby)
             .wire(60.1, 70.0, STANDBY)
             .turbine(60.0, 70.0, Phase::Cooling, 5000.0, 300.0)
             .passes();
@@ -18,14 +18,17 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     // The stick was up during the start.
     let up = |jumps: bool| {
         let story = started(ZK5)
-            .says(PILOT, 15.0, 40.0, Word::Run(Ask::Throttle(800)))
+            .streams(PILOT, 15.0, 40.0, PilotCommand::Run(Demanded::Throttle(800)))
             .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| {
-                h.said.retain(|said| said.at < 15 * SECOND || said.word != Word::Run(Ask::Throttle(0)))
+                h.commanded.retain(|commanded| {
+                    commanded.at < 15 * SECOND
+                        || commanded.command != PilotCommand::Run(Demanded::Throttle(0))
+                })
             });
         match jumps {
-            true => story.wire(31.0, 40.0, Told::Full(Switch::Run, 800)),
-            false => story.ramp(31.0, 0, 800).wire(32.8, 40.0, Told::Full(Switch::Run, 800)),
+            true => story.wire(31.0, 40.0, Sent::Full(Switch::Run, 800)),
+            false => story.ramp(31.0, 0, 800).wire(32.8, 40.0, Sent::Full(Switch::Run, 800)),
         }
     };
     up(false).passes();
@@ -33,9 +36,9 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     // A pilot who moves it, with and without a slew.
     let moved = || {
         started(ZK5)
-            .says(PILOT, 31.0, 40.0, Word::Run(Ask::Throttle(800)))
-            .says(PILOT, 30.5, 31.0, Word::Run(Ask::Throttle(0)))
-            .wire(31.0, 40.0, Told::Full(Switch::Run, 800))
+            .streams(PILOT, 31.0, 40.0, PilotCommand::Run(Demanded::Throttle(800)))
+            .streams(PILOT, 30.5, 31.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(31.0, 40.0, Sent::Full(Switch::Run, 800))
             .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
     };
     moved().passes();
@@ -44,36 +47,64 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
 
 #[test]
 fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
-    let story = |words: &[(f64, Word)]| {
+    let story = |commands: &[(f64, PilotCommand)]| {
         let mut story = flight(ZK5, 40.0)
             .wire(40.3, 45.0, STANDBY)
             .turbine(40.0, 40.5, Phase::Running, 100_000.0, 500.0)
             .turbine(40.5, 45.0, Phase::Cooling, 5000.0, 300.0)
             .wire(40.0, 40.3, HALF);
-        for &(at, word) in words {
-            story = story.once(0, at, word);
+        for &(at, command) in commands {
+            story = story.once(0, at, command);
         }
-        story.says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+        story.streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
     };
-    story(&[(40.0, Word::Standby), (40.2, Word::Standby)]).passes();
-    story(&[(40.2, Word::ShutDown)]).passes();
-    // Decided a slot before another word came.
-    story(&[(40.05, Word::Standby), (40.25, Word::Standby), (40.29, Word::Run(Ask::Throttle(0)))]).passes();
-    story(&[(40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
-    // One word of a higher source that has yet to take over, and is silent again.
-    let word = |at, until| {
-        let story = flight(ZK5, 40.0).says(0, 20.0, at, Word::Nothing);
+    story(&[(40.0, PilotCommand::Standby), (40.2, PilotCommand::Standby)]).passes();
+    story(&[(40.2, PilotCommand::ShutDown)]).passes();
+    // Decided a slot before another command came.
+    story(&[
+        (40.05, PilotCommand::Standby),
+        (40.25, PilotCommand::Standby),
+        (40.29, PilotCommand::Run(Demanded::Throttle(0))),
+    ])
+    .passes();
+    story(&[(40.2, PilotCommand::Standby)]).breaks(&[Rule::ShutDown]);
+    // One command of a higher source that has yet to take over, and is silent again.
+    let command = |at, until| {
+        let story = flight(ZK5, 40.0).streams(0, 20.0, at, PilotCommand::Nothing);
         story
-            .says(0, at, until, Word::Run(Ask::Throttle(500)))
-            .says(PILOT, 40.0, 45.0, Word::Standby)
+            .streams(0, at, until, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Standby)
             .wire(40.0, 40.6, HALF)
             .wire(40.6, 45.0, STANDBY)
             .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
     };
-    word(40.0, 40.01).passes();
-    word(37.0, 40.01).breaks(&[Rule::ShutDown]);
-    story(&[(37.0, Word::Standby), (40.2, Word::Standby)]).breaks(&[Rule::ShutDown]);
+    command(40.0, 40.01).passes();
+    command(37.0, 40.01).breaks(&[Rule::ShutDown]);
+    story(&[(37.0, PilotCommand::Standby), (40.2, PilotCommand::Standby)]).breaks(&[Rule::ShutDown]);
     story(&[]).breaks(&[Rule::ShutDown]);
+}
+
+/// With AMT standby is the reply to a set: while none comes, it is in force and waits, whatever is commanded after it.
+#[test]
+fn a_standby_goes_out_with_the_first_set_after_a_gap() {
+    let story = |first: f64| {
+        let gap = (39_500 * MS, 40_300 * MS);
+        flight(AMT, 40.0)
+            .with(|h| {
+                h.mute = Spans::from(&[gap]);
+                h.frames.retain(|frame| frame.at < gap.0 || frame.at > gap.1);
+            })
+            .once(0, first, PilotCommand::Standby)
+            .once(0, first + 0.2, PilotCommand::Standby)
+            .once(0, first + 0.25, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.4, 45.0, STANDBY)
+            .turbine(40.0, 40.5, Phase::Running, 100_000.0, 500.0)
+            .turbine(40.5, 45.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story(39.7).passes();
+    // The sets before the gap were answered, and not with standby.
+    story(38.5).breaks(&[Rule::ShutDown]);
 }
 
 /// A node that is reset again and again, each time before two reports agree, knows of a start only what it knew before: a
@@ -87,10 +118,10 @@ fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
             cause: Cause::Watchdog,
         });
         flight(ZK5, 40.0)
-            .once(PILOT, 40.0, Word::Disarm)
+            .once(PILOT, 40.0, PilotCommand::Disarm)
             .wire(40.0, 45.0, STANDBY)
             .turbine(40.0, 45.0, Phase::Running, 60_000.0, 480.0)
-            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
             .with(|h| h.resets = resets.collect())
     };
     story(29).breaks_beside(&[Rule::Doubt], &[]);
@@ -102,7 +133,7 @@ fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
 fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     let story = |standby: f64| {
         flight(ZK5, 40.0)
-            .says(2, 20.0, 60.0, Word::Standby)
+            .streams(2, 20.0, 60.0, PilotCommand::Standby)
             .wire(40.0, 41.5, HALF)
             .ramp(41.5, 500, 0)
             .wire(42.6, standby, IDLE)
@@ -112,8 +143,8 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     };
     story(48.0).passes();
     story(43.0).breaks(&[Rule::ShutDown]);
-    // One that has spoken again for as long as it takes until just now was not in control when it was decided.
-    let back = |from| story(47.9).says(PILOT, from, 59.9, Word::Run(Ask::Throttle(0)));
+    // One that has commanded again for as long as it takes until just now was not in control when it was decided.
+    let back = |from| story(47.9).streams(PILOT, from, 59.9, PilotCommand::Run(Demanded::Throttle(0)));
     back(44.88).passes();
     back(43.0).breaks(&[Rule::ShutDown]);
 }
@@ -121,7 +152,7 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
 #[test]
 fn a_limit_with_standby_is_exempt_and_counted() {
     let story = flight(ZK5, 40.0)
-        .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+        .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
         .wire(40.0, 45.0, STANDBY)
         .turbine(40.0, 41.0, Phase::Running, 100_000.0, 900.0)
         .turbine(41.0, 45.0, Phase::Cooling, 5000.0, 300.0)
@@ -137,7 +168,7 @@ fn a_limit_with_standby_is_exempt_and_counted() {
 fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     let story = |kind| {
         flight(kind, 40.0)
-            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
             .mark(40.0, Mark::GivenUp)
             .turbine(40.0, 45.0, Phase::Cooling, 50_000.0, 400.0)
             .wire(40.0, 45.0, STANDBY)
@@ -151,6 +182,10 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         };
         story(kind).with(cut).passes();
     }
+    // It was handed over, and its PWM input is gone.
+    let handed_over = |until: u64| move |h: &mut History| h.pwm.push(35 * SECOND, until * MS);
+    story(Kind::Zk(3)).with(handed_over(40_100)).passes();
+    story(Kind::Zk(3)).with(handed_over(38_900)).breaks(&[Rule::GivenUp]);
     // A gap of the node that the ECU has to put up with is none.
     let reset = |length: u64| {
         let down = 38 * SECOND;
@@ -160,6 +195,16 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
     story(AMT).with(reset(1000)).passes();
     story(AMT).with(reset(2100)).passes();
+    // Neither the reset nor the cut that begins in it is as long as the ECU waits; together they are.
+    let cut = |from: u64| {
+        move |h: &mut History| {
+            h.resets.push(Reset { down: 38 * SECOND, up: 38_500 * MS, cause: Cause::Watchdog });
+            h.mute = Spans::from(&[(from * MS, 40_100 * MS)]);
+            h.deaf = h.mute.clone();
+        }
+    };
+    story(AMT).with(cut(38_300)).breaks_beside(&[Rule::Doubt], &[]);
+    story(AMT).with(cut(39_300)).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
     // After a loss of power, with error sets only, nobody knows whether it runs. Another reset is no excuse, whatever the exhaust.
     let faults = |h: &mut History| {
         for sample in h.samples.iter_mut().filter(|sample| sample.at >= 37 * SECOND) {
@@ -181,21 +226,21 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
 }
 
 #[test]
-fn a_demand_is_not_held_below_what_is_asked_for() {
+fn a_demand_is_not_held_below_the_commanded_one() {
     let story = |tenths| {
         flight(ZK5, 40.0)
-            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
-            .wire(40.0, 60.0, Told::Full(Switch::Run, tenths))
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.0, 60.0, Sent::Full(Switch::Run, tenths))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
     };
     story(500).passes();
     story(480).breaks(&[Rule::HeldDown]);
-    // A source that comes back after a short gap goes on without a take-over.
+    // A source that comes back after a short gap continues without a take-over.
     let comes_back = |low: f64| {
         flight(ZK5, 50.0)
-            .says(PILOT, 50.9, 65.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 50.9, 65.0, PilotCommand::Run(Demanded::Throttle(500)))
             .wire(50.0, 50.9, HALF)
-            .wire(50.9, 50.9 + low, Told::Full(Switch::Run, 300))
+            .wire(50.9, 50.9 + low, Sent::Full(Switch::Run, 300))
             .ramp(50.9 + low, 300, 500)
             .wire(51.35 + low, 65.0, HALF)
             .turbine(50.0, 65.0, Phase::Running, 80_000.0, 500.0)
@@ -204,11 +249,11 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
     comes_back(4.0).breaks(&[Rule::HeldDown]);
     // Nothing of it on the wire.
     flight(ZK5, 40.0)
-        .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
-        .wire(40.0, 60.0, Told::Nothing)
+        .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+        .wire(40.0, 60.0, Sent::Nothing)
         .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
         .breaks(&[Rule::HeldDown]);
-    // A transmitter that stands still for less than the ECU waits.
+    // A transmitter that hangs for less than the ECU waits.
     let stalls = |from: u64, to: u64| {
         let stalls = move |h: &mut History| {
             h.frames.retain(|frame| !(from..to).contains(&frame.at));
@@ -226,7 +271,7 @@ fn a_demand_is_not_held_below_what_is_asked_for() {
 fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     let story = || {
         flight(ZK5, 40.0)
-            .says(PILOT, 40.0, 90.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 90.0, PilotCommand::Run(Demanded::Throttle(500)))
             .wire(40.0, 41.0, HALF)
             .ramp(41.0, 500, 0)
             .wire(42.1, 90.0, IDLE)
@@ -246,10 +291,10 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
 fn a_limit_that_is_passed_has_its_action() {
     let story = |tenths, egt, standby| {
         flight(ZK5, 40.0)
-            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
             .wire(40.0, 41.0, HALF)
             .ramp(41.0, 500, tenths)
-            .wire(if tenths == 500 { 41.05 } else { 42.1 }, 60.0, Told::Full(Switch::Run, tenths))
+            .wire(if tenths == 500 { 41.05 } else { 42.1 }, 60.0, Sent::Full(Switch::Run, tenths))
             .turbine(40.0, 60.0, Phase::Running, 100_000.0, egt)
             .with(move |h| h.rules.limit_egt = Some((600.0, standby)))
     };
@@ -265,6 +310,12 @@ fn a_limit_that_is_passed_has_its_action() {
         }
     };
     story(500, 500.0, false).with(rpm).breaks(&[Rule::Limit]);
+    // An AMT ECU with a fault reports no speed; one of ZK does.
+    let fault = |h: &mut History| {
+        h.samples.iter_mut().filter(|sample| sample.at >= 39 * SECOND).for_each(|s| s.fault = true)
+    };
+    story(500, 500.0, false).with(rpm).with(fault).breaks(&[Rule::Limit]);
+    story(500, 500.0, false).with(rpm).with(fault).with(|h| h.rules.kind = AMT).passes();
     story(0, 500.0, false).with(rpm).passes();
 }
 
@@ -272,9 +323,9 @@ fn a_limit_that_is_passed_has_its_action() {
 fn a_demand_is_reduced_while_another_engine_has_failed() {
     let story = |tenths| {
         flight(ZK5, 40.0)
-            .says(PILOT, 40.0, 60.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
             .ramp(40.0, 500, tenths)
-            .wire(41.0, 60.0, Told::Full(Switch::Run, tenths))
+            .wire(41.0, 60.0, Sent::Full(Switch::Run, tenths))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
                 h.rules.when_other_fails = Some(500);
@@ -290,22 +341,90 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
 fn a_source_that_takes_over_is_held_off() {
     let story = |wait: f64| {
         flight(ZK5, 60.0)
-            .says(PILOT, 60.0, 70.0, Word::Run(Ask::Throttle(500)))
-            .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+            .streams(PILOT, 60.0, 70.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(0, 60.0, 70.0, PilotCommand::Run(Demanded::Throttle(200)))
             .wire(60.0, 60.0 + wait, HALF)
-            .wire(60.0 + wait, 70.0, Told::Full(Switch::Run, 200))
+            .wire(60.0 + wait, 70.0, Sent::Full(Switch::Run, 200))
             .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0)
     };
     story(2.0).passes();
     story(0.1).breaks(&[Rule::TakeOver]);
     // The demand of one that is lost meanwhile falls.
     let lost = flight(ZK5, 60.0)
-        .says(PILOT, 60.0, 60.3, Word::Run(Ask::Throttle(500)))
-        .says(0, 60.0, 70.0, Word::Run(Ask::Throttle(200)))
+        .streams(PILOT, 60.0, 60.3, PilotCommand::Run(Demanded::Throttle(500)))
+        .streams(0, 60.0, 70.0, PilotCommand::Run(Demanded::Throttle(200)))
         .wire(60.0, 60.8, HALF)
         .ramp(60.8, 500, 400)
-        .wire(61.0, 62.0, Told::Full(Switch::Run, 400))
-        .wire(62.0, 70.0, Told::Full(Switch::Run, 200))
+        .wire(61.0, 62.0, Sent::Full(Switch::Run, 400))
+        .wire(62.0, 70.0, Sent::Full(Switch::Run, 200))
         .turbine(60.0, 70.0, Phase::Running, 80_000.0, 500.0);
     lost.with(|h| h.rules.hold = 0).passes();
+}
+
+/// A speed that the ECU cannot hold, because its version is too old, commands nothing.
+#[test]
+fn a_speed_that_an_old_ecu_cannot_hold_commands_nothing() {
+    let story = |kind| flight(kind, 60.0).streams(0, 40.0, 60.0, PilotCommand::Run(Demanded::Rpm(120_000)));
+    story(Kind::Zk(3)).passes();
+    story(ZK5).breaks(&[Rule::HeldDown]);
+}
+
+/// Whatever limits a demand, a lower one of the source in control is obeyed.
+#[test]
+fn a_demand_is_not_held_above_the_commanded_one() {
+    let story = |tenths, limited: bool| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(200)))
+            .wire(40.0, 60.0, Sent::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                if limited {
+                    h.rules.limit_rpm = Some((70_000.0, false));
+                    h.rules.fail_safe = 250;
+                }
+            })
+    };
+    story(200, false).passes();
+    story(250, false).breaks(&[Rule::HeldUp]);
+    // That it was still at half throttle then is another matter.
+    story(200, true).breaks_beside(&[Rule::Limit], &[]);
+    story(250, true).breaks_beside(&[Rule::Limit], &[Rule::HeldUp]);
+}
+
+/// An engine has failed for sure if it went out and nobody commanded standby: below a source in control that commands run, standby changes
+/// nothing. A speed may be refused, and then its source is not in control.
+#[test]
+fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
+    let failed = |demanded: Option<Demanded>, since: f64| {
+        let story = flight(ZK5, 50.0).turbine(50.0, 80.0, Phase::Stopped, 0.0, 200.0).streams(
+            PILOT,
+            50.0,
+            62.0,
+            PilotCommand::Run(Demanded::Throttle(500)),
+        );
+        let story = match demanded {
+            Some(demanded) => story.streams(PILOT, since, 80.0, PilotCommand::Run(demanded)).streams(
+                2,
+                70.0,
+                80.0,
+                PilotCommand::Standby,
+            ),
+            None => story.streams(PILOT, since, 80.0, PilotCommand::Standby),
+        };
+        let mut history = story.wire(50.0, 50.5, HALF).wire(50.5, 80.0, STANDBY).0;
+        history.commanded.sort_by_key(|commanded| commanded.at);
+        history.samples.sort_by_key(|sample| sample.at);
+        history.frames.sort_by_key(|frame| frame.at);
+        history.end = 80 * SECOND;
+        crate::judge::failed_for_sure(&history)
+    };
+    let below_throttle = failed(Some(Demanded::Throttle(500)), 62.0);
+    assert!(below_throttle.contains(60 * SECOND) && below_throttle.contains(75 * SECOND));
+    // One that was lost has to command for a while before it is in control.
+    let below_one_that_returns = failed(Some(Demanded::Throttle(500)), 69.5);
+    assert!(below_one_that_returns.contains(60 * SECOND) && !below_one_that_returns.contains(75 * SECOND));
+    let below_speed = failed(Some(Demanded::Rpm(100_000)), 62.0);
+    assert!(below_speed.contains(60 * SECOND) && !below_speed.contains(75 * SECOND));
+    let alone = failed(None, 65.0);
+    assert!(alone.contains(60 * SECOND) && !alone.contains(66 * SECOND));
 }

@@ -6,12 +6,12 @@ use super::*;
 fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
     let story = |kind, again: f64| {
         flight(kind, 40.0)
-            .says(PILOT, 40.0, 70.0, Word::Run(Ask::Throttle(500)))
+            .streams(PILOT, 40.0, 70.0, PilotCommand::Run(Demanded::Throttle(500)))
             .turbine(40.0, 70.0, Phase::Running, 100_000.0, 500.0)
             .wire(40.0, 40.2, HALF)
             .wire(again, 70.0, HALF)
     };
-    // Nothing is heard of it.
+    // Nothing is received of it.
     let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
     story(ZK5, 41.5).with(cut).passes();
     story(ZK5, 41.1).with(cut).breaks(&[Rule::Doubt]);
@@ -22,9 +22,14 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
     };
     story(ZK5, 41.0).with(reset).passes();
     story(ZK5, 40.55).with(reset).breaks(&[Rule::Doubt]);
-    // An AMT ECU says in one set that it runs.
+    // One of version 1 that was plugged in before sends its state more often.
+    let other = |h: &mut History| h.versions = vec![(20 * SECOND, 1)];
+    story(ZK5, 40.8).with(reset).breaks(&[Rule::Doubt]);
+    story(ZK5, 40.8).with(reset).with(other).passes();
+    story(ZK5, 40.55).with(reset).with(other).breaks(&[Rule::Doubt]);
+    // An AMT ECU reports in one set that it runs.
     story(AMT, 40.55).with(reset).passes();
-    // Damaged frames stand for frames for 10 s.
+    // Damaged frames count as frames for 10 s.
     let damaged = |h: &mut History| {
         (h.ruined, h.noise) =
             (Spans::from(&[(40 * SECOND, 55 * SECOND)]), Spans::from(&[(40 * SECOND, 55 * SECOND)]));
@@ -39,24 +44,24 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
 }
 
 #[test]
-fn in_doubt_a_speed_goes_on() {
-    let story = |told: Told| {
+fn in_doubt_a_speed_continues() {
+    let story = |sent: Sent| {
         let mut story = started(ZK5)
-            .says(PILOT, 31.0, 60.0, Word::Run(Ask::Rpm(100_000)))
+            .streams(PILOT, 31.0, 60.0, PilotCommand::Run(Demanded::Rpm(100_000)))
             .turbine(RUNS as f64, 60.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| h.mute = Spans::from(&[(45 * SECOND, 55 * SECOND)]))
             .with(|h| h.frames.retain(|frame| frame.at < 31 * SECOND));
         for slot in 0..290_u64 {
             let at = 31.0 + slot as f64 * 0.1;
             let doubt = (45.2..56.0).contains(&at);
-            let mode = if doubt { Told::Nothing } else { Told::Mode(Some(Switch::Run), 4) };
-            story = story.wire(at, at + 0.01, if doubt { told } else { Told::Rpm(100_000) });
+            let mode = if doubt { Sent::Nothing } else { Sent::Mode(Some(Switch::Run), 4) };
+            story = story.wire(at, at + 0.01, if doubt { sent } else { Sent::Rpm(100_000) });
             story = story.wire(at + 0.05, at + 0.06, mode);
         }
         story
     };
-    story(Told::Rpm(100_000)).passes();
-    story(Told::Nothing).breaks(&[Rule::HeldDown]);
+    story(Sent::Rpm(100_000)).passes();
+    story(Sent::Nothing).breaks(&[Rule::HeldDown]);
 }
 
 #[test]
@@ -71,13 +76,22 @@ fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
     };
     silent(true).passes();
     silent(false).breaks(&[Rule::SilentWire]);
+    // A turbine that comes up in the silence, with the throttle of its start, has a time to obey.
+    let starting = |fast_until: f64| {
+        silent(true)
+            .turbine(40.0, 50.0, Phase::FuelRamp, 20_000.0, 480.0)
+            .turbine(50.0, fast_until, Phase::Running, 80_000.0, 480.0)
+            .turbine(fast_until, 60.0, Phase::Running, 52_000.0, 480.0)
+    };
+    starting(56.0).passes();
+    starting(59.0).breaks(&[Rule::SilentTurbine]);
 }
 
 #[test]
 fn with_all_sources_silent_a_start_ends() {
     let story = |ends: f64| {
         ready(ZK5)
-            .says(PILOT, 4.0, 6.0, Word::Run(Ask::Throttle(0)))
+            .streams(PILOT, 4.0, 6.0, PilotCommand::Run(Demanded::Throttle(0)))
             .wire(4.0, ends, IDLE)
             .wire(ends, 40.0, STANDBY)
             .mark(5.0, Mark::Ignition)
@@ -96,8 +110,8 @@ fn resets_do_not_keep_a_lost_demand_alive() {
         let mut at = 40_000;
         while at < 58_000 {
             let from = at as f64 / 1000.0;
-            let told = if at < until * 1000 { HALF } else { IDLE };
-            story = story.wire(from + 0.75, from + 1.5, told).with(|h| {
+            let sent = if at < until * 1000 { HALF } else { IDLE };
+            story = story.wire(from + 0.75, from + 1.5, sent).with(|h| {
                 let reset = Reset { down: at * MS, up: (at + 300) * MS, cause: Cause::Watchdog };
                 h.resets.push(reset);
             });
@@ -121,8 +135,8 @@ fn a_node_that_loses_its_memory_late_begins_the_stages_with_what_it_finds() {
     let story = |arrived: bool, cause| {
         flight(ZK5, 40.0)
             .with(|h| h.mute = Spans::from(&[(39 * SECOND, 50 * SECOND)]))
-            .wire(40.0, 41.5, if arrived { IDLE } else { Told::Nothing })
-            .wire(41.5, 51.0, Told::Nothing)
+            .wire(40.0, 41.5, if arrived { IDLE } else { Sent::Nothing })
+            .wire(41.5, 51.0, Sent::Nothing)
             .with(|h| h.resets.push(Reset { down: 51 * SECOND, up: 51_500 * MS, cause }))
             .wire(52.5, 54.0, HALF)
             .ramp(54.0, 500, 0)
@@ -140,8 +154,8 @@ fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_stand
     let story = |standby: bool| {
         let story = flight(ZK5, 40.0)
             .with(|h| h.mute = Spans::from(&[(39_800 * MS, 90 * SECOND)]))
-            .wire(40.0, 52.0, Told::Nothing)
-            .wire(52.0, 90.0, if standby { STANDBY } else { Told::Nothing })
+            .wire(40.0, 52.0, Sent::Nothing)
+            .wire(52.0, 90.0, if standby { STANDBY } else { Sent::Nothing })
             .turbine(40.0, 52.0, Phase::Running, 100_000.0, 500.0);
         match standby {
             true => story.turbine(52.0, 90.0, Phase::Cooling, 5000.0, 200.0),
@@ -152,14 +166,14 @@ fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_stand
     story(false).breaks(&[Rule::SilentTurbine]);
 }
 
-/// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory goes on with the throttle that it finds.
+/// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory continues with the throttle that it finds.
 #[test]
-fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
+fn a_node_without_memory_resumes_with_the_throttle_that_it_finds() {
     let story = |cause, tenths, arrived| {
         flight(ZK5, 40.0)
-            .once(PILOT, 40.0, Word::ShutDown)
+            .once(PILOT, 40.0, PilotCommand::ShutDown)
             .wire(40.05, 42.0, STANDBY)
-            .wire(42.6, 46.0, Told::Full(Switch::Run, tenths))
+            .wire(42.6, 46.0, Sent::Full(Switch::Run, tenths))
             .turbine(40.0, 46.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| {
                 h.resets.push(Reset { down: 42 * SECOND, up: 42_500 * MS, cause });
@@ -178,15 +192,15 @@ fn a_node_without_memory_goes_on_with_the_throttle_that_it_finds() {
     let speed = |mode: bool| {
         flight(ZK5, 40.0)
             .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND))
-            .says(PILOT, 39.0, 40.0, Word::Run(Ask::Rpm(140_000)))
-            .wire(39.0, 39.01, Told::Mode(Some(Switch::Run), 4))
-            .wire(39.05, 40.0, Told::Rpm(140_000))
-            .says(PILOT, 40.0, 45.0, Word::Run(Ask::Throttle(200)))
-            .wire(40.0, 40.04, Told::Full(Switch::Run, 200))
-            .wire(40.05, 40.06, if mode { Told::Mode(Some(Switch::Run), 0) } else { Told::Nothing })
-            .wire(40.1, 40.14, if mode { Told::Full(Switch::Run, 200) } else { Told::Nothing })
-            .wire(40.7, 41.0, Told::Full(Switch::Run, 700))
-            .wire(41.0, 45.0, Told::Full(Switch::Run, 200))
+            .streams(PILOT, 39.0, 40.0, PilotCommand::Run(Demanded::Rpm(140_000)))
+            .wire(39.0, 39.01, Sent::Mode(Some(Switch::Run), 4))
+            .wire(39.05, 40.0, Sent::Rpm(140_000))
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(200)))
+            .wire(40.0, 40.04, Sent::Full(Switch::Run, 200))
+            .wire(40.05, 40.06, if mode { Sent::Mode(Some(Switch::Run), 0) } else { Sent::Nothing })
+            .wire(40.1, 40.14, if mode { Sent::Full(Switch::Run, 200) } else { Sent::Nothing })
+            .wire(40.7, 41.0, Sent::Full(Switch::Run, 700))
+            .wire(41.0, 45.0, Sent::Full(Switch::Run, 200))
             .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| h.resets.push(Reset { down: 40_150 * MS, up: 40_250 * MS, cause: Cause::PowerOn }))
     };
@@ -207,11 +221,36 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     };
     story().breaks(&[Rule::ShutDown]);
     story().with(|h| h.rules.standby_after = Some(4 * SECOND)).passes();
-    // Who is present and wants nothing is silent from then on, and not from an age limit later.
+    // A source that is present and commands nothing is silent from then on, and not from a timeout later.
     let late = |h: &mut History| {
         h.rules.standby_after = Some(5 * SECOND);
         h.rules.ages = [SECOND; 4];
     };
     story().with(late).breaks(&[Rule::ShutDown]);
-    story().with(late).says(PILOT, 40.0, 60.0, Word::Nothing).passes();
+    story().with(late).streams(PILOT, 40.0, 60.0, PilotCommand::Nothing).passes();
+}
+
+/// With error sets only, and a thermocouple that is broken, nothing says that an AMT engine runs: in silence its order ends.
+#[test]
+fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
+    let story = |broken: bool| {
+        flight(AMT, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 60.0, IDLE)
+            .wire(60.0, 70.0, STANDBY)
+            .turbine(40.0, 60.1, Phase::Running, 52_000.0, 480.0)
+            .turbine(60.1, 70.0, Phase::Cooling, 5000.0, 300.0)
+            .with(|h| {
+                h.samples
+                    .iter_mut()
+                    .filter(|sample| sample.at >= 57 * SECOND)
+                    .for_each(|sample| sample.fault = true);
+                if broken {
+                    h.sensor = Spans::from(&[(57 * SECOND, 70 * SECOND)]);
+                }
+            })
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::ShutDown]);
 }

@@ -10,36 +10,36 @@ fn an_engine_that_is_shut_down_goes_out() {
             .turbine(60.0, out, Phase::Running, 60_000.0, 480.0)
             .turbine(out, 90.0, Phase::Cooling, 5000.0, 300.0)
     };
-    let by_word = |word, out| story(out).once(PILOT, 60.0, word);
-    by_word(Word::ShutDown, 60.2).passes();
-    by_word(Word::ShutDown, 66.0).breaks(&[Rule::Obeyed]);
+    let by_command = |command, out| story(out).once(PILOT, 60.0, command);
+    by_command(PilotCommand::ShutDown, 60.2).passes();
+    by_command(PilotCommand::ShutDown, 66.0).breaks(&[Rule::Obeyed]);
     let second = |h: &mut History| h.frames.retain(|f| !(micros(60.0)..micros(60.15)).contains(&f.at));
-    let by_stream = |out| story(out).says(PILOT, 60.0, 90.0, Word::Standby).with(second);
+    let by_stream = |out| story(out).streams(PILOT, 60.0, 90.0, PilotCommand::Standby).with(second);
     by_stream(60.3).passes();
     by_stream(80.0).breaks(&[Rule::Obeyed]);
     // A lower source's, when the stages of loss have run out.
-    let by_lower = |out| story(out).says(2, 60.0, 90.0, Word::Standby).wire(60.0, 67.0, IDLE);
+    let by_lower = |out| story(out).streams(2, 60.0, 90.0, PilotCommand::Standby).wire(60.0, 67.0, IDLE);
     let waits = |story: Story| {
-        story.with(|h| h.frames.retain(|f| f.told != STANDBY || f.at < 60 * SECOND || f.at > 68 * SECOND))
+        story.with(|h| h.frames.retain(|f| f.sent != STANDBY || f.at < 60 * SECOND || f.at > 68 * SECOND))
     };
     waits(by_lower(68.1)).passes();
     waits(by_lower(85.0)).breaks(&[Rule::Obeyed]);
     let stopped =
-        |h: &mut History| h.frames.iter_mut().filter(|f| f.at >= 60 * SECOND).for_each(|f| f.told = STOP);
-    by_word(Word::Stop, 60.2).with(stopped).passes();
-    by_word(Word::Stop, 66.0).with(stopped).breaks(&[Rule::Obeyed]);
+        |h: &mut History| h.frames.iter_mut().filter(|f| f.at >= 60 * SECOND).for_each(|f| f.sent = STOP);
+    by_command(PilotCommand::Stop, 60.2).with(stopped).passes();
+    by_command(PilotCommand::Stop, 66.0).with(stopped).breaks(&[Rule::Obeyed]);
     // The wire to it is cut.
     let cut = |h: &mut History| h.deaf = Spans::from(&[(59 * SECOND, 90 * SECOND)]);
-    by_word(Word::ShutDown, 66.0).with(cut).passes();
+    by_command(PilotCommand::ShutDown, 66.0).with(cut).passes();
 }
 
 #[test]
 fn a_stop_is_in_every_frame_until_its_release() {
-    let story = |kind, told: Told| {
+    let story = |kind, sent: Sent| {
         flight(kind, 40.0)
-            .once(2, 40.0, Word::Stop)
+            .once(2, 40.0, PilotCommand::Stop)
             .wire(40.1, 45.0, STOP)
-            .wire(45.0, 45.2, told)
+            .wire(45.0, 45.2, sent)
             .wire(45.2, 50.0, STOP)
             .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
     };
@@ -51,30 +51,30 @@ fn a_stop_is_in_every_frame_until_its_release() {
     let close = |times: f64| {
         let gone = move |h: &mut History| {
             let closes = 45 * SECOND..micros(45.0 + times * 0.05);
-            h.frames.retain(|f| f.told == Told::Action(13) || !closes.contains(&f.at));
+            h.frames.retain(|f| f.sent == Sent::Action(13) || !closes.contains(&f.at));
         };
-        story(ZK5, STOP).wire(45.0, 45.0 + times * 0.05, Told::Action(13)).with(gone)
+        story(ZK5, STOP).wire(45.0, 45.0 + times * 0.05, Sent::Action(13)).with(gone)
     };
     close(1.0).passes();
     close(3.0).breaks(&[Rule::Stop]);
     // And not before the first stop.
     let first = |from: f64| {
-        let shift = move |h: &mut History| h.frames.retain(|f| f.told != STOP || f.at > micros(from));
-        story(ZK5, STOP).wire(40.05, 40.06, Told::Action(13)).with(shift)
+        let shift = move |h: &mut History| h.frames.retain(|f| f.sent != STOP || f.at > micros(from));
+        story(ZK5, STOP).wire(40.05, 40.06, Sent::Action(13)).with(shift)
     };
-    first(40.0).with(|h| h.frames.retain(|f| f.told != Told::Action(13))).passes();
+    first(40.0).with(|h| h.frames.retain(|f| f.sent != Sent::Action(13))).passes();
     first(40.1).breaks(&[Rule::Stop]);
 }
 
 #[test]
 fn nothing_old_goes_out_after_a_transmitter_stood_still() {
     let story = |frames: u64| {
-        let story = flight(ZK5, 40.0).says(PILOT, 40.0, 41.0, Word::Run(Ask::Throttle(500)));
+        let story = flight(ZK5, 40.0).streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)));
         story.wire(40.0, 41.0, HALF).turbine(40.0, 41.5, Phase::Running, 100_000.0, 500.0).with(|h| {
             h.deaf = Spans::from(&[(39_500 * MS, 40_001 * MS)]);
             h.stalls = vec![40_001 * MS];
             let frame = h.frames[0];
-            h.frames.extend((0..frames).map(|n| Frame { at: 40_002 * MS + n * 4 * MS, told: HALF, ..frame }));
+            h.frames.extend((0..frames).map(|n| Frame { at: 40_002 * MS + n * 4 * MS, sent: HALF, ..frame }));
         })
     };
     story(1).passes();
@@ -85,7 +85,7 @@ fn nothing_old_goes_out_after_a_transmitter_stood_still() {
 fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     let story = |kind, from: f64, gap: f64| {
         flight(kind, 40.0)
-            .once(2, 40.0, Word::Stop)
+            .once(2, 40.0, PilotCommand::Stop)
             .wire(40.0 + from, 42.0, STOP)
             .wire(42.0 + gap, 50.0, STOP)
             .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
@@ -94,7 +94,7 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     story(ZK5, 0.4, 0.0).breaks(&[Rule::Stop]);
     story(ZK5, 0.05, 1.0).breaks(&[Rule::Stop]);
     story(AMT, 0.1, 1.0).breaks(&[Rule::Stop]);
-    // A ZK ECU that is not heard is told all the same; an AMT ECU that says nothing cannot be answered.
+    // A ZK ECU that is not received is sent all the same; an AMT ECU that reports nothing cannot be answered.
     let mute = |h: &mut History| h.mute = Spans::from(&[(41 * SECOND, 44 * SECOND)]);
     story(ZK5, 0.05, 1.0).with(mute).breaks(&[Rule::Stop]);
     story(AMT, 0.1, 1.0).with(mute).passes();
@@ -104,7 +104,7 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     };
     story(ZK5, 0.05, 0.6).with(reset).passes();
     story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
-    // Nothing leaves a transmitter that stands still. A wire that is cut is another matter: what is sent is on it.
+    // Nothing leaves a transmitter that hangs. A wire that is cut is another matter: what is sent is on it.
     let deaf = |h: &mut History| h.deaf = Spans::from(&[(42 * SECOND, 43 * SECOND)]);
     let stall = |h: &mut History| h.stalls = vec![43 * SECOND];
     story(ZK5, 0.05, 1.0).with(deaf).with(stall).passes();
@@ -120,53 +120,53 @@ fn no_fuel_flows_into_a_hot_engine_at_rest() {
 }
 
 #[test]
-fn services_that_move_fuel_are_asked_for_in_standby_cold_and_armed() {
-    let pump = Told::Action(5);
-    let story = |word| ready(ZK5).once(PILOT, 2.0, word).wire(2.05, 2.06, pump).wire(4.0, 5.0, STANDBY);
-    story(Word::Service(5)).passes();
-    story(Word::Service(4)).breaks(&[Rule::Service]);
-    let disarmed = |h: &mut History| h.said.retain(|said| said.word != Word::Arm);
-    story(Word::Service(5)).with(disarmed).breaks(&[Rule::Service]);
+fn services_that_move_fuel_are_commanded_in_standby_cold_and_armed() {
+    let pump = Sent::Action(5);
+    let story = |command| ready(ZK5).once(PILOT, 2.0, command).wire(2.05, 2.06, pump).wire(4.0, 5.0, STANDBY);
+    story(PilotCommand::Service(5)).passes();
+    story(PilotCommand::Service(4)).breaks(&[Rule::Service]);
+    let disarmed = |h: &mut History| h.commanded.retain(|commanded| commanded.command != PilotCommand::Arm);
+    story(PilotCommand::Service(5)).with(disarmed).breaks(&[Rule::Service]);
     let cooling = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.phase = Phase::Cooling);
-    story(Word::Service(5)).with(cooling).breaks(&[Rule::Service]);
+    story(PilotCommand::Service(5)).with(cooling).breaks(&[Rule::Service]);
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 130.0);
-    story(Word::Service(5)).with(hot).breaks(&[Rule::Service]);
+    story(PilotCommand::Service(5)).with(hot).breaks(&[Rule::Service]);
 }
 
 #[test]
 fn an_open_pump_is_closed_when_its_source_falls_silent_and_at_a_disarm() {
-    let story = |spoken: f64, flows: f64| {
+    let story = |commanding: f64, flows: f64| {
         Story::new(ZK5)
-            .once(PILOT, 0.5, Word::Arm)
-            .says(PILOT, 0.0, spoken, Word::Standby)
-            .once(PILOT, 2.0, Word::Service(12))
+            .once(PILOT, 0.5, PilotCommand::Arm)
+            .streams(PILOT, 0.0, commanding, PilotCommand::Standby)
+            .once(PILOT, 2.0, PilotCommand::Service(12))
             .wire(0.0, 2.0, STANDBY)
-            .wire(2.05, 2.06, Told::Action(12))
+            .wire(2.05, 2.06, Sent::Action(12))
             .wire(2.1, 40.0, STANDBY)
             .turbine(0.0, 60.0, Phase::Standby, 0.0, 15.0)
             .fuel(2.1, flows)
     };
     story(20.0, 21.0).passes();
     story(5.0, 20.0).breaks(&[Rule::Pump]);
-    story(20.0, 12.0).once(PILOT, 10.0, Word::Disarm).passes();
-    story(20.0, 16.0).once(PILOT, 10.0, Word::Disarm).breaks(&[Rule::Pump]);
+    story(20.0, 12.0).once(PILOT, 10.0, PilotCommand::Disarm).passes();
+    story(20.0, 16.0).once(PILOT, 10.0, PilotCommand::Disarm).breaks(&[Rule::Pump]);
     // Its bound in time.
     story(50.0, 50.0).breaks(&[Rule::Pump]);
 }
 
 #[test]
 fn nothing_is_sent_that_the_ecus_version_does_not_know() {
-    let story = |kind, told| ready(kind).wire(4.0, 5.0, told);
-    let by_id6 = |switch| Told::Mode(Some(switch), 0);
+    let story = |kind, sent| ready(kind).wire(4.0, 5.0, sent);
+    let by_id6 = |switch| Sent::Mode(Some(switch), 0);
     story(Kind::Zk(4), by_id6(Switch::Standby)).passes();
     story(Kind::Zk(3), by_id6(Switch::Standby)).passes();
-    for told in [Told::Rpm(60_000), Told::Mode(None, 3)] {
-        story(Kind::Zk(4), told).passes();
-        story(Kind::Zk(3), told).breaks(&[Rule::Version]);
+    for sent in [Sent::Rpm(60_000), Sent::Mode(None, 3)] {
+        story(Kind::Zk(4), sent).passes();
+        story(Kind::Zk(3), sent).breaks(&[Rule::Version]);
     }
     // Another ECU was plugged in while the line was dead.
     let story =
-        ready(Kind::Zk(5)).wire(4.0, 20.0, Told::Mode(None, 3)).turbine(5.0, 20.0, Phase::Standby, 0.0, 15.0);
+        ready(Kind::Zk(5)).wire(4.0, 20.0, Sent::Mode(None, 3)).turbine(5.0, 20.0, Phase::Standby, 0.0, 15.0);
     let swapped = |h: &mut History| {
         h.unpowered = Spans::from(&[(6 * SECOND, 9 * SECOND)]);
         h.versions = vec![(6 * SECOND, 3)];
@@ -176,5 +176,5 @@ fn nothing_is_sent_that_the_ecus_version_does_not_know() {
 
 #[test]
 fn every_frame_is_one_of_the_document() {
-    ready(AMT).wire(4.0, 4.1, Told::Bad([0xFF, 0x14, 0x20, 0x14, 0x21])).breaks(&[Rule::Frame]);
+    ready(AMT).wire(4.0, 4.1, Sent::Bad([0xFF, 0x14, 0x20, 0x14, 0x21])).breaks(&[Rule::Frame]);
 }

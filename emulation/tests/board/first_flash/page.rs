@@ -1,5 +1,5 @@
-//! The tables of docs/first-flash.md: what stands in their columns for the two chips, and how that is compared with what
-//! the emulated boards do.
+//! The tables of docs/first-flash.md: the columns of the two chips, and how they are compared with the values of the
+//! emulated boards.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ struct Cell<'a> {
     number: usize,
     section: u8,
     chip: &'static str,
-    /// What stands left of the values.
+    /// The text to the left of the values.
     row: String,
     value: &'a str,
 }
@@ -68,7 +68,7 @@ fn values(page: &str) -> Vec<Cell<'_>> {
 }
 
 /// What is wrong with the page, by what was measured: a line for each cell that says something else, each that says
-/// something that nobody measured, and each measurement without a cell.
+/// something that was not measured, and each measurement without a cell.
 pub fn complaints(page: &str, measured: &BTreeMap<Place, String>) -> Vec<String> {
     let cells = values(page);
     let mut complaints = Vec::new();
@@ -120,7 +120,7 @@ fn of<'a, 'b>(cells: &'b [Cell<'a>], place: &Place) -> Vec<&'b Cell<'a>> {
     cells.iter().filter(|cell| is_at(cell, place)).collect()
 }
 
-/// How far a number may be from the page's before a person has to look: a part of it, and so many of its units.
+/// Tolerance of a number: a share of it, plus a number of its units. Beyond it a person has to look.
 type Tolerance = (f64, f64);
 
 /// The unit of a number: in what it is compared, and how closely. Times of less than a millisecond are counts of
@@ -218,7 +218,7 @@ fn a_wrong_value_anywhere_on_the_page_is_found() {
 }
 
 #[test]
-fn a_row_that_nobody_measured_is_found_and_a_measurement_without_a_row() {
+fn a_row_without_a_measurement_and_a_measurement_without_a_row_are_found() {
     let mut measured = own_values();
     let row = *measured.keys().find(|place| place.0 == 3).expect("a row");
     let value = measured.remove(&row).expect("it was there");

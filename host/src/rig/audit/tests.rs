@@ -84,7 +84,7 @@ fn a_zk_frame_is_what_was_ordered() {
 
 #[test]
 fn the_cadence_is_that_of_the_turns() {
-    // What goes out ahead of its turn leaves the turns where they are.
+    // What is sent before its slot leaves the slots where they are.
     let mut ahead = audit(3);
     ahead.look(&entries(0, &zk(0x60, 0x13)));
     ahead.look(&entries(MILLIS / 2, &zk(0x74, 0xE2))); // the speed, right behind its switch
@@ -92,7 +92,7 @@ fn the_cadence_is_that_of_the_turns() {
     ahead.look(&entries(33 * MILLIS, &zk(0x14, 0))); // an emergency stop
     ahead.look(&entries(40 * MILLIS, &zk(0x14, 0)));
     assert_eq!(ahead.worst_cadence_error, Some(0));
-    // The turn behind it is late.
+    // The slot after it is late.
     ahead.look(&entries(63 * MILLIS, &zk(0x14, 0)));
     assert_eq!(ahead.worst_cadence_error, Some(3 * MILLIS));
     // Nothing else may be early.
@@ -187,42 +187,42 @@ fn a_run_is_withdrawn_only_where_the_engine_has_stopped_or_fell_silent_in_its_st
         [(Phase::Running, false), (Phase::FuelRamp, false), (Phase::Cooling, true), (Phase::Stopped, true)]
     {
         let mut audit = in_flight();
-        audit.word(now);
-        audit.withdrawn(now, phase);
+        audit.commanded(now);
+        audit.cancelled(now, phase);
         assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
     }
-    for (phase, word, allowed) in [
+    for (phase, commanded_at, allowed) in [
         (Phase::FuelRamp, now, true),
         (Phase::Running, now, false),
-        // Nobody has spoken for long.
+        // No source has commanded for long.
         (Phase::Running, now - 10 * SECOND, true),
     ] {
         let mut audit = in_flight();
-        audit.word(word);
-        audit.withdrawn(now + 2 * SECOND, phase);
+        audit.commanded(commanded_at);
+        audit.cancelled(now + 2 * SECOND, phase);
         assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
     }
     // What has stopped a moment ago, and is lit again.
     let mut relit = in_flight();
     relit.see_engine(now, Phase::Cooling);
-    relit.withdrawn(now + SECOND, Phase::Ignition);
+    relit.cancelled(now + SECOND, Phase::Ignition);
     assert_eq!(relit.not_given, 0, "{:?}", relit.findings);
     let mut later = in_flight();
-    later.word(now);
+    later.commanded(now);
     later.see_engine(now - 4 * SECOND, Phase::Cooling);
-    later.withdrawn(now, Phase::Ignition);
+    later.cancelled(now, Phase::Ignition);
     assert_eq!(later.not_given, 1);
 }
 
 #[test]
 fn an_order_is_given_up_only_where_the_ecu_fell_silent() {
-    let mut heard = in_flight();
-    heard.given_up(20 * SECOND + 50 * MILLIS);
-    assert_eq!(heard.not_given, 1);
+    let mut received = in_flight();
+    received.given_up(20 * SECOND + 50 * MILLIS);
+    assert_eq!(received.not_given, 1);
     let mut silent = in_flight();
     silent.given_up(24 * SECOND);
     assert_eq!(silent.not_given, 0);
-    // That it is at rest, nothing says: standby is not for the node to order.
+    // Nothing reports it at rest: standby is not for the node to order.
     silent.look(&entries(24 * SECOND + 100 * MILLIS, &[0xFF, 0x12, 0x20, 0x12, 0x20]));
     assert_eq!(silent.not_given, 1);
 }
@@ -233,12 +233,12 @@ fn damaged_sets_without_a_checksum_count_as_a_gap_and_damaged_frames_with_one_do
         let mut audit = audit(engine);
         audit.look(&from_ecu(SECOND, Fate::Delivered));
         audit.look(&from_ecu(SECOND + 40 * MILLIS, Fate::Delivered));
-        audit.heard.gap = None;
+        audit.received.gap = None;
         audit.look(&from_ecu(SECOND + 80 * MILLIS, Fate::Flipped(1)));
-        audit.heard.find_gap(SECOND + 120 * MILLIS);
-        assert_eq!(audit.heard.gap.is_some(), gap);
-        audit.heard.find_gap(SECOND + 120 * MILLIS + 3 * 125 * MILLIS);
-        assert!(audit.heard.gap.is_some());
+        audit.received.find_gap(SECOND + 120 * MILLIS);
+        assert_eq!(audit.received.gap.is_some(), gap);
+        audit.received.find_gap(SECOND + 120 * MILLIS + 3 * 125 * MILLIS);
+        assert!(audit.received.gap.is_some());
     }
 }
 

@@ -1,4 +1,4 @@
-//! What can be done in a run, and how it stands in a script file: an engine's name, or `all`, and words.
+//! What can be done in a run, and how it is written in a script file: an engine's name, or `all`, and words.
 
 use super::super::engines::Engine;
 
@@ -36,7 +36,7 @@ pub enum Fault {
     Noise,
     /// The ECU has no power.
     Power,
-    /// The source says nothing.
+    /// The source is silent.
     Silence,
     /// The flame goes out, once.
     FlameOut,
@@ -52,6 +52,18 @@ impl Fault {
     /// Whether it happens once and cannot be ended.
     pub const fn is_once(self) -> bool {
         matches!(self, Self::FlameOut | Self::Reset)
+    }
+
+    /// Its name, for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cut => "cut line",
+            Self::Noise => "noise",
+            Self::Power => "ECU without power",
+            Self::Silence => "silent source",
+            Self::FlameOut => "flame-out",
+            Self::Reset => "node reset",
+        }
     }
 
     /// How its beginning and its end are written.
@@ -80,7 +92,7 @@ const WORDS: [(&str, Act); 8] = [
 ];
 
 impl Act {
-    /// As it stands in a script file.
+    /// As in a script file.
     pub fn text(self) -> String {
         match self {
             Self::Throttle(tenths) => format!("throttle {}.{}", tenths / 10, tenths % 10),
@@ -137,7 +149,7 @@ pub struct Action {
 }
 
 impl Action {
-    /// As it stands in a script file.
+    /// As in a script file.
     pub fn text(self, engines: &[Engine]) -> String {
         let name = self.engine.and_then(|i| engines.get(i)).map_or("all", Engine::name);
         format!("{name} {}", self.act.text())
@@ -157,7 +169,7 @@ impl Action {
     }
 }
 
-/// What a key asks for: the player makes an [`Act`] of it that says the same whenever it is played again.
+/// What a key requests: the player makes an [`Act`] of it that does the same whenever it is played again.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Wish {
     /// This.

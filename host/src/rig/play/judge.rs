@@ -3,16 +3,15 @@
 //! allows are the audit's.
 
 use super::super::audit::{Audit, WireCommand};
-use super::super::simulated::EcuCounts;
 use embassy_time::{Duration, Instant};
-use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::ecu::{Counts, MILLIS, Nanos, SECOND};
 
 /// The longest time from an emergency stop to its first bit on the wire: an AMT ECU is answered every 125 ms, and the
 /// answer before may have begun.
 const STOP_ON_WIRE: Nanos = 175 * MILLIS;
-/// A run may have been commanded so long before its ignition: a start that waits for another engine.
+/// Longest time from a commanded run to its ignition: a start that waits for another engine.
 const IGNITES_WITHIN: Nanos = 2 * SECOND;
-/// After a fault has ended the node may be in doubt, and withhold replies, for so long.
+/// Longest time after the end of a fault for which the node may be in doubt, and withhold replies.
 const DOUBT: Duration = Duration::from_secs(12);
 
 /// What was found of one engine.
@@ -37,8 +36,8 @@ pub struct Judge {
     ignitions: usize,
     /// When run was last in force.
     run_at: Option<Nanos>,
-    /// An emergency stop that is not on the wire yet.
-    stop_since: Option<Nanos>,
+    /// Since when an emergency stop is not on the wire yet, and when it is late.
+    stop_since: Option<(Nanos, Nanos)>,
     missed: u64,
 }
 
@@ -52,7 +51,7 @@ pub struct Seen<'a> {
     /// The link is up.
     pub link_up: bool,
     /// What the ECU has counted.
-    pub counts: EcuCounts,
+    pub counts: Counts,
     /// Instants at which the simulated engine began a start.
     pub ignitions: &'a [Nanos],
     /// The line.
@@ -66,10 +65,10 @@ impl Judge {
         self.excused_until = Some(at + DOUBT);
     }
 
-    /// An emergency stop is commanded.
-    pub fn stop(&mut self, at: Nanos, audit: &Audit) {
+    /// An emergency stop is commanded, and reaches the node within this time.
+    pub fn stop(&mut self, at: Nanos, within: Nanos, audit: &Audit) {
         if audit.on_wire != Some(WireCommand::Stop) {
-            self.stop_since.get_or_insert(at);
+            self.stop_since.get_or_insert((at, at + within + STOP_ON_WIRE));
         }
     }
 
@@ -97,9 +96,9 @@ impl Judge {
         }
         self.missed = missed;
 
-        if let Some(since) = self.stop_since {
+        if let Some((since, until)) = self.stop_since {
             let sent = seen.audit.stop_at.filter(|&at| at >= since);
-            let late = sent.unwrap_or(now) > since + STOP_ON_WIRE;
+            let late = sent.unwrap_or(now) > until;
             if sent.is_some() || late {
                 self.verdict.late_stops += u64::from(late && !excused && seen.link_up);
                 self.stop_since = None;
@@ -117,7 +116,7 @@ mod tests {
         let engines = engines(&[]).unwrap();
         let audit = Audit::new(&engines[0]);
         let at = Instant::MIN + Duration::from_millis(ms);
-        let counts = EcuCounts { unanswered: missed, ..EcuCounts::default() };
+        let counts = Counts { unanswered: missed, ..Counts::default() };
         judge.look(&Seen { at, commands_run, link_up: true, counts, ignitions, audit: &audit });
         judge.verdict()
     }
@@ -145,9 +144,12 @@ mod tests {
     fn a_stop_that_is_not_on_the_wire_in_time_is_late() {
         let engines = engines(&[]).unwrap();
         let mut judge = Judge::default();
-        judge.stop(1_000_000_000, &Audit::new(&engines[0]));
+        judge.stop(1_000_000_000, 0, &Audit::new(&engines[0]));
         assert_eq!(look(&mut judge, 1100, false, &[], 0).late_stops, 0);
         assert_eq!(look(&mut judge, 1200, false, &[], 0).late_stops, 1);
         assert_eq!(look(&mut judge, 1300, false, &[], 0).late_stops, 1);
+        judge.stop(2_000_000_000, 45 * MILLIS, &Audit::new(&engines[0]));
+        assert_eq!(look(&mut judge, 2200, false, &[], 0).late_stops, 1);
+        assert_eq!(look(&mut judge, 2300, false, &[], 0).late_stops, 2);
     }
 }

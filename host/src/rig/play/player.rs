@@ -1,10 +1,10 @@
-//! Plays: does what keys or a script file ask for, keeps it with its engine time, and speaks for the source of each engine
-//! that was taken from its script.
+//! Plays: does what keys or a script file request, keeps it with its engine time, and commands as the source of each engine
+//! that was taken from its script. With a transmitter it moves stick and switch instead.
 
 use super::super::context::{EngineContext, Notes, PilotInput, Stage};
 use super::super::faults::Faults;
 use super::super::node::{Cause, Node, Reset};
-use super::super::simulated::counts;
+use super::super::radio::{Position, Transmitter};
 use super::action::{Act, Action, Fault, Wish};
 use super::judge::{Judge, Seen, Verdict};
 use embassy_time::{Duration, Instant, Ticker};
@@ -13,6 +13,7 @@ use jetlink::report::LinkState;
 use jetlink::units::{Rpm, Throttle};
 use sim::any::AnyEcu;
 use sim::clock;
+use sim::ecu::{MILLIS, Nanos};
 use sim::wire::{Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
@@ -22,16 +23,20 @@ use std::task::Poll;
 const TICK: Duration = Duration::from_millis(100);
 /// What a watchdog takes to bite, and the node to start.
 const RESET: Reset = Reset { away: Duration::from_millis(1050), cause: Cause::Watchdog };
+/// From a move of the switch to the second frame with it, which counts.
+const STOP_BY_SWITCH: Nanos = 45 * MILLIS;
 /// The whole way from idle to maximum, in tenths of a percent.
 const WHOLE: u32 = 1000;
 
-/// What is known of one engine beyond its desk.
+/// What is known of one engine beyond its context.
 #[derive(Debug, Default)]
 struct Hand {
     /// Faults that last.
     faults: RefCell<Vec<Fault>>,
     /// An emergency stop that the node has not taken yet.
     stop: Cell<bool>,
+    /// It is to begin its script anew.
+    anew: Cell<bool>,
     /// Something was done to it.
     touched: Cell<bool>,
     judge: RefCell<Judge>,
@@ -41,9 +46,11 @@ struct Hand {
 #[derive(Debug)]
 pub struct Player<'a> {
     node: &'a Node<'a>,
-    desks: &'a [EngineContext<'a>],
+    contexts: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
+    /// Moved by what commands an engine otherwise.
+    transmitter: Option<&'a Transmitter>,
     hands: Vec<Hand>,
     kept: RefCell<Vec<(Instant, Action)>>,
 }
@@ -52,12 +59,13 @@ impl<'a> Player<'a> {
     /// For these engines.
     pub fn new(
         node: &'a Node<'a>,
-        desks: &'a [EngineContext<'a>],
+        contexts: &'a [EngineContext<'a>],
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
+        transmitter: Option<&'a Transmitter>,
     ) -> Self {
-        let hands = desks.iter().map(|_| Hand::default()).collect();
-        Self { node, desks, plugs, notes, hands, kept: RefCell::default() }
+        let hands = contexts.iter().map(|_| Hand::default()).collect();
+        Self { node, contexts, plugs, notes, transmitter, hands, kept: RefCell::default() }
     }
 
     /// Everything that was done, with its engine time.
@@ -83,6 +91,11 @@ impl<'a> Player<'a> {
 
     /// Does what is wished for. `None`: for all engines.
     pub fn wish(&self, engine: Option<usize>, wish: Wish) {
+        if let (Some(transmitter), Wish::Step(by)) = (self.transmitter, wish) {
+            let stick = i32::from(transmitter.stick.get()) + i32::from(by);
+            self.act(None, Act::Throttle(stick.clamp(0, WHOLE as i32) as u16));
+            return;
+        }
         match (engine, wish) {
             (_, Wish::Toggle(Fault::Reset)) => self.act(None, Act::Fault(Fault::Reset, true)),
             (_, Wish::Act(act)) => self.act(engine, act),
@@ -91,7 +104,7 @@ impl<'a> Player<'a> {
                     self.act(Some(engine), act);
                 }
             }
-            (None, _) => (0..self.desks.len()).for_each(|engine| self.wish(Some(engine), wish)),
+            (None, _) => (0..self.contexts.len()).for_each(|engine| self.wish(Some(engine), wish)),
         }
     }
 
@@ -108,15 +121,58 @@ impl<'a> Player<'a> {
             self.node.reset(RESET);
             return;
         }
+        if self.transmitter.is_some_and(|transmitter| self.moves(transmitter, act)) {
+            return;
+        }
         match engine {
             Some(engine) => self.act_on(engine, act),
-            None => (0..self.desks.len()).for_each(|engine| self.act_on(engine, act)),
+            None => (0..self.contexts.len()).for_each(|engine| self.act_on(engine, act)),
         }
+    }
+
+    /// Moves the transmitter, which commands all engines. False: this is none of its acts.
+    fn moves(&self, transmitter: &Transmitter, act: Act) -> bool {
+        let to = |position: Position| {
+            transmitter.switch.set(position);
+            format!("the switch to {}", position.name())
+        };
+        let text = match act {
+            Act::Arm | Act::Standby | Act::Release => to(Position::Standby),
+            Act::Start => to(Position::Run),
+            Act::Disarm | Act::EmergencyStop => {
+                if transmitter.is_steady() {
+                    for (context, hand) in self.contexts.iter().zip(&self.hands) {
+                        let now = clock::now_ns();
+                        hand.judge.borrow_mut().stop(now, STOP_BY_SWITCH, &context.audit.borrow());
+                    }
+                }
+                to(Position::Stop)
+            }
+            Act::Throttle(tenths) => {
+                transmitter.stick.set(tenths);
+                format!("the stick to {}.{} %", tenths / 10, tenths % 10)
+            }
+            Act::Rpm(_) | Act::Script => format!("the transmitter has no `{}`", act.text()),
+            Act::Fault(Fault::Silence, begins) => {
+                transmitter.turn(!begins);
+                for (context, hand) in self.contexts.iter().zip(&self.hands) {
+                    context.silent.set(begins);
+                    let mut faults = hand.faults.borrow_mut();
+                    faults.retain(|&other| other != Fault::Silence);
+                    faults.extend(begins.then_some(Fault::Silence));
+                }
+                format!("the transmitter {}", if begins { "off" } else { "on" })
+            }
+            Act::Fault(..) => return false,
+        };
+        self.notes.add(None, format!("played: {text}"));
+        self.hands.iter().for_each(|hand| hand.touched.set(true));
+        true
     }
 
     /// The act that a key means now.
     fn resolved(&self, engine: usize, wish: Wish) -> Option<Act> {
-        let desk = self.desks.get(engine)?;
+        let context = self.contexts.get(engine)?;
         match wish {
             Wish::Act(act) => Some(act),
             Wish::Toggle(fault) => {
@@ -128,7 +184,7 @@ impl<'a> Player<'a> {
                     let by = i64::from(most - least) * i64::from(by) / i64::from(WHOLE);
                     (i64::from(from) + by).clamp(least.into(), most.into()) as u32
                 };
-                match desk.input.get() {
+                match context.input.get() {
                     PilotInput::Run(Demand::Throttle(now)) => {
                         Some(Act::Throttle(step(now.tenths().into(), 0, WHOLE) as u16))
                     }
@@ -137,7 +193,7 @@ impl<'a> Player<'a> {
                         Some(Act::Rpm(step(now.get(), least, most.max(least))))
                     }
                     PilotInput::Standby => {
-                        desk.note("played: there is no demand in standby: start the engine first");
+                        context.note("played: there is no demand in standby: start the engine first");
                         None
                     }
                 }
@@ -152,62 +208,63 @@ impl<'a> Player<'a> {
     }
 
     fn act_on(&self, engine: usize, act: Act) {
-        let (Some(desk), Some(hand)) = (self.desks.get(engine), self.hands.get(engine)) else { return };
+        let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
         hand.touched.set(true);
-        desk.note(format!("played: {}", act.text()));
-        if act.takes_engine() && !desk.played.replace(true) {
-            desk.stage.set(Stage::Played);
+        context.note(format!("played: {}", act.text()));
+        if act.takes_engine() && !context.played.replace(true) {
+            context.stage.set(Stage::Played);
         }
         match act {
-            Act::Arm => self.tell(engine, Command::Arm),
-            Act::Disarm => self.tell(engine, Command::Disarm),
+            Act::Arm => self.command(engine, Command::Arm),
+            Act::Disarm => self.command(engine, Command::Disarm),
             Act::Start => match self.idle(engine) {
-                Some(idle) => desk.input.set(PilotInput::Run(idle)),
-                None => desk.note("the ECU has not reported its speeds"),
+                Some(idle) => context.input.set(PilotInput::Run(idle)),
+                None => context.note("the ECU has not reported its speeds"),
             },
-            Act::Standby => desk.input.set(PilotInput::Standby),
+            Act::Standby => context.input.set(PilotInput::Standby),
             Act::Throttle(tenths) => {
-                self.demand(desk, Throttle::from_tenths(tenths).ok().map(Demand::Throttle))
+                self.demand(context, Throttle::from_tenths(tenths).ok().map(Demand::Throttle))
             }
-            Act::Rpm(rpm) => self.demand(desk, Some(Demand::Rpm(Rpm::new(rpm)))),
+            Act::Rpm(rpm) => self.demand(context, Some(Demand::Rpm(Rpm::new(rpm)))),
             Act::EmergencyStop => {
-                desk.input.set(PilotInput::Standby);
+                context.input.set(PilotInput::Standby);
                 hand.stop.set(true);
-                hand.judge.borrow_mut().stop(clock::now_ns(), &desk.audit.borrow());
+                hand.judge.borrow_mut().stop(clock::now_ns(), 0, &context.audit.borrow());
             }
             Act::Release => {
                 hand.stop.set(false);
                 self.order(engine, Command::ReleaseStop, Order::Standby);
             }
             Act::Script => {
-                desk.input.set(PilotInput::Standby);
-                desk.played.set(false);
+                context.input.set(PilotInput::Standby);
+                context.played.set(false);
+                hand.anew.set(true);
             }
             Act::Fault(fault, begins) => self.fault(engine, fault, begins),
         }
-        if desk.played.get() {
-            self.speak(engine);
+        if context.played.get() {
+            self.command_again(engine);
         }
     }
 
     /// Changes the demand of an engine that is commanded to run.
-    fn demand(&self, desk: &EngineContext<'_>, demand: Option<Demand>) {
-        match (desk.input.get(), demand) {
-            (PilotInput::Run(_), Some(demand)) => desk.input.set(PilotInput::Run(demand)),
-            _ => desk.note("there is no demand in standby: start the engine first"),
+    fn demand(&self, context: &EngineContext<'_>, demand: Option<Demand>) {
+        match (context.input.get(), demand) {
+            (PilotInput::Run(_), Some(demand)) => context.input.set(PilotInput::Run(demand)),
+            _ => context.note("there is no demand in standby: start the engine first"),
         }
     }
 
     fn idle(&self, engine: usize) -> Option<Demand> {
-        if self.desks.get(engine)?.engine.by_rpm() {
+        if self.contexts.get(engine)?.engine.by_rpm() {
             return Some(Demand::Rpm(Rpm::new(self.speeds(engine)?.0)));
         }
         Some(Demand::Throttle(Throttle::IDLE))
     }
 
     fn fault(&self, engine: usize, fault: Fault, begins: bool) {
-        let (Some(desk), Some(plug), Some(hand)) =
-            (self.desks.get(engine), self.plugs.get(engine), self.hands.get(engine))
+        let (Some(context), Some(plug), Some(hand)) =
+            (self.contexts.get(engine), self.plugs.get(engine), self.hands.get(engine))
         else {
             return;
         };
@@ -218,7 +275,7 @@ impl<'a> Player<'a> {
                 plug.set_faults(line, line);
             }
             Fault::Power => plug.power(!begins),
-            Fault::Silence => desk.silent.set(begins),
+            Fault::Silence => context.silent.set(begins),
             Fault::FlameOut => plug.ecu(|ecu| ecu.turbine_mut().flame_out()),
             Fault::Reset => {}
         }
@@ -238,45 +295,54 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Speaks for the source of an engine that was taken from its script, until it is given back.
+    /// Commands as the source of an engine that was taken from its script, until it is given back.
     pub async fn drive(&self, engine: usize) {
-        let Some(desk) = self.desks.get(engine) else { return };
+        let Some(context) = self.contexts.get(engine) else { return };
         let mut ticker = Ticker::every(TICK);
-        while desk.played.get() {
-            self.speak(engine);
+        while context.played.get() {
+            self.command_again(engine);
             ticker.next().await;
+        }
+        // What comes next begins anew by itself.
+        if let Some(hand) = self.hands.get(engine) {
+            hand.anew.set(false);
         }
     }
 
-    /// Until this engine is taken from its script.
+    /// Until this engine is taken from its script, or is to begin it anew.
     pub async fn taken(&self, engine: usize) {
         // Whoever takes it shares a task with whoever waits.
-        poll_fn(|_| match self.desks.get(engine) {
-            Some(desk) if desk.played.get() => Poll::Ready(()),
+        poll_fn(|_| match (self.contexts.get(engine), self.hands.get(engine)) {
+            (Some(context), Some(hand)) if context.played.get() || hand.anew.take() => Poll::Ready(()),
             _ => Poll::Pending,
         })
         .await;
     }
 
-    /// One word of the source.
-    fn speak(&self, engine: usize) {
-        let (Some(desk), Some(hand)) = (self.desks.get(engine), self.hands.get(engine)) else { return };
+    /// One command of the source.
+    fn command_again(&self, engine: usize) {
+        let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
         if hand.stop.get() {
             let answer = self.order(engine, Command::EmergencyStop, Order::EmergencyStop);
             hand.stop.set(!matches!(answer, Some(Ok(_))));
             return;
         }
-        if desk.silent.get() {
-            desk.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+        if context.silent.get() {
+            context.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
             return;
         }
-        let input = desk.input.get();
+        let input = context.input.get();
+        if input == PilotInput::Standby && self.node.telemetry(engine).stop_latched {
+            // A stream of standby would be refused ten times a second, and no key has requested it.
+            self.command(engine, Command::Present);
+            return;
+        }
         let answer = self.order(engine, input.command(), input.order());
         let refused =
             matches!(answer, Some(Err(Rejected::Start(_) | Rejected::StandbyFirst | Rejected::StopLatched)));
         if refused && matches!(input, PilotInput::Run(_)) {
-            // The event says why. To ask again takes another key.
-            desk.input.set(PilotInput::Standby);
+            // The event gives the reason. To try again takes another key.
+            context.input.set(PilotInput::Standby);
         }
     }
 
@@ -284,29 +350,33 @@ impl<'a> Player<'a> {
     fn order(&self, engine: usize, command: Command, order: Order) -> Option<Result<Accepted, Rejected>> {
         let at = clock::now_ns();
         let answer = self.node.command(engine, command, Origin::Bench)?;
-        if let Some(desk) = self.desks.get(engine) {
-            desk.judge(at, order, Origin::Bench, answer);
+        if let Some(context) = self.contexts.get(engine) {
+            context.judge(at, order, Origin::Bench, answer);
         }
         Some(answer)
     }
 
     /// A command that orders nothing.
-    fn tell(&self, engine: usize, command: Command) {
+    fn command(&self, engine: usize, command: Command) {
         let _ = self.node.command(engine, command, Origin::Bench); // a refusal is an event
     }
 
     /// Looks at all engines, ten times a second.
     pub fn look(&self) {
-        for (i, ((desk, plug), hand)) in self.desks.iter().zip(self.plugs).zip(&self.hands).enumerate() {
+        for (i, ((context, plug), hand)) in self.contexts.iter().zip(self.plugs).zip(&self.hands).enumerate()
+        {
+            if self.transmitter.is_some_and(|transmitter| !transmitter.is_on()) {
+                context.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+            }
             let (counts, ignitions) =
-                plug.ecu(|ecu| (counts(ecu), ecu.turbine().history().ignitions.clone()));
+                plug.ecu(|ecu| (ecu.counts(), ecu.turbine().history().ignitions.clone()));
             hand.judge.borrow_mut().look(&Seen {
                 at: Instant::now(),
-                commands_run: matches!(desk.input.get(), PilotInput::Run(_)),
+                commands_run: matches!(context.input.get(), PilotInput::Run(_)),
                 link_up: self.node.telemetry(i).link == LinkState::Up,
                 counts,
                 ignitions: &ignitions,
-                audit: &desk.audit.borrow(),
+                audit: &context.audit.borrow(),
             });
         }
     }

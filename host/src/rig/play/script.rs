@@ -27,6 +27,8 @@ pub struct Header {
     pub standby: bool,
     /// `--faults`.
     pub faults: Option<String>,
+    /// `--rc`.
+    pub rc: Option<String>,
 }
 
 /// Where no seed is given.
@@ -34,7 +36,7 @@ pub const USUAL_SEED: u64 = 1;
 
 impl Default for Header {
     fn default() -> Self {
-        Self { seed: USUAL_SEED, engines: Vec::new(), duration: None, standby: false, faults: None }
+        Self { seed: USUAL_SEED, engines: Vec::new(), duration: None, standby: false, faults: None, rc: None }
     }
 }
 
@@ -69,7 +71,7 @@ impl Script {
             if script.end.is_some() {
                 return Err(wrong("nothing follows `end`"));
             }
-            if matches!(first, "seed" | "duration" | "standby" | "faults") {
+            if matches!(first, "seed" | "duration" | "standby" | "faults" | "rc") {
                 if given.contains(&first) {
                     return Err(wrong(&format!("`{first}` is given twice")));
                 }
@@ -83,6 +85,7 @@ impl Script {
                 "duration" => script.header.duration = Some(rest.to_owned()),
                 "standby" => script.header.standby = true,
                 "faults" => script.header.faults = Some(rest.to_owned()),
+                "rc" => script.header.rc = Some(rest.to_owned()),
                 time => {
                     let seconds: f64 =
                         time.parse().map_err(|_| wrong("it begins with no time in seconds"))?;
@@ -155,6 +158,9 @@ pub fn text(
     if let Some(faults) = &header.faults {
         text += &format!("faults {faults}\n");
     }
+    if let Some(rc) = &header.rc {
+        text += &format!("rc {rc}\n");
+    }
     for (at, action) in actions {
         text += &format!("{} {}\n", time(*at), action.text(engines));
     }
@@ -186,6 +192,7 @@ mod tests {
             duration: Some("300s".to_owned()),
             standby: false,
             faults: Some("light".to_owned()),
+            rc: Some("sbus".to_owned()),
         };
         let engines = engines(&header.engines).unwrap();
         let at = |ms| Instant::MIN + Duration::from_millis(ms);

@@ -66,7 +66,7 @@ impl Palette {
     pub const fn stage(self, stage: Stage) -> &'static str {
         if self.dark {
             match stage {
-                Stage::Standby | Stage::Done => "#161b22",
+                Stage::Standby | Stage::Done | Stage::Commanded => "#161b22",
                 Stage::Start => "#2b2412",
                 Stage::Idle => "#13261a",
                 Stage::Steps => "#12233a",
@@ -77,7 +77,7 @@ impl Palette {
             }
         } else {
             match stage {
-                Stage::Standby => "#eeeeee",
+                Stage::Standby | Stage::Commanded => "#eeeeee",
                 Stage::Start => "#fff0d0",
                 Stage::Idle => "#e6f4e2",
                 Stage::Steps => "#e2eefa",

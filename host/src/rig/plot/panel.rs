@@ -5,7 +5,7 @@ use super::super::chronicle::{Happening, Subject};
 use super::super::record::{Band, Point};
 use super::palette::Palette;
 use super::scale::{Scale, thousands};
-use super::svg::{Anchor, Svg, width};
+use super::svg::{Anchor, Stroke, Svg, width};
 
 /// Lines of text for what happened.
 const LANES: usize = 4;
@@ -38,7 +38,7 @@ pub struct Panel<'a> {
     pub time: &'a Scale,
     /// The left and the right end of the time axis.
     pub sides: (f64, f64),
-    /// Each point stands for several samples.
+    /// Each point replaces several samples.
     pub bands: bool,
     /// The colours.
     pub palette: Palette,
@@ -159,7 +159,11 @@ impl Panel<'_> {
         svg.text((self.sides.1 + 76.0, top - 5.0), 14, Anchor::End, self.palette.egt, "EGT in °C");
         if let Some(limit) = self.subject.egt_limit {
             let y = egt.at(limit);
-            svg.path(&[(self.sides.0, y), (self.sides.1, y)], self.palette.egt, 0.7, true);
+            svg.path(&[(self.sides.0, y), (self.sides.1, y)], self.palette.egt, 1.2, Stroke::Dotted);
+            // Below it: the names of the stages are above. At the end, where most engines are cool.
+            let text = format!("EGT limit {limit:.0} °C");
+            let place = (self.sides.1 - 4.0, y + 14.0);
+            svg.text(place, SMALL, Anchor::End, self.palette.egt, &text);
         }
         self.curve(svg, &rpm, self.palette.commanded, 4.0, &|point| (false, point.demand_rpm), true);
         self.curve(svg, &rpm, self.palette.sent, 1.8, &|point| (false, point.sent_rpm), true);
@@ -223,7 +227,7 @@ impl Panel<'_> {
         }
     }
 
-    /// A curve in pieces where it is known: a band where points stand for several samples, dashed where it is old.
+    /// A curve in pieces where it is known: a band where points replace several samples, dashed where it is old.
     fn curve(
         &self,
         svg: &mut Svg,
@@ -243,8 +247,15 @@ impl Panel<'_> {
             match pieces.last_mut() {
                 Some((was_old, piece)) if joins && *was_old == old => piece.push((point.t, band)),
                 last => {
-                    // It begins where the one before ends.
-                    let before = last.filter(|_| joins).and_then(|(_, piece)| piece.last().copied());
+                    // What joins an old value to a new one is as old: it begins at the new one before, and ends at the next.
+                    let mut before = None;
+                    if let Some((was_old, piece)) = last.filter(|_| joins) {
+                        if *was_old {
+                            piece.push((point.t, band));
+                        } else {
+                            before = piece.last().copied();
+                        }
+                    }
                     pieces.push((old, before.into_iter().chain([(point.t, band)]).collect()));
                 }
             }
@@ -268,7 +279,8 @@ impl Panel<'_> {
                 }
                 line.push((x, y));
             }
-            svg.path(&straightened(line), color, wide, old);
+            let stroke = if old { Stroke::Dashed } else { Stroke::Solid };
+            svg.path(&straightened(line), color, wide, stroke);
         }
     }
 

@@ -21,7 +21,7 @@ impl Scale {
         self.places.start + share * (self.places.end - self.places.start)
     }
 
-    /// Round values, about so many.
+    /// Round values, about this number.
     pub fn marks(&self, about: usize) -> Vec<f64> {
         let span = self.values.end - self.values.start;
         let rough = span / about.max(1) as f64;
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn digits_stand_in_threes() {
+    fn digits_are_grouped_in_threes() {
         for (value, text) in
             [(0.0, "0"), (950.4, "950"), (96_000.0, "96\u{a0}000"), (1e6, "1\u{a0}000\u{a0}000")]
         {

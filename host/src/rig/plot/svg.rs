@@ -13,6 +13,27 @@ pub enum Anchor {
     End,
 }
 
+/// How a line is drawn.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Stroke {
+    /// In one piece.
+    Solid,
+    /// For a value that is not new.
+    Dashed,
+    /// For a limit.
+    Dotted,
+}
+
+impl Stroke {
+    const fn attribute(self) -> &'static str {
+        match self {
+            Self::Solid => "",
+            Self::Dashed => " stroke-dasharray=\"5 4\"",
+            Self::Dotted => " stroke-dasharray=\"2 6\"",
+        }
+    }
+}
+
 /// A picture that is being written.
 #[derive(Debug)]
 pub struct Svg {
@@ -59,20 +80,20 @@ impl Svg {
     }
 
     /// A straight line.
-    pub fn line(&mut self, from: (f64, f64), to: (f64, f64), stroke: &str, width: f64) {
-        self.path(&[from, to], stroke, width, false);
+    pub fn line(&mut self, from: (f64, f64), to: (f64, f64), color: &str, width: f64) {
+        self.path(&[from, to], color, width, Stroke::Solid);
     }
 
     /// A line through these points.
-    pub fn path(&mut self, points: &[(f64, f64)], stroke: &str, width: f64, dashed: bool) {
+    pub fn path(&mut self, points: &[(f64, f64)], color: &str, width: f64, stroke: Stroke) {
         if points.len() < 2 {
             return;
         }
-        let dash = if dashed { " stroke-dasharray=\"5 4\"" } else { "" };
         let points = joined(points);
         self.push(&format!(
-            "<polyline points=\"{points}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{}\"{dash}/>",
-            n(width)
+            "<polyline points=\"{points}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"{}\"{}/>",
+            n(width),
+            stroke.attribute()
         ));
     }
 
@@ -125,7 +146,7 @@ mod tests {
     fn what_is_written_is_xml() {
         let mut svg = Svg::new(100.0, 50.5, "#fff");
         svg.text((1.0, 2.0), 12, Anchor::End, "#000", "a < b & c");
-        svg.path(&[(0.0, 0.04), (1.25, 2.0)], "red", 1.5, true);
+        svg.path(&[(0.0, 0.04), (1.25, 2.0)], "red", 1.5, Stroke::Dashed);
         let text = svg.finish();
         let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
         assert!(xml.descendants().any(|node| node.text() == Some("a < b & c")));

@@ -28,14 +28,28 @@ verdict(overall, run.verdict);
 add(main, "p", run.about, "thin");
 if (run.bands) add(main, "p", run.bands, "thin");
 add(main, "p", "Drag: zoom. Wheel: zoom at the cursor. Double click: all. An event: zoom to it.", "thin");
+const legend = add(main, "p");
+legend.id = "legend";
+for (const [name, line, words] of [
+  ["rpm", "solid", "rpm"],
+  ["egt", "solid", "EGT"],
+  ["commanded", "solid", "demand of the source"],
+  ["sent", "solid", "demand on the wire"],
+  ["ink", "dashed", "no new value"],
+  ["egt", "dotted", "EGT limit of the node"],
+]) {
+  const key = add(legend, "span");
+  add(key, "i").style.borderTop = "3px " + line + " var(--" + name + ")";
+  key.append(words);
+}
 const range = add(main, "p");
 range.id = "range";
 
 const panels = run.engines.map((engine) => {
   const section = add(main, "section");
   add(section, "h2", engine.caption);
-  const said = add(section, "div", undefined, "verdict");
-  verdict(said, engine.verdict);
+  const paragraph = add(section, "div", undefined, "verdict");
+  verdict(paragraph, engine.verdict);
   const canvas = add(section, "canvas");
   const readout = add(section, "p", "", "readout");
   const details = add(section, "details");
@@ -71,7 +85,7 @@ function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 }
 
-// A step of 1, 2 or 5 times a power of ten that divides this into about so many.
+// A step of 1, 2 or 5 times a power of ten that divides this into about this number of parts.
 function step(length, count) {
   const rough = length / count, power = 10 ** Math.floor(Math.log10(rough));
   return power * [1, 2, 5, 10].find((times) => times * power >= rough);
@@ -148,7 +162,7 @@ function curve(panel, context, [least, above], old, y, name, thick) {
   for (let i = first; i <= last; i++) {
     const now = least[i] !== null, is_old = old && (panel.engine.flags[i] & old) !== 0;
     if (begun && (!now || is_old !== dashed)) {
-      if (now) context.lineTo(x(panel, times[i]), y(least[i] + above[i]));
+      if (now && dashed) context.lineTo(x(panel, times[i]), y(least[i] + above[i]));
       context.stroke();
       begun = false;
     }
@@ -158,7 +172,10 @@ function curve(panel, context, [least, above], old, y, name, thick) {
       dashed = is_old;
       context.setLineDash(dashed ? [5, 4] : []);
       context.beginPath();
-      context.moveTo(at, most);
+      // From the last new value on it is old.
+      if (dashed && i > first && least[i - 1] !== null) context.moveTo(x(panel, times[i - 1]), y(least[i - 1] + above[i - 1]));
+      else context.moveTo(at, most);
+      context.lineTo(at, most);
       begun = true;
     } else {
       context.lineTo(at, most);
@@ -244,6 +261,7 @@ function panel_draw(panel) {
     context.setLineDash([2, 6]);
     line(LEFT, egt(engine.egt_limit), right, egt(engine.egt_limit));
     context.setLineDash([]);
+    text(context, "EGT limit " + engine.egt_limit + " °C", right - 4, egt(engine.egt_limit) + 14, "right", "egt");
   }
   curve(panel, context, engine.commanded_rpm, 0, rpm, "commanded", 3);
   curve(panel, context, engine.sent_rpm, 0, rpm, "sent", 1.5);
@@ -290,17 +308,17 @@ function values(engine, t) {
     return (low === high ? low : low + " to " + high) + " " + unit;
   };
   const old = (bit) => ((engine.flags[i] & bit) !== 0 ? " (no new value)" : "");
-  const said = [engine.t[i].toFixed(1) + " s", last(engine.stages, i)];
-  const put = (name, text, behind) => said.push(name + " " + (text === null ? "unknown" : text + behind));
+  const parts = [engine.t[i].toFixed(1) + " s", last(engine.stages, i)];
+  const put = (name, text, behind) => parts.push(name + " " + (text === null ? "unknown" : text + behind));
   put("rpm:", value(engine.rpm, "rpm", 0), old(1));
   put("EGT:", value(engine.egt, "°C", 1), old(2));
   const commanded = value(engine.commanded, "%", 1) ?? value(engine.commanded_rpm, "rpm", 0);
   const sent = value(engine.sent, "%", 1) ?? value(engine.sent_rpm, "rpm", 0);
-  said.push("commanded: " + (commanded ?? ((engine.flags[i] & 4) !== 0 ? "nothing, the source is silent" : "standby")));
-  said.push("sent: " + (sent ?? last(engine.wire, i)));
-  if ((engine.flags[i] & 8) === 0) said.push("nothing is received");
-  if ((engine.flags[i] & 16) !== 0) said.push("the ECU reports a fault");
-  return said.join(", ");
+  parts.push("commanded: " + (commanded ?? ((engine.flags[i] & 4) !== 0 ? "nothing, the source is silent" : "standby")));
+  parts.push("sent: " + (sent ?? last(engine.wire, i)));
+  if ((engine.flags[i] & 8) === 0) parts.push("nothing is received");
+  if ((engine.flags[i] & 16) !== 0) parts.push("the ECU reports a fault");
+  return parts.join(", ");
 }
 
 // What holds at this point, of a list of changes.

@@ -6,10 +6,10 @@ use sim::ecu::{MILLIS, Nanos, SECOND};
 /// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
 /// the answer takes 20.8 ms.
 pub const ON_WIRE: Nanos = 175 * MILLIS;
-/// What a node takes to see that an engine stopped: two reports that agree. A ZK ECU at 20 Hz says its state every
+/// Time for a node to detect that an engine stopped: two reports that agree. A ZK ECU at 20 Hz reports its state every
 /// 0.4 s.
 pub const SEES_STOP: Nanos = 1500 * MILLIS;
-/// Between two words of the pilot.
+/// Between two commands of the pilot.
 pub const WORDS: Nanos = 100 * MILLIS;
 /// Steps of the wire in the throttle, in tenths of a percent.
 pub const GRAIN: u16 = 10;
@@ -20,7 +20,7 @@ pub fn all(frames: &[TransmittedFrame], wire: WireCommand) -> bool {
         && frames.iter().all(|frame| frame.command == wire || frame.command == WireCommand::Nothing)
 }
 
-/// At least so many frames, and all of them say this.
+/// At least this number of frames, all with this command.
 pub fn only(frames: &[TransmittedFrame], least: usize, allowed: impl Fn(WireCommand) -> bool) -> bool {
     frames.len() >= least && frames.iter().all(|frame| allowed(frame.command))
 }
@@ -29,7 +29,7 @@ pub const fn is_run(wire: WireCommand) -> bool {
     matches!(wire, WireCommand::Run(_) | WireCommand::RunRpm(_))
 }
 
-/// Standby, or what says nothing of switch and demand.
+/// Standby, or a frame without switch and demand.
 pub const fn is_standby(wire: WireCommand) -> bool {
     matches!(wire, WireCommand::Standby | WireCommand::Nothing)
 }

@@ -1,4 +1,4 @@
-//! Where a scenario is played from: a seat for each engine that commands ten times a second, the faults, and what
+//! Where a scenario is played from: a source for each engine that commands ten times a second, the faults, and what
 //! was seen, to judge by.
 
 use super::super::audit::TransmittedFrame;
@@ -20,7 +20,7 @@ use sim::turbine::{Phase, Turbine};
 use sim::wire::{Direction, Faults, FramingAs, Plug};
 use std::cell::{Cell, RefCell};
 
-/// Between two commands of a seat.
+/// Between two commands of a source.
 const TICK: Duration = Duration::from_millis(100);
 /// Between two looks at something that is waited for, and at the simulated engines.
 const LOOK: Duration = Duration::from_millis(20);
@@ -36,22 +36,22 @@ struct Moment {
 /// The source of commands of one engine.
 #[derive(Debug)]
 pub struct CommandSource<'a> {
-    desk: &'a EngineContext<'a>,
+    context: &'a EngineContext<'a>,
     origin: Cell<Origin>,
-    /// The other source beside it, and what it says, if anything.
+    /// The other source beside it, and its input, if any.
     beside: Cell<Option<(Origin, PilotInput)>>,
     answer: Cell<Answer>,
     /// Each answer that differs from the one before.
     answers: RefCell<Vec<(Nanos, Answer)>>,
 }
 
-/// What the node said to a command; `None`: it was away.
+/// The node's answer to a command; `None`: it was away.
 type Answer = Option<Result<Accepted, Rejected>>;
 
 impl<'a> CommandSource<'a> {
-    fn new(desk: &'a EngineContext<'a>) -> Self {
+    fn new(context: &'a EngineContext<'a>) -> Self {
         Self {
-            desk,
+            context,
             origin: Cell::new(Origin::Bench),
             beside: Cell::new(None),
             answer: Cell::new(None),
@@ -59,45 +59,45 @@ impl<'a> CommandSource<'a> {
         }
     }
 
-    /// Run at so many percent.
+    /// Run at this throttle, in percent.
     pub fn throttle(&self, percents: u8) {
-        self.desk.silent.set(false);
-        self.desk.input.set(PilotInput::Run(percent(percents)));
+        self.context.silent.set(false);
+        self.context.input.set(PilotInput::Run(percent(percents)));
     }
 
     /// Run at this speed.
     pub fn rpm(&self, rpm: u32) {
-        self.desk.silent.set(false);
-        self.desk.input.set(PilotInput::Run(Demand::Rpm(Rpm::new(rpm))));
+        self.context.silent.set(false);
+        self.context.input.set(PilotInput::Run(Demand::Rpm(Rpm::new(rpm))));
     }
 
-    /// From now on it speaks as this source.
-    pub fn speaks_as(&self, origin: Origin) {
+    /// From now on it commands as this source.
+    pub fn command_as(&self, origin: Origin) {
         self.origin.set(origin);
     }
 
-    /// Another source says this beside it, from now on; `None`: nothing.
-    pub fn beside(&self, says: Option<(Origin, PilotInput)>) {
-        self.beside.set(says);
+    /// Another source has this input beside it, from now on; `None`: it is silent.
+    pub fn beside(&self, input: Option<(Origin, PilotInput)>) {
+        self.beside.set(input);
     }
 
     /// Standby.
     pub fn standby(&self) {
-        self.desk.silent.set(false);
-        self.desk.input.set(PilotInput::Standby);
+        self.context.silent.set(false);
+        self.context.input.set(PilotInput::Standby);
     }
 
-    /// Says nothing any more.
+    /// Is silent from now on.
     pub fn silence(&self) {
-        self.desk.silent.set(true);
+        self.context.silent.set(true);
     }
 
-    /// What the node said to its last command.
+    /// The node's answer to its last command.
     pub fn answer(&self) -> Answer {
         self.answer.get()
     }
 
-    /// What the node has said since then, each that differs from the one before.
+    /// The node's answers since then, each that differs from the one before.
     pub fn answers_since(&self, since: Nanos) -> Vec<Answer> {
         let answers = self.answers.borrow();
         answers.iter().filter(|(at, _)| *at >= since).map(|(_, answer)| *answer).collect()
@@ -114,7 +114,7 @@ impl<'a> CommandSource<'a> {
 #[derive(Debug)]
 pub struct ScenarioContext<'a> {
     node: &'a Node<'a>,
-    desks: &'a [EngineContext<'a>],
+    contexts: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
     sources: Vec<CommandSource<'a>>,
@@ -123,7 +123,7 @@ pub struct ScenarioContext<'a> {
     events: RefCell<Vec<(Nanos, usize, Event)>>,
 }
 
-/// A demand of so many percent.
+/// A demand of this throttle, in percent.
 pub fn percent(percents: u8) -> Demand {
     Demand::Throttle(Throttle::from_percent(percents).unwrap_or(Throttle::IDLE))
 }
@@ -132,15 +132,15 @@ impl<'a> ScenarioContext<'a> {
     /// For these engines.
     pub fn new(
         node: &'a Node<'a>,
-        desks: &'a [EngineContext<'a>],
+        contexts: &'a [EngineContext<'a>],
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
     ) -> Self {
-        let sources = desks.iter().map(CommandSource::new).collect();
-        let courses = desks.iter().map(|_| RefCell::default()).collect();
+        let sources = contexts.iter().map(CommandSource::new).collect();
+        let courses = contexts.iter().map(|_| RefCell::default()).collect();
         Self {
             node,
-            desks,
+            contexts,
             plugs,
             notes,
             sources,
@@ -155,8 +155,8 @@ impl<'a> ScenarioContext<'a> {
         self.checks.borrow().clone()
     }
 
-    /// The node has told something.
-    pub fn heard(&self, engine: usize, event: Event) {
+    /// The node has reported something.
+    pub fn note_event(&self, engine: usize, event: Event) {
         if self.is_played() {
             self.events.borrow_mut().push((clock::now_ns(), engine, event));
         }
@@ -164,8 +164,10 @@ impl<'a> ScenarioContext<'a> {
 
     /// Commands this engine for ever, and writes down what the simulated one does.
     pub async fn sit(&self, engine: usize) {
-        let (Some(seat), Some(desk)) = (self.sources.get(engine), self.desks.get(engine)) else { return };
-        desk.audit.borrow_mut().transmitted = Some(Vec::new());
+        let (Some(source), Some(context)) = (self.sources.get(engine), self.contexts.get(engine)) else {
+            return;
+        };
+        context.audit.borrow_mut().transmitted = Some(Vec::new());
         let mut ticker = Ticker::every(LOOK);
         let mut next = Instant::MIN;
         self.arm();
@@ -173,20 +175,20 @@ impl<'a> ScenarioContext<'a> {
             if Instant::now() >= next {
                 next = Instant::now() + TICK;
                 let at = clock::now_ns();
-                if desk.silent.get() {
-                    desk.audit.borrow_mut().may_be_up_to(at, 0);
+                if context.silent.get() {
+                    context.audit.borrow_mut().may_be_up_to(at, 0);
                 } else {
-                    let (input, origin) = (desk.input.get(), seat.origin.get());
+                    let (input, origin) = (context.input.get(), source.origin.get());
                     let answer = self.node.command(engine, input.command(), origin);
                     if let Some(answer) = answer {
-                        desk.judge(at, input.order(), origin, answer);
+                        context.judge(at, input.order(), origin, answer);
                     }
-                    seat.answered(at, answer);
+                    source.answered(at, answer);
                 }
-                if let Some((origin, input)) = seat.beside.get()
+                if let Some((origin, input)) = source.beside.get()
                     && let Some(answer) = self.node.command(engine, input.command(), origin)
                 {
-                    desk.judge(at, input.order(), origin, answer);
+                    context.judge(at, input.order(), origin, answer);
                 }
             }
             if let (Some(plug), Some(course)) = (self.plugs.get(engine), self.courses.get(engine)) {
@@ -198,7 +200,7 @@ impl<'a> ScenarioContext<'a> {
     }
 
     fn is_played(&self) -> bool {
-        self.desks.iter().any(|desk| desk.audit.borrow().transmitted.is_some())
+        self.contexts.iter().any(|context| context.audit.borrow().transmitted.is_some())
     }
 
     // -----------------------------------------------------------------------------------------
@@ -212,16 +214,16 @@ impl<'a> ScenarioContext<'a> {
 
     /// How many engines there are.
     pub fn count(&self) -> usize {
-        self.desks.len()
+        self.contexts.len()
     }
 
     /// An engine's name.
     pub fn name(&self, engine: usize) -> &'static str {
-        self.desks[engine].engine.name()
+        self.contexts[engine].engine.name()
     }
 
     /// The source of commands of an engine.
-    pub fn seat(&self, engine: usize) -> &CommandSource<'a> {
+    pub fn source(&self, engine: usize) -> &CommandSource<'a> {
         &self.sources[engine]
     }
 
@@ -237,7 +239,7 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// A command of somebody else.
+    /// A command of another source.
     pub fn command(
         &self,
         engine: usize,
@@ -254,7 +256,7 @@ impl<'a> ScenarioContext<'a> {
             _ => return answer,
         };
         if let Some(answer) = answer {
-            self.desks[engine].judge(at, order, origin, answer);
+            self.contexts[engine].judge(at, order, origin, answer);
         }
         answer
     }
@@ -292,7 +294,7 @@ impl<'a> ScenarioContext<'a> {
 
     /// The line of an engine, in the terms of the simulation.
     pub fn line(&self, engine: usize) -> Line {
-        line(self.desks[engine].engine)
+        line(self.contexts[engine].engine)
     }
 
     /// Waits until an engine that was shut down is cool.
@@ -313,9 +315,9 @@ impl<'a> ScenarioContext<'a> {
 
     /// How far an engine is.
     pub fn stage(&self, engine: usize, stage: Stage) {
-        let desk = &self.desks[engine];
-        if desk.stage.replace(stage) != stage {
-            desk.note(format!("-> {}", stage.name()));
+        let context = &self.contexts[engine];
+        if context.stage.replace(stage) != stage {
+            context.note(format!("-> {}", stage.name()));
         }
     }
 
@@ -324,7 +326,7 @@ impl<'a> ScenarioContext<'a> {
         (0..self.count()).for_each(|i| self.stage(i, Stage::Event));
     }
 
-    /// So many seconds pass.
+    /// Lets this number of seconds pass.
     pub async fn sleep(&self, seconds: f64) {
         Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
     }
@@ -378,7 +380,7 @@ impl<'a> ScenarioContext<'a> {
         Ok(())
     }
 
-    /// Starts all engines, and takes them to so many percent.
+    /// Starts all engines, and takes them to this throttle, in percent.
     pub async fn fly(&self, percents: u8) -> Result<(), String> {
         for i in 0..self.count() {
             self.start(i).await?;
@@ -426,12 +428,12 @@ impl<'a> ScenarioContext<'a> {
 
     /// Takes what the lines have recorded.
     pub fn look(&self) {
-        look(self.desks, self.plugs);
+        look(self.contexts, self.plugs);
     }
 
-    /// What the node said to an ECU in this time, by the frames' first bits.
+    /// What the node sent to an ECU in this time, by the frames' first bits.
     pub fn transmitted(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<TransmittedFrame> {
-        let audit = self.desks[engine].audit.borrow();
+        let audit = self.contexts[engine].audit.borrow();
         let transmitted = audit.transmitted.as_deref().unwrap_or_default();
         transmitted.iter().filter(|frame| (from..to).contains(&frame.from)).copied().collect()
     }
@@ -472,31 +474,31 @@ impl<'a> ScenarioContext<'a> {
         speeds.all(|rpm| (rpm - first).abs() <= share * first)
     }
 
-    /// When the node first told this.
+    /// When the node first reported this.
     pub fn when_reported(&self, engine: usize, what: impl Fn(Event) -> bool) -> Option<Nanos> {
         let events = self.events.borrow();
         events.iter().find(|(_, i, event)| *i == engine && what(*event)).map(|(at, ..)| *at)
     }
 
-    /// The node has told this.
+    /// The node has reported this.
     pub fn reported(&self, engine: usize, what: impl Fn(Event) -> bool) -> bool {
         self.when_reported(engine, what).is_some()
     }
 
-    /// How often the node has told this since then.
+    /// How often the node has reported this since then.
     pub fn events_since(&self, engine: usize, since: Nanos, what: impl Fn(Event) -> bool) -> usize {
         let events = self.events.borrow();
         events.iter().filter(|(at, i, event)| *at >= since && *i == engine && what(*event)).count()
     }
 
-    /// The node's last answer to a seat, for people.
+    /// The node's last answer to a source, for people.
     pub fn answer_text(&self, engine: usize) -> String {
         match self.sources[engine].answer() {
             None => "no answer".to_owned(),
             Some(Ok(Accepted::InForce)) => "in force".to_owned(),
             Some(Ok(Accepted::Held)) => "held".to_owned(),
             Some(Ok(Accepted::StartWaits)) => "waits for another engine's start".to_owned(),
-            Some(Ok(Accepted::RepeatStandby)) => "one more word".to_owned(),
+            Some(Ok(Accepted::RepeatStandby)) => "one more command".to_owned(),
             Some(Ok(Accepted::Behind(other))) => format!("behind {}", other.name()),
             Some(Err(why)) => why.to_string(),
         }

@@ -39,7 +39,7 @@ pub async fn fault_clears(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
     c.must(
         standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
-        "left: and stays, also when the fault clears, although run goes on being commanded",
+        "left: and stays, also when the fault clears, although run is still commanded",
     );
     c.must(
         c.events_since(
@@ -54,7 +54,7 @@ pub async fn fault_clears(c: &ScenarioContext<'_>) -> Result<(), String> {
         "left: the engine is not lit again, neither with the fault nor when it clears",
     );
     c.must(
-        c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
+        c.source(0).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("left: the source gets the reason ({})", c.answer_text(0)),
     );
     c.shut_down().await
@@ -68,11 +68,11 @@ pub async fn two_engines_one_fails(c: &ScenarioContext<'_>) -> Result<(), String
     let out = c.now();
     c.sleep(8.0).await;
     c.mark("right is commanded to 80 %");
-    c.seat(1).throttle(80);
-    let asked = c.now();
+    c.source(1).throttle(80);
+    let commanded_at = c.now();
     c.sleep(6.0).await;
     c.mark("the pilot shuts left down");
-    c.seat(0).standby();
+    c.source(0).standby();
     c.stage(0, Stage::Cooling);
     let shut = c.now();
     c.sleep(4.0).await;
@@ -88,13 +88,13 @@ pub async fn two_engines_one_fails(c: &ScenarioContext<'_>) -> Result<(), String
         "right: reported that none counts as failed any more when left was shut down, and not before",
     );
     c.must(
-        all(&c.transmitted(1, out, asked), WireCommand::Run(600))
-            && all(&c.transmitted(1, asked + 300 * MILLIS, end), WireCommand::Run(800)),
+        all(&c.transmitted(1, out, commanded_at), WireCommand::Run(600))
+            && all(&c.transmitted(1, commanded_at + 300 * MILLIS, end), WireCommand::Run(800)),
         "right: its own demand is on the wire, 60 % and 80 %, at once",
     );
     c.must(c.ran_from(1, out), "right: the engine runs all the time");
     c.must(
-        c.seat(1).answer() == Some(Ok(Accepted::InForce)),
+        c.source(1).answer() == Some(Ok(Accepted::InForce)),
         format!("right: its source is in control ({})", c.answer_text(1)),
     );
     c.must(

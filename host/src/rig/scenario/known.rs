@@ -24,19 +24,19 @@ pub async fn source_loss(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.each(CommandSource::silence);
     let silent = c.now();
     c.sleep(8.0).await;
-    c.mark("it speaks again");
-    c.each(|seat| seat.throttle(60));
+    c.mark("it commands again");
+    c.each(|source| source.throttle(60));
     let back = c.now();
     c.sleep(6.0).await;
     let end = c.now();
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        // Its age limit is 0.5 s, its last word up to 0.1 s old.
+        // Its timeout is 0.5 s, its last command up to 0.1 s old.
         let held = c.transmitted(i, silent + ON_WIRE, silent + 1400 * MILLIS);
         c.must(
             all(&held, WireCommand::Run(600)),
-            format!("{name}: 60 % stays on the wire for 0.5 s (age limit) and 1 s (hold)"),
+            format!("{name}: 60 % stays on the wire for 0.5 s (timeout) and 1 s (hold)"),
         );
         let mut frames = c.transmitted(i, silent + 1400 * MILLIS, back);
         frames.retain(|frame| frame.command != WireCommand::Nothing);
@@ -97,32 +97,32 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ready(0).await?;
     c.sleep(1.0).await;
     c.stage(0, Stage::Start);
-    let asked = c.now();
-    c.seat(0).throttle(0);
+    let commanded_at = c.now();
+    c.source(0).throttle(0);
     c.until(40.0, "the ECU stops the hot start", || c.turbine(0).trip().is_some()).await?;
     c.event();
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
-    let told =
+    let reported =
         c.reported(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::HotStart));
-    c.must(told, "left: the hot start was reported before the ECU stopped it");
+    c.must(reported, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
     c.mark("standby, and run again at once");
-    c.seat(0).standby();
+    c.source(0).standby();
     c.sleep(1.0).await;
     let standby = c.now();
-    c.seat(0).throttle(0);
+    c.source(0).throttle(0);
     c.until(120.0, "the engine is ready for a start", || c.turbine(0).is_ready_to_start()).await?;
     c.sleep(8.0).await;
     c.mark("cool for 8 s; standby, and run once more");
-    let refused = c.seat(0).answers_since(standby);
-    c.seat(0).standby();
+    let refused = c.source(0).answers_since(standby);
+    c.source(0).standby();
     c.sleep(1.0).await;
     c.stage(0, Stage::Start);
     let allowed = c.now();
     let egt = c.turbine(0).egt();
-    c.seat(0).throttle(0);
+    c.source(0).throttle(0);
     c.running(0).await?;
     c.stage(0, Stage::Idle);
     c.sleep(5.0).await;
@@ -138,7 +138,7 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
         refused.get(1..) == Some(&[Some(Err(Rejected::StandbyFirst))]),
         "left: the refusal has used the permission up: from then on run is refused until standby was commanded",
     );
-    let first = c.transmitted(0, asked, tripped);
+    let first = c.transmitted(0, commanded_at, tripped);
     c.must(
         first.iter().any(|frame| frame.command == WireCommand::Run(0))
             && first.iter().all(|frame| {
@@ -146,16 +146,16 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
             }),
         "left: no throttle above the minimum was on the wire during the start",
     );
-    let withdrawn = c.transmitted(0, tripped, allowed);
-    let withdrawn = withdrawn
+    let cancelled = c.transmitted(0, tripped, allowed);
+    let cancelled = cancelled
         .iter()
         .find(|frame| frame.command == WireCommand::Standby)
         .map(|frame| frame.from - tripped);
     c.must(
-        withdrawn.is_some_and(|after| after <= SEES_STOP),
+        cancelled.is_some_and(|after| after <= SEES_STOP),
         format!(
             "left: standby is on the wire within 1.5 s of the ECU's stop ({:.2} s)",
-            c.or_never(withdrawn)
+            c.or_never(cancelled)
         ),
     );
     c.must(
@@ -182,13 +182,16 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.sleep(12.0).await;
     let end = c.now();
     c.look();
-    let told = c.when_reported(
+    let reported = c.when_reported(
         0,
         |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
     );
     c.must(
-        told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("left: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
+        reported.is_some_and(|at| at - out <= 3 * SECOND),
+        format!(
+            "left: the flame-out is reported within 3 s ({:.2} s)",
+            c.or_never(reported.map(|at| at - out))
+        ),
     );
     let frames = c.transmitted(0, out, end);
     let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
@@ -201,11 +204,11 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
     c.must(
         standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
-        "left: and stays, although run goes on being commanded",
+        "left: and stays, although run is still commanded",
     );
     c.must(c.phases(0, stopped, end).iter().all(|phase| !phase.is_live()), "left: no relight and no restart");
     c.must(
-        c.seat(0).answer() == Some(Err(Rejected::StandbyFirst)),
+        c.source(0).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("left: the source gets the reason ({})", c.answer_text(0)),
     );
     c.must(all(&c.transmitted(1, out, end), WireCommand::Run(600)), "right: 60 % stays on the wire");
@@ -215,7 +218,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
         "right: reported that the other engine has failed",
     );
 
-    // With a fault an AMT ECU tells no state any more (AMT-8), but its exhaust temperature in every set.
+    // With a fault an AMT ECU reports no state any more (AMT-8), but its exhaust temperature in every set.
     c.mark("flame-out of right; run is still commanded");
     c.ecu(1, |ecu| ecu.turbine_mut().flame_out());
     let out = c.now();
@@ -224,13 +227,16 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.sleep(8.0).await;
     let end = c.now();
     c.look();
-    let told = c.when_reported(
+    let reported = c.when_reported(
         1,
         |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
     );
     c.must(
-        told.is_some_and(|at| at - out <= 3 * SECOND),
-        format!("right: the flame-out is reported within 3 s ({:.2} s)", c.or_never(told.map(|at| at - out))),
+        reported.is_some_and(|at| at - out <= 3 * SECOND),
+        format!(
+            "right: the flame-out is reported within 3 s ({:.2} s)",
+            c.or_never(reported.map(|at| at - out))
+        ),
     );
     let fault = c.when_reported(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
     c.must(
@@ -251,14 +257,14 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
     c.must(
         standby.is_some_and(|at| all(&c.transmitted(1, at, end), WireCommand::Standby)),
-        "right: and stays, although run goes on being commanded",
+        "right: and stays, although run is still commanded",
     );
     c.must(
         c.reported(1, |event| matches!(event, Event::RunCancelled(End::NotBurning | End::AtRest))),
         "right: the reason is reported",
     );
     c.must(
-        c.seat(1).answer() == Some(Err(Rejected::StandbyFirst)),
+        c.source(1).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("right: the source gets the reason ({})", c.answer_text(1)),
     );
     c.must(
@@ -278,7 +284,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
 
 pub async fn reset_in_flight(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
-    c.seat(1).throttle(75);
+    c.source(1).throttle(75);
     c.sleep(6.0).await;
     let throttles = [600, 750];
     // The watchdog bites 1 s after a task has hung; then the chip starts.
@@ -338,10 +344,10 @@ pub async fn reset_in_flight(c: &ScenarioContext<'_>) -> Result<(), String> {
                 c.ran_from(i, at) && c.speed_stayed(i, at, 0.02),
                 format!("{name}, {what}: the engine runs on, its speed within 2 %"),
             );
-            let went_on = c.events_since(i, at, |event| matches!(event, Event::Resumed(_)));
-            c.must(went_on == 1, format!("{name}, {what}: reported that it resumed"));
+            let resumed = c.events_since(i, at, |event| matches!(event, Event::Resumed(_)));
+            c.must(resumed == 1, format!("{name}, {what}: reported that it resumed"));
             c.must(
-                matches!(c.seat(i).answer(), Some(Ok(Accepted::InForce))),
+                matches!(c.source(i).answer(), Some(Ok(Accepted::InForce))),
                 format!("{name}, {what}: the source is in control again"),
             );
         }
@@ -419,11 +425,11 @@ pub async fn engine_lost(c: &ScenarioContext<'_>) -> Result<(), String> {
 
 pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.start(1).await?;
-    c.seat(1).throttle(60);
+    c.source(1).throttle(60);
     c.stage(1, Stage::Steps);
     c.ready(0).await?;
     c.stage(0, Stage::Start);
-    c.seat(0).throttle(0);
+    c.source(0).throttle(0);
     c.until(40.0, "left is half way up", || c.turbine(0).rpm() > 20_000.0).await?;
     c.event();
     c.mark("emergency stop; run is still commanded");
@@ -436,7 +442,7 @@ pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.sleep(8.0).await;
     c.mark("released by the bench: refused");
     let refused: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::ReleaseStop, Origin::Bench)).collect();
-    let streams: Vec<_> = (0..c.count()).map(|i| c.seat(i).answer()).collect();
+    let streams: Vec<_> = (0..c.count()).map(|i| c.source(i).answer()).collect();
     c.sleep(4.0).await;
     c.mark("released by who stopped");
     let release = c.now();
@@ -483,10 +489,10 @@ pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
         c.must(
             all(&c.transmitted(i, release + ON_WIRE, end), WireCommand::Standby),
-            format!("{name}: then standby, although run goes on being commanded"),
+            format!("{name}: then standby, although run is still commanded"),
         );
         c.must(
-            c.seat(i).answer() == Some(Err(Rejected::StandbyFirst)),
+            c.source(i).answer() == Some(Err(Rejected::StandbyFirst)),
             format!("{name}: a start needs standby first ({})", c.answer_text(i)),
         );
     }

@@ -11,7 +11,7 @@ use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::zk::{ZkConfig, ZkEcu};
 
-/// Three expected frames of a ZK ECU at 20 Hz, and a turn of the node.
+/// Three expected frames of a ZK ECU at 20 Hz, and a send slot of the node.
 const GAP: Nanos = 250 * MILLIS;
 /// From the power of an ECU until two of its reports are there: it boots for up to 0.5 s, and a ZK ECU reports its state
 /// every 0.45 s.
@@ -67,7 +67,7 @@ pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
                 format!("{name}, {what}: the end of the run is reported"),
             );
             c.must(
-                c.seat(i).answer() == Some(Err(Rejected::StandbyFirst)),
+                c.source(i).answer() == Some(Err(Rejected::StandbyFirst)),
                 format!("{name}, {what}: the source gets the reason ({})", c.answer_text(i)),
             );
         }
@@ -110,12 +110,12 @@ pub async fn watchdog_loop(c: &ScenarioContext<'_>) -> Result<(), String> {
             format!("{name}: 60 % is on the wire 2 s after the last reset"),
         );
         c.must(
-            c.seat(i).answer() == Some(Ok(Accepted::InForce)),
+            c.source(i).answer() == Some(Ok(Accepted::InForce)),
             format!("{name}: the source is in control again ({})", c.answer_text(i)),
         );
     }
 
-    c.mark("the source falls silent, and the resets go on");
+    c.mark("the source falls silent, and the resets continue");
     c.each(CommandSource::silence);
     let silent = c.now();
     for _ in 0..20 {
@@ -125,7 +125,7 @@ pub async fn watchdog_loop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        // Its age limit, hold, 1.2 s from 60 % to idle; twice that for what the resets take.
+        // Its timeout, hold, 1.2 s from 60 % to idle; twice that for what the resets take.
         let late = c.transmitted(i, silent + 6 * SECOND, end);
         let above =
             late.iter().find(|frame| matches!(frame.command, WireCommand::Run(1..) | WireCommand::RunRpm(_)));
@@ -143,7 +143,7 @@ pub async fn watchdog_loop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.shut_down().await
 }
 
-/// The watchdog resets the node, which is away for so long; then 1 s passes.
+/// The watchdog resets the node, which is away for this time; then 1 s passes.
 async fn reset(c: &ScenarioContext<'_>, away: f64) {
     let away = Duration::from_micros((away * 1e6) as u64);
     c.node().reset(Reset { away, cause: Cause::Watchdog });
@@ -168,7 +168,7 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     let back = c.now();
     c.must(
         (0..c.count()).all(|i| !c.node().telemetry(i).armed),
-        "the node does not believe that it was armed: the power was away",
+        "the node does not take it as armed: the power was away",
     );
     c.sleep(8.0).await;
     let end = c.now();
@@ -193,10 +193,10 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
         c.must(c.ran_from(i, at), format!("{name}: the engine runs all the time"));
         c.must(
             c.events_since(i, at, |event| matches!(event, Event::Resumed(_))) == 1,
-            format!("{name}: reported that it went on"),
+            format!("{name}: reported that it resumed"),
         );
         c.must(
-            c.seat(i).answer() == Some(Ok(Accepted::InForce)),
+            c.source(i).answer() == Some(Ok(Accepted::InForce)),
             format!("{name}: the source is in control again ({})", c.answer_text(i)),
         );
     }
@@ -211,7 +211,7 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
 
 pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
-    c.seat(1).rpm(120_000);
+    c.source(1).rpm(120_000);
     c.sleep(6.0).await;
     c.look();
     let by_rpm =
@@ -269,7 +269,7 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
         c.must(
             all(&c.transmitted(i, joined + IDENTIFIED, end), WireCommand::Standby),
-            format!("{name}: and stays, although run goes on being commanded"),
+            format!("{name}: and stays, although run is still commanded"),
         );
         c.must(
             c.phases(i, cut + 20 * MILLIS, end).iter().all(|phase| !phase.is_live()),
@@ -281,14 +281,14 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
             format!("{name}: reported: the version of the new ECU"),
         );
         c.must(
-            matches!(c.seat(i).answer(), Some(Err(_))),
+            matches!(c.source(i).answer(), Some(Err(_))),
             format!("{name}: the source gets the reason ({})", c.answer_text(i)),
         );
     }
     c.shut_down().await
 }
 
-/// Frames that a ZK ECU has heard and does not know in its version.
+/// Frames that a ZK ECU has received and does not know in its version.
 fn unknown_to(c: &ScenarioContext<'_>, engine: usize) -> u64 {
     c.ecu(engine, |ecu| match ecu {
         AnyEcu::Zk(ecu) => ecu.stats.ignored.version,

@@ -12,20 +12,20 @@ pub async fn waiting_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ready(0).await?;
     c.ready(1).await?;
     c.stage(0, Stage::Start);
-    c.seat(0).throttle(0);
+    c.source(0).throttle(0);
     c.sleep(3.0).await;
     c.event();
-    c.mark("right asks for its start while left starts: it waits");
-    let asked = c.now();
-    c.seat(1).throttle(0);
+    c.mark("right is commanded to start while left starts: it waits");
+    let commanded_at = c.now();
+    c.source(1).throttle(0);
     c.sleep(2.0).await;
     c.must(
-        c.seat(1).answer() == Some(Ok(Accepted::StartWaits)),
+        c.source(1).answer() == Some(Ok(Accepted::StartWaits)),
         format!("right: the start waits ({})", c.answer_text(1)),
     );
     c.must(c.node().telemetry(1).start_waits_until.is_some(), "right: the telemetry shows until when");
     c.mark("the source of right falls silent");
-    c.seat(1).silence();
+    c.source(1).silence();
     let silent = c.now();
     c.running(0).await?;
     c.stage(0, Stage::Idle);
@@ -41,17 +41,17 @@ pub async fn waiting_start(c: &ScenarioContext<'_>) -> Result<(), String> {
             c.or_never(ended.map(|at| at.saturating_sub(silent)))
         ),
     );
-    c.mark("the source of right says run again");
-    c.seat(1).throttle(0);
+    c.mark("the source of right commands run again");
+    c.source(1).throttle(0);
     c.sleep(6.0).await;
     let again = c.now();
     c.must(
-        c.seat(1).answer() == Some(Err(Rejected::StandbyFirst)),
+        c.source(1).answer() == Some(Err(Rejected::StandbyFirst)),
         format!("right: the wait has used the permission up ({})", c.answer_text(1)),
     );
     c.look();
     c.must(
-        all(&c.transmitted(1, asked, again), WireCommand::Standby),
+        all(&c.transmitted(1, commanded_at, again), WireCommand::Standby),
         "right: nothing but standby is on the wire",
     );
     c.must(c.starts(1, 0, again) == 0, "right: the engine is not lit");
@@ -63,17 +63,17 @@ pub async fn waiting_start(c: &ScenarioContext<'_>) -> Result<(), String> {
 }
 
 pub async fn rc_over_mavlink(c: &ScenarioContext<'_>) -> Result<(), String> {
-    c.each(|seat| seat.speaks_as(Origin::Rc));
+    c.each(|source| source.command_as(Origin::Rc));
     c.fly(60).await?;
     c.event();
     c.mark("MAVLink streams standby below RC");
-    c.each(|seat| seat.beside(Some((Origin::Mavlink, PilotInput::Standby))));
+    c.each(|source| source.beside(Some((Origin::Mavlink, PilotInput::Standby))));
     c.sleep(3.0).await;
     c.mark("RC is lost for 2 s");
     let lost = c.now();
     c.each(CommandSource::silence);
     c.sleep(2.0).await;
-    c.each(|seat| seat.throttle(60));
+    c.each(|source| source.throttle(60));
     let back = c.now();
     c.sleep(6.0).await;
     let end = c.now();
@@ -87,7 +87,7 @@ pub async fn rc_over_mavlink(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
         c.must(
             all(&c.transmitted(i, lost, lost + 1400 * MILLIS), WireCommand::Run(600)),
-            format!("{name}, above standby: 60 % stays for 0.5 s (age limit) and 1 s (hold)"),
+            format!("{name}, above standby: 60 % stays for 0.5 s (timeout) and 1 s (hold)"),
         );
         c.must(
             rises_slowly(&c.transmitted(i, lost, end)),
@@ -100,13 +100,13 @@ pub async fn rc_over_mavlink(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
     }
     c.mark("MAVLink streams run at 40 % below RC");
-    c.each(|seat| seat.beside(Some((Origin::Mavlink, PilotInput::Run(percent(40))))));
+    c.each(|source| source.beside(Some((Origin::Mavlink, PilotInput::Run(percent(40))))));
     c.sleep(3.0).await;
     c.mark("RC is lost for 2 s");
     let lost = c.now();
     c.each(CommandSource::silence);
     c.sleep(2.0).await;
-    c.each(|seat| seat.throttle(60));
+    c.each(|source| source.throttle(60));
     let back = c.now();
     c.sleep(6.0).await;
     let end = c.now();
@@ -135,22 +135,22 @@ pub async fn rc_over_mavlink(c: &ScenarioContext<'_>) -> Result<(), String> {
             format!("{name}, above run at 40 %: 60 % is on the wire again 4.5 s after RC was back"),
         );
     }
-    c.each(|seat| seat.beside(None));
+    c.each(|source| source.beside(None));
     c.shut_down().await
 }
 
 pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
-    c.mark("emergency stop; the bench goes on with run, and with arm");
+    c.mark("emergency stop; the bench keeps commanding run and arm");
     let stop = c.now();
     for i in 0..c.count() {
         c.command(i, Command::EmergencyStop, Origin::Emergency);
     }
     c.sleep(1.0).await;
     let armed_in_stop: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::Arm, Origin::Bench)).collect();
-    c.each(|seat| seat.throttle(0));
-    c.until(30.0, "both engines stand", || (0..c.count()).all(|i| c.turbine(i).rpm() < 2000.0)).await?;
+    c.each(|source| source.throttle(0));
+    c.until(30.0, "both engines are at rest", || (0..c.count()).all(|i| c.turbine(i).rpm() < 2000.0)).await?;
     c.sleep(3.0).await;
     c.mark("released");
     let release = c.now();
@@ -165,9 +165,9 @@ pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), Strin
     let armed_again: Vec<_> = (0..c.count()).map(|i| c.command(i, Command::Arm, Origin::Bench)).collect();
     c.sleep(1.0).await;
     let refused_from = c.now();
-    c.each(|seat| seat.throttle(0));
+    c.each(|source| source.throttle(0));
     c.sleep(5.0).await;
-    let refused: Vec<_> = (0..c.count()).map(|i| c.seat(i).answers_since(refused_from)).collect();
+    let refused: Vec<_> = (0..c.count()).map(|i| c.source(i).answers_since(refused_from)).collect();
     c.mark("disarm, arm: the run that is still streamed starts nothing");
     for i in 0..c.count() {
         c.command(i, Command::Disarm, Origin::Bench);
@@ -223,14 +223,14 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.each(CommandSource::silence);
     c.sleep(2.0).await;
     c.event();
-    c.mark("right: a ground station says standby, and run, one word each, and is lost");
+    c.mark("right: a ground station commands standby, and run, once each, and is lost");
     let lonely = one_word(c, 1).await;
     c.sleep(30.0).await;
     let end = c.now();
     c.look();
     let frames = c.transmitted(1, lonely, end);
     let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
-    // Age limit 1 s, hold 1 s, and 10 s without an engine that runs.
+    // Source timeout 1 s, hold 1 s, and 10 s without a running engine.
     c.must(
         standby.is_some_and(|at| (11 * SECOND..=12 * SECOND + ON_WIRE).contains(&(at - lonely))),
         format!(
@@ -250,7 +250,7 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
 
     c.mark("left: the same, beside a source that streams a throttle of 30 %");
-    c.seat(0).beside(Some((Origin::Bench, PilotInput::Run(percent(30)))));
+    c.source(0).beside(Some((Origin::Bench, PilotInput::Run(percent(30)))));
     let streamed = c.now();
     c.sleep(3.0).await;
     let word = one_word(c, 0).await;
@@ -274,11 +274,11 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
         all(&c.transmitted(0, runs + 3 * SECOND, end), WireCommand::Run(300)) && c.runs(0),
         "left: the source beside it is in control then: 30 %",
     );
-    c.each(|seat| seat.beside(None));
+    c.each(|source| source.beside(None));
     c.shut_down().await
 }
 
-/// A ground station says standby, and 0.9 s later run at idle; when that was.
+/// A ground station commands standby, and 0.9 s later run at idle; when that was.
 async fn one_word(c: &ScenarioContext<'_>, engine: usize) -> u64 {
     c.command(engine, Command::Standby, Origin::Mavlink);
     c.sleep(0.9).await;

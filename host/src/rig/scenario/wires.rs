@@ -18,7 +18,7 @@ pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
         (0..c.count()).for_each(|i| c.cut_one(i, direction, true));
         c.sleep(10.0).await;
         c.mark("the stick goes to 30 %");
-        c.each(|seat| seat.throttle(30));
+        c.each(|source| source.throttle(30));
         let moved = c.now();
         c.sleep(10.0).await;
         c.mark("standby");
@@ -65,7 +65,7 @@ pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
                     );
                     c.must(
                         c.phases(i, cut, mended).iter().all(|phase| phase.is_live()),
-                        format!("{name}, {what}: its ECU keeps the engine running, whatever is said (ZK-10)"),
+                        format!("{name}, {what}: its ECU keeps the engine running, whatever is sent (ZK-10)"),
                     );
                 }
                 // Its ECU stops the engine by itself.
@@ -80,10 +80,10 @@ pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
                     );
                 }
             }
-            let heard = name != "amt" || direction == Direction::ToEcu;
+            let received = name != "amt" || direction == Direction::ToEcu;
             let out = c.transmitted(i, standby + 300 * MILLIS, mended);
             c.must(
-                !heard || all(&out, WireCommand::Standby),
+                !received || all(&out, WireCommand::Standby),
                 format!("{name}, {what}: the pilot's standby is on the wire within 0.3 s, and stays"),
             );
             let after = c.transmitted(i, mended, end);

@@ -70,8 +70,8 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
     let to_rpm = top_rpm / top_egt;
     let by_rpm = subject.engine.by_rpm();
     let mut speeds = vec![
-        ("EGT", Tone::Bad, curve(&|point| point.egt, to_rpm)),
-        ("rpm", Tone::Good, curve(&|point| point.rpm, 1.0)),
+        ("EGT", Tone::Bad, curve(&|point| point.egt.filter(|_| !point.egt_old), to_rpm)),
+        ("rpm", Tone::Good, curve(&|point| point.rpm.filter(|_| !point.rpm_old), 1.0)),
     ];
     if by_rpm {
         speeds.insert(0, ("demand", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));

@@ -1,9 +1,10 @@
 //! Draws the screen: which parts there are, by its size.
 
+use super::super::fit::{first_that_fits, wrapped};
 use super::super::quantity::seconds;
 use super::super::story;
-use super::model::{Model, Page, Popup, Verdict};
-use super::theme::{Theme, Tone, cut};
+use super::model::{Event, Model, Page, Popup, Verdict};
+use super::theme::{Theme, Tone};
 use super::{charts, panels, popup, rows, why, wire};
 use embassy_time::Instant;
 use ratatui::Frame;
@@ -19,6 +20,8 @@ const PANELS: (u16, u16) = (120, 30);
 const CHARTS: (u16, u16) = (200, 50);
 /// Events below the engines, with their heading.
 const EVENTS: u16 = 6;
+/// The fewest of them beside a panel.
+const LEAST_EVENTS: u16 = 2;
 
 /// Draws all of it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
@@ -41,7 +44,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
     ])
     .areas(area);
     frame.render_widget(header(model, theme, head.width), head);
-    frame.render_widget(story_line(model, theme), story);
+    frame.render_widget(story_line(model, theme, story.width), story);
     frame.render_widget(footer(model, theme, foot.width), foot);
     match model.page {
         Page::Engines => engines(model, theme, frame, body),
@@ -49,7 +52,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
         Page::Wire => wire::draw(model, theme, frame, body),
     }
     match model.popup {
-        Some(Popup::Help) => popup::help(theme, frame, body),
+        Some(Popup::Help) => popup::help(model, theme, frame, body),
         Some(Popup::Faults) => popup::faults(model, theme, frame, body),
         Some(Popup::Release) => popup::release(model, theme, frame, body),
         None => {}
@@ -70,11 +73,18 @@ fn engines(model: &Model, theme: Theme, frame: &mut Frame<'_>, body: Rect) {
     let fits = |size: (u16, u16)| area.width >= size.0 && area.height >= size.1;
     if !fits(PANELS) {
         let table = rows::height(model);
-        let [top, panel, bottom] =
-            Layout::vertical([Constraint::Length(table), Constraint::Fill(1), Constraint::Length(EVENTS)])
-                .areas(body);
+        // A panel needs room for its texts.
+        let below = body.height.saturating_sub(table);
+        let events_height = match below.checked_sub(panels::LEAST_HEIGHT) {
+            Some(left) if left >= LEAST_EVENTS => left.min(EVENTS),
+            _ => below,
+        };
+        let heights = [table, below - events_height, events_height].map(Constraint::Length);
+        let [top, panel, bottom] = Layout::vertical(heights).areas(body);
         rows::draw(model, theme, frame, top);
-        panels::draw(model, theme, frame, panel, model.selected);
+        if panel.height > 0 {
+            panels::draw(model, theme, frame, panel, model.selected);
+        }
         events(model, theme, frame, bottom);
         return;
     }
@@ -94,15 +104,20 @@ fn engines(model: &Model, theme: Theme, frame: &mut Frame<'_>, body: Rect) {
 }
 
 fn header(model: &Model, theme: Theme, width: u16) -> Line<'static> {
-    let (at, length) = (seconds(model.at - Instant::MIN), seconds(model.length).max(0.1));
+    let at = seconds(model.at - Instant::MIN);
     let passing = model.passing;
     let speed = if passing.paused {
         "PAUSED".to_owned()
     } else {
         format!("×{}{}", passing.speed, if passing.auto { " auto" } else { "" })
     };
-    let bar = theme.gauge(20.min(usize::from(width / 4)), at / length, None);
-    let text = format!("jetlink rig   {at:.1} s of {length:.0} s  {bar}  {speed}");
+    // A run that is played on has no length of its own.
+    let length = model.length.map(|length| seconds(length).max(0.1)).filter(|length| at <= *length);
+    let of = length.map_or_else(String::new, |length| {
+        let bar = theme.gauge(20.min(usize::from(width / 4)), at / length, None);
+        format!(" of {length:.0} s  {bar}")
+    });
+    let text = format!("jetlink rig   {at:.1} s{of}  {speed}");
     let mut line = vec![Span::styled(theme.text(&text), theme.style(Tone::Head))];
     if model.mouse {
         line.push(Span::styled("  mouse", theme.style(Tone::Quiet)));
@@ -110,21 +125,24 @@ fn header(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     Line::from(line)
 }
 
-fn story_line(model: &Model, theme: Theme) -> Line<'static> {
+fn story_line(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let pass = model.verdict.as_ref().map(|verdict| verdict.pass);
-    let text = story::line(&model.names(), &model.samples, pass);
+    // The last clause is what can be left out.
+    let whole = story::line(&model.names(), &model.samples, pass);
+    let first = whole.split_once("; ").map_or(whole.as_str(), |(first, _)| first).to_owned();
+    let text = first_that_fits(&[theme.text(&whole), theme.text(&first)], width.into(), theme.mark());
     let tone = match pass {
         Some(true) => Tone::Good,
         Some(false) => Tone::Bad,
         None => Tone::Busy,
     };
-    Line::from(Span::styled(theme.text(&text), theme.style(tone)))
+    Line::from(Span::styled(text, theme.style(tone)))
 }
 
 fn footer(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let mut line: Vec<Span<'static>> = Vec::new();
     let mut used = 0;
-    for key in model.footer() {
+    for key in model.keys().filter(|key| !key.short.is_empty()) {
         let text = format!("{} {}", key.name, key.short);
         let length = text.len() + 2;
         if used + length > usize::from(width) {
@@ -148,16 +166,29 @@ fn events(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Line::from(Span::styled(title, theme.style(tone))), head);
     let height = usize::from(list.height);
     let mut lines: Vec<Line<'static>> = Vec::new();
-    for text in model.verdict.iter().flat_map(|verdict| &verdict.lines).take(height) {
-        lines.push(Line::from(Span::styled(theme.text(text), theme.style(tone))));
+    let wrapped = |text: &str, indent, tone| {
+        let lines = wrapped(&theme.text(text), list.width.into(), indent, theme.mark());
+        lines.into_iter().map(move |line| Line::from(Span::styled(line, theme.style(tone))))
+    };
+    for text in model.verdict.iter().flat_map(|verdict| &verdict.lines) {
+        lines.extend(wrapped(text, 0, tone));
     }
-    let room = height - lines.len();
-    let first = model.events.len().saturating_sub(room);
-    for event in model.events.iter().skip(first) {
-        let tone = tone_of(&event.text);
-        let line = cut(&theme.text(&event.line()), usize::from(list.width), theme);
-        lines.push(Line::from(Span::styled(line, theme.style(tone))));
+    lines.truncate(height);
+    // From the latest on back, as long as there is room for all lines of one.
+    let mut events: Vec<Vec<Line<'static>>> = Vec::new();
+    let mut room = height - lines.len();
+    for event in model.events.iter().rev() {
+        let mut of_event: Vec<_> = wrapped(&event.line(), Event::INDENT, tone_of(&event.text)).collect();
+        if of_event.len() > room && events.is_empty() {
+            of_event.truncate(room);
+        }
+        if of_event.len() > room || of_event.is_empty() {
+            break;
+        }
+        room -= of_event.len();
+        events.push(of_event);
     }
+    lines.extend(events.into_iter().rev().flatten());
     frame.render_widget(Paragraph::new(lines), list);
 }
 

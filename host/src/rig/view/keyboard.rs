@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-/// How long the thread may outlive whoever listens.
+/// How long the thread may outlive its listener.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Keys, clicks and changes of size.
@@ -81,7 +81,7 @@ mod unix {
         }
 
         pub fn is_hung_up(&self) -> bool {
-            // A hang-up is reported whether it is asked for or not.
+            // A hang-up is reported whether it is enabled or not.
             let mut fds = [PollFd::from_borrowed_fd(self.fd(), PollFlags::empty())];
             let now = Timespec { tv_sec: 0, tv_nsec: 0 };
             poll(&mut fds, Some(&now)).is_ok()

@@ -24,9 +24,9 @@ pub enum Does {
     Why,
     /// Shows what is on the wire, or no more.
     Wire,
-    /// Shows the keys, or no more.
+    /// Shows the keys, page by page, or no more.
     Help,
-    /// Pause, or go on.
+    /// Pause, or continue.
     Pause,
     /// Pause, and 0.1 s more.
     Step,
@@ -46,6 +46,13 @@ pub enum Does {
     Interrupt,
     /// Gives the terminal back for a while.
     Suspend,
+}
+
+impl Does {
+    /// Whether it acts on engines: in a scenario no key does.
+    pub const fn acts(self) -> bool {
+        matches!(self, Self::Wish(_) | Self::WishAll(_) | Self::Faults | Self::Release)
+    }
 }
 
 /// A row of the table.
@@ -97,7 +104,7 @@ pub const KEYS: [Key; 28] = [
     key(&[Char('q')], "q", Does::Quit, "end: verdict and events", "end"),
     key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open", ""),
     key(&[Char('f')], "f", Does::Faults, "break something: faults", "faults"),
-    key(&[Char('b')], "b", act(Act::Script), "back to the script, anew", "script"),
+    key(&[Char('b')], "b", act(Act::Script), "begin its script anew", "script"),
     key(&[Char('a')], "a", act(Act::Arm), "arm", ""),
     key(&[Char('d')], "d", act(Act::Disarm), "disarm", ""),
     key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),
@@ -109,36 +116,49 @@ pub const KEYS: [Key; 28] = [
     key(&DIGITS, "1 to 8", Does::Select, "select an engine", ""),
     key(&[KeyCode::Left], "Left", Does::Previous, "select the engine before", ""),
     key(&[KeyCode::Right, KeyCode::Tab], "Right", Does::Next, "select the next one (or Tab)", ""),
-    key(&[Char('w')], "w", Does::Why, "why it does what it does", "why"),
-    key(&[Char('v')], "v", Does::Wire, "what is on the wire", "wire"),
-    key(&[Char('p')], "p", Does::Pause, "pause, or go on", "pause"),
+    key(&[Char('w')], "w", Does::Why, "why: start conditions, limits", "why"),
+    key(&[Char('v')], "v", Does::Wire, "wire: the last frames", "wire"),
+    key(&[Char('p')], "p", Does::Pause, "pause, or continue", "pause"),
     key(&[Char('.')], ".", Does::Step, "pause, and let 0.1 s pass", ""),
     key(&[Char('+'), Char('=')], "+", Does::Faster, "faster, up to ×60", "speed"),
     key(&[Char('-')], "-", Does::Slower, "slower, down to ×1", ""),
-    key(&[Char('0')], "0", Does::Auto, "the speed the run chooses", ""),
+    key(&[Char('0')], "0", Does::Auto, "speed chosen by the run", ""),
     key(&[Char('m')], "m", Does::Mouse, "mouse on or off", ""),
     with_ctrl(&[Char('c')], "Ctrl-C", Does::Interrupt, "end with status 130"),
-    with_ctrl(&[Char('z')], "Ctrl-Z", Does::Suspend, "suspend; fg goes on"),
+    with_ctrl(&[Char('z')], "Ctrl-Z", Does::Suspend, "suspend; fg continues"),
 ];
 
 /// While the menu of faults is open.
 pub const FAULTS: [Key; 6] = [
     key(&[Char('c')], "c", Does::Wish(Wish::Toggle(Fault::Cut)), "cut both wires, or mend them", ""),
-    key(&[Char('n')], "n", Does::Wish(Wish::Toggle(Fault::Noise)), "noise: one byte in twelve", ""),
-    key(&[Char('o')], "o", Does::Wish(Wish::Toggle(Fault::FlameOut)), "the flame goes out", ""),
+    key(&[Char('n')], "n", Does::Wish(Wish::Toggle(Fault::Noise)), "noise on the line, or end it", ""),
+    key(&[Char('o')], "o", Does::Wish(Wish::Toggle(Fault::FlameOut)), "flame-out", ""),
     key(&[Char('p')], "p", Does::Wish(Wish::Toggle(Fault::Power)), "the ECU's power off, or on", ""),
     key(&[Char('x')], "x", Does::Wish(Wish::Toggle(Fault::Reset)), "the watchdog resets the node", ""),
-    key(
-        &[Char('s')],
-        "s",
-        Does::Wish(Wish::Toggle(Fault::Silence)),
-        "the source falls silent, or speaks",
-        "",
-    ),
+    key(&[Char('s')], "s", Does::Wish(Wish::Toggle(Fault::Silence)), "silence its source, or end that", ""),
 ];
 
-/// While it is asked whether to release the emergency stop.
+/// While the question is open whether to release the emergency stop.
 pub const RELEASE: [Key; 1] = [key(&[Char('y')], "y", act(Act::Release), "release it", "")];
+
+/// What a key does in words, where the keys move a transmitter.
+pub fn by_transmitter(key: &Key) -> &'static str {
+    match key.does {
+        Does::WishAll(Wish::Act(Act::EmergencyStop)) | Does::Wish(Wish::Act(Act::Disarm)) => {
+            "the switch to stop"
+        }
+        Does::Release => "the switch to standby (then y)",
+        Does::Wish(Wish::Act(Act::Arm | Act::Standby | Act::Release)) => "the switch to standby",
+        Does::Wish(Wish::Act(Act::Start)) => "the switch to run allowed",
+        Does::Wish(Wish::Step(50)) => "the stick 5 % up",
+        Does::Wish(Wish::Step(-50)) => "the stick 5 % down",
+        Does::Wish(Wish::Step(200)) => "the stick 20 % up",
+        Does::Wish(Wish::Step(-200)) => "the stick 20 % down",
+        Does::Wish(Wish::Toggle(Fault::Silence)) => "the transmitter off, or on",
+        Does::Wish(Wish::Act(Act::Script)) => "nothing: there is no script",
+        _ => key.text,
+    }
+}
 
 /// What this key does, with these tables open.
 pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
@@ -191,6 +211,24 @@ mod tests {
         assert_eq!(does(&press(KeyCode::Char('c'), KeyModifiers::CONTROL), &[]), Some(Does::Interrupt));
         assert_eq!(does(&press(KeyCode::Char('z'), KeyModifiers::CONTROL), &[]), Some(Does::Suspend));
         assert_eq!(does(&press(KeyCode::Char('y'), KeyModifiers::NONE), &[]), None);
+    }
+
+    #[test]
+    fn the_documentation_has_what_the_keys_of_a_transmitter_do() {
+        let page = include_str!("../../../../docs/rig.md");
+        let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
+        let mut count = 0;
+        for key in KEYS.iter().chain(&FAULTS).chain(&RELEASE) {
+            let text = by_transmitter(key);
+            let what =
+                text.split(" (").next().unwrap().split(|c: char| c.is_ascii_digit()).next().unwrap().trim();
+            if text != key.text && !what.starts_with("nothing") {
+                let name = format!("`{}`", key.name);
+                assert!(rows.iter().any(|row| row.contains(&name) && row.contains(what)), "{name}: {what}");
+                count += 1;
+            }
+        }
+        assert_eq!(count, 12);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use super::keys::{Does, FAULTS, KEYS, Key, RELEASE, does};
 use crossterm::event::KeyEvent;
 use embassy_time::{Duration, Instant};
 use ratatui::layout::Rect;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 
 /// Events that are kept to be printed at the end.
@@ -56,9 +56,9 @@ pub enum Popup {
     Release,
 }
 
-/// What a key asks of the rest of the program.
+/// What a key requests from the rest of the program.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Asked {
+pub enum Requested {
     /// Of the run.
     Wish(Option<usize>, Wish),
     /// Pause, speeds.
@@ -85,6 +85,9 @@ pub struct Event {
 }
 
 impl Event {
+    /// Where the text of a line begins.
+    pub const INDENT: usize = 23;
+
     /// As a line.
     pub fn line(&self) -> String {
         let seconds = (self.at - Instant::MIN).as_micros() as f64 / 1e6;
@@ -106,8 +109,8 @@ pub struct Verdict {
 pub struct Model {
     /// The engines.
     pub subjects: Vec<Subject>,
-    /// What the run is to last.
-    pub length: Duration,
+    /// What the run is to last, if it ends by itself.
+    pub length: Option<Duration>,
     /// Engine time.
     pub at: Instant,
     /// All engines, as they are; empty before the first sample.
@@ -132,10 +135,16 @@ pub struct Model {
     pub page: Page,
     /// What lies above it.
     pub popup: Option<Popup>,
+    /// The page of the keys that is shown, counted from 0.
+    pub help_page: usize,
+    /// The number of pages that the keys take on this screen.
+    pub help_pages: Cell<usize>,
     /// The mouse selects engines.
     pub mouse: bool,
     /// A scenario is played: it takes no actions.
     pub scenario: bool,
+    /// The keys move a transmitter.
+    pub transmitter: bool,
     /// The end.
     pub verdict: Option<Verdict>,
     /// Where each engine was drawn, for the mouse.
@@ -145,7 +154,7 @@ pub struct Model {
 
 impl Model {
     /// Before a run of these engines.
-    pub fn new(engines: &[Engine], length: Duration, scenario: bool) -> Self {
+    pub fn new(engines: &[Engine], length: Option<Duration>, scenario: bool) -> Self {
         let subject = |engine: &Engine| Subject {
             engine: *engine,
             max_rpm: parameters(engine).max_rpm,
@@ -172,8 +181,11 @@ impl Model {
             selected: 0,
             page: Page::Engines,
             popup: None,
+            help_page: 0,
+            help_pages: Cell::new(1),
             mouse: false,
             scenario,
+            transmitter: false,
             verdict: None,
             places: RefCell::default(),
             before: None,
@@ -202,7 +214,7 @@ impl Model {
         }
     }
 
-    fn note(&mut self, note: Note) {
+    pub(super) fn note(&mut self, note: Note) {
         let name = note.engine.map_or("all", |engine| self.name(engine));
         self.events.push_back(Event { at: note.at, name, text: note.text });
         if self.events.len() > EVENTS_KEPT {
@@ -238,7 +250,7 @@ impl Model {
     }
 
     /// Takes a key.
-    pub fn key(&mut self, event: &KeyEvent) -> Option<Asked> {
+    pub fn key(&mut self, event: &KeyEvent) -> Option<Requested> {
         let does = does(event, self.open_keys())?;
         self.act(does, event)
     }
@@ -251,16 +263,21 @@ impl Model {
         }
     }
 
-    fn act(&mut self, does: Does, event: &KeyEvent) -> Option<Asked> {
+    fn act(&mut self, does: Does, event: &KeyEvent) -> Option<Requested> {
         let count = self.subjects.len().max(1);
+        if self.scenario && does.acts() {
+            let text = "a scenario plays by itself: no key acts on its engines".to_owned();
+            self.note(Note { at: self.at, engine: None, text });
+            return None;
+        }
         match does {
             Does::Wish(wish) => {
                 if self.popup == Some(Popup::Release) {
                     self.popup = None;
                 }
-                return self.wish(Some(self.selected), wish);
+                return Some(Requested::Wish(Some(self.selected), wish));
             }
-            Does::WishAll(wish) => return self.wish(None, wish),
+            Does::WishAll(wish) => return Some(Requested::Wish(None, wish)),
             Does::Select => {
                 if let crossterm::event::KeyCode::Char(digit) = event.code
                     && let Some(place) = digit.to_digit(10).and_then(|digit| digit.checked_sub(1))
@@ -273,7 +290,17 @@ impl Model {
             Does::Next => self.selected = (self.selected + 1) % count,
             Does::Faults => self.toggle(Popup::Faults),
             Does::Release => self.toggle(Popup::Release),
-            Does::Help => self.toggle(Popup::Help),
+            // The next page, and closed after the last one.
+            Does::Help => {
+                let next = self.help_page + 1;
+                if self.popup != Some(Popup::Help) {
+                    (self.popup, self.help_page) = (Some(Popup::Help), 0);
+                } else if next < self.help_pages.get() {
+                    self.help_page = next;
+                } else {
+                    self.popup = None;
+                }
+            }
             Does::Why => self.page = if self.page == Page::Why { Page::Engines } else { Page::Why },
             Does::Wire => self.page = if self.page == Page::Wire { Page::Engines } else { Page::Wire },
             Does::Close => {
@@ -282,29 +309,17 @@ impl Model {
                 }
             }
             Does::Pause | Does::Step | Does::Faster | Does::Slower | Does::Auto => {
-                return Some(Asked::Passing(does));
+                return Some(Requested::Passing(does));
             }
             Does::Mouse => {
                 self.mouse = !self.mouse;
-                return Some(Asked::Mouse(self.mouse));
+                return Some(Requested::Mouse(self.mouse));
             }
-            Does::Quit => return Some(Asked::Quit),
-            Does::Interrupt => return Some(Asked::Interrupt),
-            Does::Suspend => return Some(Asked::Suspend),
+            Does::Quit => return Some(Requested::Quit),
+            Does::Interrupt => return Some(Requested::Interrupt),
+            Does::Suspend => return Some(Requested::Suspend),
         }
         None
-    }
-
-    fn wish(&mut self, engine: Option<usize>, wish: Wish) -> Option<Asked> {
-        if self.scenario {
-            self.note(Note {
-                at: self.at,
-                engine: None,
-                text: "a scenario plays by itself: keys command nothing in it".to_owned(),
-            });
-            return None;
-        }
-        Some(Asked::Wish(engine, wish))
     }
 
     fn toggle(&mut self, popup: Popup) {
@@ -320,8 +335,8 @@ impl Model {
         }
     }
 
-    /// The keys of the last line.
-    pub fn footer(&self) -> impl Iterator<Item = &'static Key> {
-        KEYS.iter().filter(|key| !key.short.is_empty())
+    /// The keys that do something in this run.
+    pub fn keys(&self) -> impl Iterator<Item = &'static Key> {
+        KEYS.iter().filter(|key| !self.scenario || !key.does.acts())
     }
 }

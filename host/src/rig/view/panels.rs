@@ -1,10 +1,12 @@
 //! A panel for an engine: gauges with their limits, what is commanded and sent, the link.
 
+use super::super::context::Stage;
+use super::super::fit::{first_that_fits, listed};
 use super::super::row::millis;
 use super::super::sample::Sample;
 use super::model::{Model, Subject};
 use super::rows;
-use super::theme::{Theme, Tone, cut};
+use super::theme::{Theme, Tone};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
@@ -12,6 +14,12 @@ use ratatui::widgets::{Block, Paragraph};
 
 /// Lines of a panel, its border included.
 pub const HEIGHT: u16 = 10;
+/// Lines of text in a panel.
+const TEXTS: u16 = HEIGHT - 2;
+/// The fewest lines of one in which all texts have room beside one another, its border included.
+pub const LEAST_HEIGHT: u16 = 2 + TEXTS / 2;
+/// A column of text is no narrower than this.
+const LEAST_COLUMN: u16 = 28;
 /// Panels beside one another.
 const BESIDE: u16 = 4;
 /// Beside a gauge: its name and its value.
@@ -50,14 +58,36 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engi
     model.places.borrow_mut().push((area, engine));
     let selected = engine == model.selected;
     let tone = if selected { Tone::Head } else { Tone::Quiet };
-    let title = cut(&theme.text(&subject.engine.caption()), usize::from(area.width.saturating_sub(4)), theme);
+    let title = theme.text(&subject.engine.caption());
+    let short = title.replace(" AMT ", " ").replace(" version ", " ");
+    let ecu = short.rsplit_once(", ").map_or(short.as_str(), |(ecu, _)| ecu).to_owned();
+    let titles = [title, short, ecu];
+    let title = first_that_fits(&titles, usize::from(area.width.saturating_sub(4)), theme.mark());
     let title =
         Span::styled(format!(" {title} "), theme.style(if selected { Tone::Selected } else { Tone::Head }));
     let block = Block::bordered().border_set(theme.border()).border_style(theme.style(tone)).title(title);
     let inside = block.inner(area);
     frame.render_widget(block, area);
-    let texts = texts(model, theme, engine, subject, sample, usize::from(inside.width));
+    // Texts without room below go into a second column.
+    if inside.height < TEXTS && inside.width >= 2 * LEAST_COLUMN {
+        let [left, right] = Layout::horizontal([Constraint::Fill(1); 2]).spacing(1).areas(inside);
+        let mut texts = texts(model, theme, engine, subject, sample, right.width.into());
+        let beside = texts.split_off(texts.len() / 2);
+        frame.render_widget(Paragraph::new(texts), left);
+        frame.render_widget(Paragraph::new(beside), right);
+        return;
+    }
+    let texts = texts(model, theme, engine, subject, sample, inside.width.into());
     frame.render_widget(Paragraph::new(texts), inside);
+}
+
+/// Who flies the engine, and how far a script has come.
+fn stage(stage: Stage) -> String {
+    match stage {
+        Stage::Commanded => "no script".to_owned(),
+        Stage::Played => "played by you".to_owned(),
+        script => format!("script: {}", script.name()),
+    }
 }
 
 fn texts(
@@ -68,8 +98,13 @@ fn texts(
     sample: &Sample,
     width: usize,
 ) -> Vec<Line<'static>> {
-    let styled = |text: String, tone| Span::styled(cut(&theme.text(&text), width, theme), theme.style(tone));
+    let styled = |text: String, tone| Span::styled(theme.cut(&text, width), theme.style(tone));
     let line = |text: String, tone| Line::from(styled(text, tone));
+    let first = |texts: &[String], tone| {
+        let texts: Vec<String> = texts.iter().map(|text| theme.text(text)).collect();
+        Line::from(Span::styled(first_that_fits(&texts, width, theme.mark()), theme.style(tone)))
+    };
+    let list = |head: &str, names: &[String]| listed(head, names, width, theme.mark());
     let bar = width.saturating_sub(BESIDE_GAUGE);
     let gauge = |name: &str, value: Option<f64>, unit: &str, full: f64, limit: Option<f64>, tone| {
         let shown = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.0}{unit}"));
@@ -93,16 +128,31 @@ fn texts(
     let missed = sample.missed();
     let errors = sample.decode_errors();
     let faults = sample.faults.filter(|faults| !faults.is_empty()).map(|faults| faults.to_string());
+    let (commanded, sent) = (rows::commanded(sample), sample.wire_text());
+    let demand = [
+        format!("commanded {commanded}, sent {sent}"),
+        format!("cmd {commanded}, sent {sent}"),
+        format!("cmd {}, sent {sent}", commanded.trim_end_matches(" rpm")),
+    ];
+    let name = sample.link_name();
+    let few = if errors < 10_000 { errors.to_string() } else { format!("{}k", errors / 1000) };
+    let link = [
+        format!("link {name} {rate:.0}/s, {errors} errors, {missed} missed"),
+        format!("{name} {rate:.0}/s, {few} err, {missed} missed"),
+        format!("{name} {rate:.0}/s {few} err {missed} miss"),
+    ];
     let by_hand = model.details.get(engine).filter(|detail| !detail.faults.is_empty());
     let last = match (faults, by_hand) {
-        (Some(faults), _) => (format!("FAULT: {faults}"), Tone::Bad),
+        (Some(faults), _) => {
+            let names: Vec<String> = faults.split(", ").map(str::to_owned).collect();
+            (list("FAULT: ", &names), Tone::Bad)
+        }
         (None, Some(detail)) => {
-            let names: Vec<String> =
-                detail.faults.iter().map(|fault| format!("{fault:?}").to_lowercase()).collect();
-            (format!("set by you: {}", names.join(", ")), Tone::Warn)
+            let names: Vec<String> = detail.faults.iter().map(|fault| fault.name().to_owned()).collect();
+            (list("set by you: ", &names), Tone::Warn)
         }
         (None, None) => (
-            format!("{}, {}", sample.stage.name(), if sample.armed { "armed" } else { "not armed" }),
+            format!("{}, {}", stage(sample.stage), if sample.armed { "armed" } else { "not armed" }),
             Tone::Quiet,
         ),
     };
@@ -124,15 +174,9 @@ fn texts(
             subject.egt_limit,
             if hot { Tone::Bad } else { Tone::Busy },
         ),
-        line(
-            format!("commanded {}, sent {}", rows::commanded(sample), sample.wire_text()),
-            if sample.silent { Tone::Warn } else { Tone::Plain },
-        ),
-        line(format!("source {}", sample.rules_text()), rows::source(sample)),
-        line(
-            format!("link {} {rate:.0}/s, {errors} errors, {missed} missed", sample.link_name()),
-            if missed > 0 { Tone::Bad } else { rows::link(sample) },
-        ),
+        first(&demand, if sample.silent { Tone::Warn } else { Tone::Plain }),
+        line(format!("source {}", sample.in_control_text()), rows::source(sample)),
+        first(&link, if missed > 0 { Tone::Bad } else { rows::link(sample) }),
         line(timing, Tone::Plain),
         line(last.0, last.1),
     ]

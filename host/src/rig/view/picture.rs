@@ -10,7 +10,7 @@ use std::fmt::Write;
 const CELL: (usize, usize) = (8, 17);
 /// Around the screen.
 const MARGIN: usize = 8;
-/// From the top of a cell to the line that letters stand on.
+/// From the top of a cell to its baseline.
 const BASE: usize = 13;
 
 /// What a colour looks like.

@@ -1,6 +1,6 @@
 //! What lies above the screen: the keys, the faults, the question whether to release a stop.
 
-use super::keys::{FAULTS, KEYS, Key, RELEASE};
+use super::keys::{FAULTS, Key, RELEASE, by_transmitter};
 use super::model::Model;
 use super::theme::{Theme, Tone};
 use ratatui::Frame;
@@ -8,14 +8,14 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-fn rows(theme: Theme, keys: &[Key]) -> Vec<Line<'static>> {
+fn rows(model: &Model, theme: Theme, keys: impl Iterator<Item = &'static Key>) -> Vec<Line<'static>> {
     let row = |key: &Key| {
         Line::from(vec![
             Span::styled(format!(" {:<7}", key.name), theme.style(Tone::Head)),
-            Span::raw(theme.text(key.text)),
+            Span::raw(theme.text(if model.transmitter { by_transmitter(key) } else { key.text })),
         ])
     };
-    keys.iter().map(row).collect()
+    keys.map(row).collect()
 }
 
 fn draw(theme: Theme, frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'static>>) {
@@ -30,17 +30,27 @@ fn draw(theme: Theme, frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec
     frame.render_widget(Paragraph::new(lines).block(block), place);
 }
 
-/// The keys. Where they do not fit below one another they stand in two columns.
-pub fn help(theme: Theme, frame: &mut Frame<'_>, area: Rect) {
-    let mut lines = rows(theme, &KEYS);
-    if lines.len() + 2 > usize::from(area.height) {
-        let wide = lines.iter().map(Line::width).max().unwrap_or(0) + 1;
-        let right = lines.split_off(lines.len().div_ceil(2));
+/// The keys: below one another where they fit, else in two columns, else on several pages.
+pub fn help(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
+    let mut lines = rows(model, theme, model.keys());
+    let wide = lines.iter().map(Line::width).max().unwrap_or(0) + 1;
+    let height = usize::from(area.height.saturating_sub(2)).max(1);
+    let half = lines.len().div_ceil(2);
+    model.help_pages.set(1);
+    if lines.len() > height && half <= height && 2 * wide + 2 <= area.width.into() {
+        let right = lines.split_off(half);
         for (left, right) in lines.iter_mut().zip(right) {
             let room = wide.saturating_sub(left.width());
             left.spans.push(Span::raw(" ".repeat(room)));
             left.spans.extend(right.spans);
         }
+    } else if lines.len() > height {
+        let pages = lines.len().div_ceil(height);
+        let page = model.help_page.min(pages - 1);
+        model.help_pages.set(pages);
+        let lines = lines.into_iter().skip(page * height).take(height).collect();
+        draw(theme, frame, area, &format!("keys, page {} of {pages}: ? for the next", page + 1), lines);
+        return;
     }
     draw(theme, frame, area, "keys", lines);
 }
@@ -48,14 +58,14 @@ pub fn help(theme: Theme, frame: &mut Frame<'_>, area: Rect) {
 /// The faults of the selected engine.
 pub fn faults(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let name = model.name(model.selected);
-    let mut lines = rows(theme, &FAULTS);
+    let mut lines = rows(model, theme, FAULTS.iter());
     let lasting =
         model.details.get(model.selected).map(|detail| detail.faults.as_slice()).unwrap_or_default();
     lines.push(Line::default());
     if lasting.is_empty() {
         lines.push(Line::from(" no fault is set; Esc closes"));
     } else {
-        let names: Vec<String> = lasting.iter().map(|fault| format!("{fault:?}").to_lowercase()).collect();
+        let names: Vec<String> = lasting.iter().map(|fault| fault.name().to_owned()).collect();
         let text = format!(" set now: {}; the same key ends it", names.join(", "));
         lines.push(Line::from(Span::styled(text, theme.style(Tone::Warn))));
     }
@@ -65,7 +75,7 @@ pub fn faults(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
 /// The second key of a release.
 pub fn release(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let name = model.name(model.selected);
-    let mut lines = rows(theme, &RELEASE);
+    let mut lines = rows(model, theme, RELEASE.iter());
     lines.push(Line::from(" Esc leaves it latched"));
     draw(theme, frame, area, &format!("release the emergency stop of {name}?"), lines);
 }

@@ -1,9 +1,10 @@
 //! All engines as a table, a row each.
 
+use super::super::fit::first_that_fits;
 use super::super::sample::Sample;
 use super::model::Model;
-use super::theme::{Theme, Tone, cut};
-use jetlink::command::Order;
+use super::theme::{Theme, Tone};
+use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::LinkState;
@@ -11,7 +12,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-/// The columns with their widths: with the mark and the spaces between them 79.
+/// The columns with their widths where there is room for all.
 const COLUMNS: [(&str, usize); 8] = [
     ("engine", 12),
     ("state", 18),
@@ -22,6 +23,37 @@ const COLUMNS: [(&str, usize); 8] = [
     ("link", 8),
     ("source", 24),
 ];
+/// Shortest widths of `state`, `link` and `source`: with names of 12 characters the table has 80 columns.
+const LEAST_STATE: usize = 8;
+const LEAST_LINK: usize = 7;
+const LEAST_SOURCE: usize = 11;
+
+/// The widths of the columns on a screen of this width: the names take what they need, and what is left goes to the
+/// state, then to the source.
+fn widths(model: &Model, width: u16) -> Vec<usize> {
+    let mut widths = COLUMNS.map(|(_, width)| width).to_vec();
+    // The mark, and a space between two columns.
+    let taken = |widths: &[usize]| 1 + widths.len() + widths.iter().sum::<usize>();
+    let width = usize::from(width);
+    if taken(&widths) <= width {
+        return widths;
+    }
+    let names = model.subjects.iter().map(|subject| subject.engine.name().len());
+    widths[0] = names.fold("engine".len(), usize::max).min(widths[0]);
+    for (column, least) in [(1, LEAST_STATE), (6, LEAST_LINK), (7, LEAST_SOURCE)] {
+        widths[column] = least;
+    }
+    while taken(&widths) > width && widths.len() > 1 {
+        widths.pop();
+    }
+    for column in [1, 7] {
+        let left = width.saturating_sub(taken(&widths));
+        if let Some(wider) = widths.get_mut(column) {
+            *wider = (*wider + left).min(COLUMNS[column].1);
+        }
+    }
+    widths
+}
 
 /// Lines that the table takes.
 pub fn height(model: &Model) -> u16 {
@@ -30,7 +62,9 @@ pub fn height(model: &Model) -> u16 {
 
 /// Draws it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
-    let heads = COLUMNS.iter().map(|&(head, width)| aligned(head, head, width)).collect::<String>();
+    let widths = widths(model, area.width);
+    let heads = COLUMNS.iter().zip(&widths).map(|(&(head, _), &width)| aligned(head, head, width));
+    let heads = heads.collect::<String>();
     let line = Line::from(Span::styled(format!("  {}", heads.trim_end()), theme.style(Tone::Head)));
     let mut place = Rect { height: 1, ..area };
     frame.render_widget(line, place);
@@ -40,7 +74,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
             return;
         }
         model.places.borrow_mut().push((place, i));
-        frame.render_widget(row(model, theme, i, sample), place);
+        frame.render_widget(row(model, theme, i, sample, &widths), place);
     }
 }
 
@@ -52,11 +86,17 @@ fn aligned(head: &str, text: &str, width: usize) -> String {
     }
 }
 
-fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample) -> Line<'static> {
+fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[usize]) -> Line<'static> {
     let dash = || "-".to_owned();
+    let width = |column: usize| widths.get(column).copied().unwrap_or_default();
     let rate = model.rates.get(engine).copied().unwrap_or_default();
-    let link =
-        if sample.link == LinkState::Up { format!("up {rate:.0}/s") } else { sample.link_name().to_owned() };
+    let link = if sample.link == LinkState::Up {
+        let texts = [format!("up {rate:.0}/s"), format!("{rate:.0}/s")];
+        first_that_fits(&texts, width(6), theme.mark())
+    } else {
+        sample.link_name().to_owned()
+    };
+    let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], width(7), theme.mark());
     let cells = [
         (model.name(engine).to_owned(), if engine == model.selected { Tone::Selected } else { Tone::Plain }),
         (sample.does_text(), state(sample)),
@@ -65,15 +105,37 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample) -> Line<'sta
         (commanded(sample), if sample.silent { Tone::Warn } else { Tone::Plain }),
         (sample.wire_text(), if sample.order == Order::EmergencyStop { Tone::Bad } else { Tone::Plain }),
         (link, self::link(sample)),
-        (sample.rules_text(), source(sample)),
+        (source_text, source(sample)),
     ];
     let mark = if engine == model.selected { "> " } else { "  " };
     let mut spans = vec![Span::styled(mark, theme.style(Tone::Head))];
-    for ((text, tone), (head, width)) in cells.into_iter().zip(COLUMNS) {
-        let text = cut(&theme.text(&text), width, theme);
+    for (((text, tone), (head, _)), &width) in cells.into_iter().zip(COLUMNS).zip(widths) {
+        let text = theme.cut(&text, width);
         spans.push(Span::styled(aligned(head, &text, width), theme.style(tone)));
     }
     Line::from(spans)
+}
+
+/// The source in control and what holds its demand, in few letters.
+fn brief(sample: &Sample) -> String {
+    let name = |origin: Origin| match origin {
+        Origin::Mavlink => "mav",
+        Origin::Emergency => "emerg",
+        Origin::Node | Origin::Bench | Origin::Rc => origin.name(),
+    };
+    let source = name(sample.in_control);
+    let holds = match (sample.order, sample.loss) {
+        (Order::EmergencyStop, _) => "STOP",
+        (_, LossStage::Hold) => "hold",
+        (_, LossStage::FailSafe) => "fsafe",
+        (_, LossStage::Standby) => "stby",
+        (_, LossStage::None) => match (sample.limited, sample.waiting) {
+            (true, _) => "limit",
+            (false, Some(next)) => return format!("{source}>{}", name(next)),
+            (false, None) => return source.to_owned(),
+        },
+    };
+    format!("{source} {holds}")
 }
 
 /// What the source commands.

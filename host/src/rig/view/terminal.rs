@@ -7,7 +7,7 @@ use super::super::message::Message;
 use super::draw::draw;
 use super::keyboard::Keyboard;
 use super::keys::Does;
-use super::model::{Asked, Model};
+use super::model::{Model, Requested};
 use super::theme::Theme;
 use crossterm::event::{DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind};
 use crossterm::terminal::{
@@ -18,7 +18,7 @@ use crossterm::{cursor, execute};
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
-use std::io::{self, Stdout};
+use std::io::{self, Stdout, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
@@ -65,17 +65,35 @@ fn take_over() -> io::Result<()> {
     execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)
 }
 
-/// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it asks the terminal for
+/// The terminal as ratatui writes to it. Ratatui prints that it cannot show the cursor when it is dropped, and panics where that
+/// cannot be printed either, as in a window that was closed. So nothing fails here: what goes out around each picture does.
+#[derive(Debug)]
+struct Forgiving(Stdout);
+
+impl Write for Forgiving {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.0.write(bytes) {
+            Err(error) if error.kind() != io::ErrorKind::Interrupted => Ok(bytes.len()),
+            result => result,
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush().or(Ok(()))
+    }
+}
+
+/// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it requests from the terminal
 /// its cursor, which not every terminal answers.
-fn fresh() -> io::Result<Terminal<CrosstermBackend<Stdout>>> {
+fn fresh() -> io::Result<Terminal<CrosstermBackend<Forgiving>>> {
     let (width, height) = size()?;
     execute!(io::stdout(), Clear(ClearType::All))?;
     let viewport = Viewport::Fixed(Rect::new(0, 0, width, height));
-    Terminal::with_options(CrosstermBackend::new(io::stdout()), TerminalOptions { viewport })
+    Terminal::with_options(CrosstermBackend::new(Forgiving(io::stdout())), TerminalOptions { viewport })
 }
 
 fn give_back() {
-    // Nothing can be done if the terminal does not listen any more.
+    // Nothing can be done about a terminal that is gone.
     let _ = execute!(
         io::stdout(),
         DisableMouseCapture,
@@ -91,17 +109,17 @@ fn give_back() {
 pub struct Screen {
     model: Model,
     theme: Theme,
-    terminal: Terminal<CrosstermBackend<Stdout>>,
+    terminal: Terminal<CrosstermBackend<Forgiving>>,
     keyboard: Keyboard,
-    /// The terminal is gone, and so is whoever watched.
+    /// The terminal is gone.
     gone: bool,
     requests: Sender<Request>,
     end: EndRequest,
     drawn: Option<Instant>,
     screen: AlternateScreen,
-    /// Somebody else wants it suspended, or has let it go on.
+    /// Another process suspends it, or continues it.
     stop: Arc<AtomicBool>,
-    goes_on: Arc<AtomicBool>,
+    resumed: Arc<AtomicBool>,
 }
 
 impl Screen {
@@ -109,11 +127,11 @@ impl Screen {
     pub fn enter(model: Model, theme: Theme, requests: Sender<Request>, end: EndRequest) -> io::Result<Self> {
         let screen = AlternateScreen::enter()?;
         let terminal = fresh()?;
-        let (stop, goes_on) = (Arc::default(), Arc::default());
+        let (stop, resumed) = (Arc::default(), Arc::default());
         #[cfg(unix)]
         {
             signal_hook::flag::register(signal_hook::consts::SIGTSTP, Arc::clone(&stop))?;
-            signal_hook::flag::register(signal_hook::consts::SIGCONT, Arc::clone(&goes_on))?;
+            signal_hook::flag::register(signal_hook::consts::SIGCONT, Arc::clone(&resumed))?;
         }
         let keyboard = Keyboard::listen();
         Ok(Self {
@@ -127,7 +145,7 @@ impl Screen {
             drawn: None,
             screen,
             stop,
-            goes_on,
+            resumed,
         })
     }
 
@@ -182,8 +200,8 @@ impl Screen {
         if self.stop.swap(false, Ordering::SeqCst) {
             self.suspend()?;
         }
-        // Stopped and let go on by others, the shell may have changed the terminal.
-        if self.goes_on.swap(false, Ordering::SeqCst) {
+        // Stopped and continued by others: the shell may have changed the terminal.
+        if self.resumed.swap(false, Ordering::SeqCst) {
             self.resume()?;
         }
         if self.drawn.is_some_and(|drawn| drawn.elapsed() < DRAW_EVERY) {
@@ -205,8 +223,8 @@ impl Screen {
         for event in self.keyboard.events() {
             match event {
                 Event::Key(key) => {
-                    if let Some(asked) = self.model.key(&key) {
-                        self.ask(asked)?;
+                    if let Some(requested) = self.model.key(&key) {
+                        self.pass_on(requested)?;
                     }
                 }
                 Event::Mouse(mouse) if mouse.kind == MouseEventKind::Down(MouseButton::Left) => {
@@ -221,22 +239,22 @@ impl Screen {
         Ok(())
     }
 
-    fn ask(&mut self, asked: Asked) -> io::Result<()> {
+    fn pass_on(&mut self, requested: Requested) -> io::Result<()> {
         let request = |request| {
             let _ = self.requests.send(request); // a run that has ended takes nothing any more
         };
-        match asked {
-            Asked::Wish(engine, wish) => request(Request::Wish(engine, wish)),
-            Asked::Passing(Does::Pause) => request(Request::Pause),
-            Asked::Passing(Does::Step) => request(Request::Step),
-            Asked::Passing(Does::Faster) => request(Request::Faster),
-            Asked::Passing(Does::Slower) => request(Request::Slower),
-            Asked::Passing(_) => request(Request::Auto),
-            Asked::Quit => self.end.request(EndedBy::Key),
-            Asked::Interrupt => self.end.request(EndedBy::Interrupt),
-            Asked::Mouse(true) => execute!(io::stdout(), EnableMouseCapture)?,
-            Asked::Mouse(false) => execute!(io::stdout(), DisableMouseCapture)?,
-            Asked::Suspend => self.suspend()?,
+        match requested {
+            Requested::Wish(engine, wish) => request(Request::Wish(engine, wish)),
+            Requested::Passing(Does::Pause) => request(Request::Pause),
+            Requested::Passing(Does::Step) => request(Request::Step),
+            Requested::Passing(Does::Faster) => request(Request::Faster),
+            Requested::Passing(Does::Slower) => request(Request::Slower),
+            Requested::Passing(_) => request(Request::Auto),
+            Requested::Quit => self.end.request(EndedBy::Key),
+            Requested::Interrupt => self.end.request(EndedBy::Interrupt),
+            Requested::Mouse(true) => execute!(io::stdout(), EnableMouseCapture)?,
+            Requested::Mouse(false) => execute!(io::stdout(), DisableMouseCapture)?,
+            Requested::Suspend => self.suspend()?,
         }
         Ok(())
     }
@@ -247,7 +265,7 @@ impl Screen {
         give_back();
         // Every thread of the program stops here, the run included.
         signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
-        self.goes_on.store(false, Ordering::SeqCst);
+        self.resumed.store(false, Ordering::SeqCst);
         self.resume()
     }
 

@@ -1,6 +1,6 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
-use super::super::context::Stage;
+use super::super::context::{Note, Stage};
 use super::super::control::{Control, Scripted, Situation, Turn};
 use super::super::message::Message;
 use super::super::options::{Args, order};
@@ -9,7 +9,7 @@ use super::super::play::script;
 use super::super::session;
 use super::super::tour::Tour;
 use super::draw::draw;
-use super::model::{Asked, Model, Page, Popup};
+use super::model::{Model, Page, Popup, Requested};
 use super::picture;
 use super::theme::Theme;
 use clap::Parser;
@@ -46,8 +46,8 @@ impl Control for Keys<'_> {
             let _ = at;
             self.next += 1;
             match self.model.borrow_mut().key(key) {
-                Some(Asked::Wish(engine, wish)) => turn.wishes.push((engine, wish)),
-                Some(Asked::Quit) => turn.end = true,
+                Some(Requested::Wish(engine, wish)) => turn.wishes.push((engine, wish)),
+                Some(Requested::Quit) => turn.end = true,
                 _ => {}
             }
         }
@@ -77,7 +77,7 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
     let mut order = order(&Cli::parse_from(args).args).unwrap();
     std::fs::remove_file(&path).unwrap();
     order.setup.details = true;
-    let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
+    let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), false));
     let mut bytes = Vec::new();
     let (actions, over) = order.script.take().unwrap();
     let show = |message: super::super::message::Message| {
@@ -134,7 +134,7 @@ fn char(c: char) -> KeyEvent {
 }
 
 #[test]
-fn the_tour_says_what_happens_and_why() {
+fn the_tour_shows_what_happens_and_why() {
     let mut seen: Vec<String> = Vec::new();
     for end in [40.0, 129.5, 132.0, 135.3, 138.5, 145.0] {
         let played = play("tour", HEAD, &[], end);
@@ -146,15 +146,15 @@ fn the_tour_says_what_happens_and_why() {
         [
             "right starts; centre waits: one start at a time",
             "left's source is silent: its last demand is held for 1 s",
-            "left's source is silent: the demand goes to idle, and the engine runs on",
-            "left's source speaks again: it is in control within 3 s",
+            "left's source is silent: the demand falls to idle; the engine keeps running",
+            "left's source commands again: it is in control within 3 s",
             "left's source is back: the demand rises to what it commands",
             "right cools: its starter turns it until the exhaust is below 100 °C",
         ]
     );
 }
 
-/// In seconds of whoever looks on, by the speeds that the tour chooses.
+/// In seconds of the spectator, by the speeds that the tour chooses.
 #[test]
 fn the_tour_is_worth_watching() {
     let played = play("watching", HEAD, &[], 230.0);
@@ -194,6 +194,131 @@ fn at_80_by_24_there_is_a_row_for_each_of_eight_engines() {
     // Five events below their heading.
     let events = lines.iter().position(|line| *line == "events").unwrap();
     assert!(events == 17 && lines[18..23].iter().all(|line| line.contains("a-name-of-")), "{screen}");
+}
+
+/// Everything that a panel shows, in its longest texts: on each size, whole or elided where nothing is lost.
+#[test]
+fn long_texts_fit_their_panels() {
+    use super::super::audit::WireCommand;
+    use super::super::context::PilotInput;
+    use jetlink::command::{Demand, Origin};
+    use jetlink::ecu::Faults;
+    use jetlink::engine::state::EngineState;
+    use jetlink::event::LossStage;
+    use jetlink::report::{EcuState, LinkState};
+    use jetlink::units::Rpm;
+
+    let engines: String = (1..=8)
+        .map(|i| {
+            let ecu =
+                if i % 2 == 0 { "ecu=amt,engine=olympus,baud=115200" } else { "ecu=zk,rate=100,baud=115200" };
+            format!("engine name=a-name-of-{i:02},{ecu}\n")
+        })
+        .collect();
+    let mut played = play("long", &format!("{HEAD}{engines}standby\n"), &[], 5.0);
+    for sample in &mut played.model.samples {
+        sample.does = EngineState::Starting(EcuState { code: 2, name: "ignition-min-throttle" });
+        sample.link = LinkState::Up;
+        sample.input = PilotInput::Run(Demand::Rpm(Rpm::new(160_000)));
+        sample.on_wire = Some(WireCommand::RunRpm(159_960));
+        (sample.in_control, sample.loss) = (Origin::Emergency, LossStage::FailSafe);
+        (sample.rpm, sample.egt) = (Some(160_010), Some(1100.4));
+        sample.counters.crc_failures = 123_456;
+        sample.counters.send_slots_missed = 1234;
+        sample.counters.replies_missed = 0;
+        sample.faults = Some(Faults::Amt(jetlink::ecu::amt::codec::ErrorBits(0xff)));
+    }
+    for name in ["first", "second"] {
+        played.model.note(Note {
+            at: played.model.at,
+            engine: Some(0),
+            text: format!(
+                "command from bench rejected: the exhaust is at 312 °C: let it cool in standby, limit 100 °C, {name}"
+            ),
+        });
+    }
+    for (width, height, panels) in [(60, 16, 1), (80, 24, 1), (120, 30, 8), (200, 50, 8)] {
+        let screen = text(&buffer(&played.model, COLOUR, width, height));
+        let has = |what: &str, count: usize| {
+            assert!(screen.matches(what).count() >= count, "{width} × {height}: {what}\n{screen}");
+        };
+        let has_any = |all: &[&str]| {
+            let count: usize = all.iter().map(|what| screen.matches(what).count()).sum();
+            assert!(count >= panels, "{width} × {height}: {all:?}\n{screen}");
+        };
+        assert!(screen.lines().all(|line| line.chars().count() <= width.into()), "{screen}");
+        // The last event is there to its last word.
+        has("second", 1);
+        if height < 24 {
+            continue;
+        }
+        has("start: ignition-min-throttle", panels);
+        has(if width == 120 { "-01: ZK 5 " } else { "-01: ZK version 5, 115200 baud " }, 1);
+        has("source emergency: fail-safe", panels);
+        has_any(&["commanded 160000 rpm, sent 159960 rpm", "cmd 160000, sent 159960 rpm"]);
+        has_any(&["123456 errors, 1234 missed", "123k err, 1234 missed", "123k err 1234 miss"]);
+        has("FAULT: ", panels);
+        has(" +", panels);
+    }
+}
+
+/// What each engine's source is and what holds its demand, beside all else.
+#[test]
+fn at_80_columns_the_table_names_the_source() {
+    for (keys, end, name, expected) in [
+        (vec![], 25.0, "left", "  bench"),
+        (vec![(50.0, char('f')), (50.1, char('s'))], 51.0, "left", "  bench: hold"),
+        (vec![(50.0, char('f')), (50.1, char('s'))], 53.0, "a-long-name1", "  bench fsafe"),
+        (vec![(50.0, char(' '))], 51.0, "a-long-name1", "  bench: STOP"),
+    ] {
+        let played = play("source", &format!("{HEAD}{}", PAIR.replace("left", name)), &keys, end);
+        let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+        let lines: Vec<&str> = screen.lines().collect();
+        assert!(lines[2].ends_with("  source"), "{screen}");
+        assert!(lines[3].contains(&format!("> {name} ")) && lines[3].ends_with(expected), "{screen}");
+    }
+}
+
+#[test]
+fn the_smallest_screen_has_a_panel_with_all_of_its_texts() {
+    let played = play("smallest", HEAD, &[], 40.0);
+    let screen = text(&buffer(&played.model, COLOUR, 60, 16));
+    for what in [
+        "left: ",
+        "rpm ",
+        "cmd 100.0 %, sent 100.0 %",
+        "source bench",
+        "up 8/s",
+        "worst reply margin",
+        "events",
+    ] {
+        assert!(screen.lines().skip(7).any(|line| line.contains(what)), "{what}: {screen}");
+    }
+    assert!(screen.lines().skip(7).any(|line| line.contains("armed")), "{screen}");
+    // A column that has no room is not there.
+    let table: Vec<&str> = screen.lines().skip(2).take(2).collect();
+    assert!(table[0].ends_with("  sent") && table[1].ends_with("100.0 %"), "{screen}");
+}
+
+/// With names of twelve characters.
+#[test]
+fn what_happens_fits_80_columns() {
+    for (keys, end) in [
+        (vec![(50.0, char(' '))], 51.0),
+        (vec![(50.0, char('f')), (50.1, char('c'))], 52.0),
+        (vec![(50.0, char('f')), (50.1, char('s'))], 53.0),
+        (vec![(50.0, char('f')), (50.1, char('x'))], 50.5),
+        (vec![(50.0, char('f')), (50.1, char('x'))], 51.4),
+        (vec![], 25.0),
+        (vec![], 40.0),
+        (vec![(50.0, char('t'))], 60.0),
+    ] {
+        let pair = PAIR.replace("left", "a-long-name1").replace("right", "a-long-name2");
+        let played = play("names", &format!("{HEAD}{pair}"), &keys, end);
+        let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+        let line = screen.lines().nth(1).unwrap();
+        assert!(line.chars().count() > 20 && !line.contains('…'), "{end}: {line}");
+    }
 }
 
 #[test]
@@ -296,6 +421,104 @@ fn every_key_is_on_the_help_screen_at_80_by_24() {
     }
 }
 
+/// Where the keys move a transmitter they say so.
+#[test]
+fn the_help_of_a_transmitter_names_stick_and_switch() {
+    let mut played = pair(1.0, &[], "transmitter");
+    (played.model.popup, played.model.transmitter) = (Some(Popup::Help), true);
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    assert!(screen.contains("s      the switch to run allowed"), "{screen}");
+    assert!(screen.contains("Up     the stick 5 % up") && !screen.contains("start: run at idle"), "{screen}");
+}
+
+/// In a scenario no key acts on an engine, and none is shown that would.
+#[test]
+fn a_scenario_shows_no_key_that_would_act() {
+    let mut played = pair(1.0, &[], "scenario");
+    (played.model.popup, played.model.scenario) = (Some(Popup::Help), true);
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    assert!(screen.contains("pause, or continue") && screen.contains("q end  w why  v wire"), "{screen}");
+    assert!(!screen.contains("STOP ALL") && !screen.contains("start: run at idle"), "{screen}");
+}
+
+/// Engines that MAVLink or radio control commands have no script, and the line above says who commands.
+#[test]
+fn engines_without_pilots_have_no_script() {
+    let mut played = pair(45.0, &[], "commanded");
+    for sample in &mut played.model.samples {
+        sample.stage = Stage::Commanded;
+    }
+    played.model.length = None;
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    assert!(
+        screen.starts_with("jetlink rig   45.0 s  ×1\nleft runs, commanded by bench; press f"),
+        "{screen}"
+    );
+    assert!(screen.contains("│no script, armed"), "{screen}");
+}
+
+/// On a low and narrow screen they are on several pages, each of them whole.
+#[test]
+fn every_key_is_on_a_page_of_the_help_at_60_by_16() {
+    let mut played = pair(1.0, &[], "pages");
+    let mut pages = String::new();
+    let mut count = 0;
+    loop {
+        played.model.key(&char('?'));
+        let screen = text(&buffer(&played.model, COLOUR, 60, 16));
+        if played.model.popup.is_none() {
+            break;
+        }
+        count += 1;
+        pages += &screen;
+    }
+    assert!(count > 1, "{pages}");
+    for key in &super::keys::KEYS {
+        assert!(pages.contains(key.name) && pages.contains(key.text), "{}: {pages}", key.name);
+    }
+}
+
+/// No text of the smallest screen ends in the middle: what happens, why, and the reply window.
+#[test]
+fn texts_of_the_smallest_screen_are_whole() {
+    let mut played = play("whole", HEAD, &[], 120.0);
+    let screen = text(&buffer(&played.model, COLOUR, 60, 16));
+    assert_eq!(screen.lines().nth(1), Some("all engines run: steps of throttle and rpm"), "{screen}");
+    played.model.page = Page::Wire;
+    let screen = text(&buffer(&played.model, COLOUR, 60, 16));
+    assert!(screen.contains("30 ms, 9.167 ms left"), "{screen}");
+    played.model.page = Page::Why;
+    let screen = text(&buffer(&played.model, COLOUR, 60, 16));
+    assert!(screen.contains("Demand: commanded") && screen.contains("nothing limits it"), "{screen}");
+    // The summary after it, too: two engines beside one another.
+    let summary = super::super::summary::text(&played.outcomes, &[], None, 60);
+    let (table, _) = summary.split_once("\n\n").expect("a table");
+    assert!(table.lines().all(|line| line.chars().count() <= 60) && table.contains("booster"), "{table}");
+}
+
+/// Also one that nobody has taken from it.
+#[test]
+fn b_begins_the_script_anew() {
+    let before = pair(59.9, &[], "not-yet");
+    assert_ne!(before.model.samples[0].wire_text(), "standby");
+    let anew = pair(62.0, &[(60.0, char('b'))], "anew");
+    assert_eq!(anew.model.samples[0].wire_text(), "standby");
+    assert_eq!(anew.model.samples[0].stage, Stage::Standby);
+    assert_eq!(anew.model.samples[1].stage, before.model.samples[1].stage);
+}
+
+/// While a stop is latched a script cannot begin, and the event names the reason.
+#[test]
+fn b_while_a_stop_is_latched_names_the_stop() {
+    let played = pair(62.0, &[(50.0, char(' ')), (60.0, char('b'))], "latched");
+    let text = "NOT REACHED: standby was refused: an emergency stop is latched";
+    assert!(
+        played.model.events.iter().any(|event| event.text.starts_with(text)),
+        "{:?}",
+        played.model.events
+    );
+}
+
 #[test]
 fn a_command_takes_the_engine_and_b_gives_it_back() {
     // Left starts at 3 s, and runs 27 s later.
@@ -303,7 +526,7 @@ fn a_command_takes_the_engine_and_b_gives_it_back() {
     let keys = [(40.0, up), (40.1, up), (40.2, press(KeyCode::PageUp)), (60.0, char('b'))];
     let flying = pair(45.0, &keys, "taken");
     let screen = text(&buffer(&flying.model, COLOUR, 80, 24));
-    assert!(screen.contains("played, armed"), "{screen}");
+    assert!(screen.contains("played by you, armed"), "{screen}");
     let sent = flying.model.samples[0].wire_text();
     assert!(sent.ends_with(" %") && sent != "0.0 %", "{sent}");
     assert!(flying.script.contains("40.0 left throttle "), "{}", flying.script);
@@ -320,12 +543,13 @@ fn space_stops_all_engines_in_menus_too_and_release_takes_two_keys() {
     let stopped = pair(58.0, &keys, "stopped");
     for sample in &stopped.model.samples {
         assert_eq!(sample.wire_text(), "STOP");
+        assert_eq!(sample.counters.commands_rejected, 0);
     }
     let screen = text(&buffer(&stopped.model, COLOUR, 80, 24));
-    assert!(screen.contains("emergency stop is latched") && screen.contains("bench STOPS"), "{screen}");
-    let asked = pair(62.0, &keys, "asked");
-    assert_eq!(asked.model.samples[0].wire_text(), "STOP");
-    assert!(text(&buffer(&asked.model, COLOUR, 80, 24)).contains("release the emergency stop of left?"));
+    assert!(screen.contains("emergency stop is latched") && screen.contains("bench: STOP"), "{screen}");
+    let question = pair(62.0, &keys, "question");
+    assert_eq!(question.model.samples[0].wire_text(), "STOP");
+    assert!(text(&buffer(&question.model, COLOUR, 80, 24)).contains("release the emergency stop of left?"));
     let keys = [&keys[..], &[(62.0, char('y'))]].concat();
     let released = pair(64.0, &keys, "released");
     assert_eq!(released.model.samples[0].wire_text(), "standby");
@@ -355,7 +579,7 @@ fn a_fault_shows_what_the_node_does_about_it() {
     let played = pair(52.0, &cut, "cut");
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("left: nothing is received from its ECU"), "{screen}");
-    assert!(screen.contains("ECU link lost") && screen.contains("set by you: cut"), "{screen}");
+    assert!(screen.contains("ECU link lost") && screen.contains("set by you: cut line"), "{screen}");
     // No window missed is held against it, and the other engine is left alone.
     assert_eq!(super::super::summary::problems(&played.outcomes), Vec::<String>::new());
     assert!(played.outcomes.engines[1].played.is_none());
@@ -368,14 +592,14 @@ fn a_fault_shows_what_the_node_does_about_it() {
 }
 
 #[test]
-fn why_says_what_keeps_an_engine_from_a_start() {
+fn why_shows_what_prevents_a_start() {
     // Shut down in flight, and started again while it is hot.
     let keys = [(50.0, char('t')), (52.0, char('s')), (52.1, char('w'))];
     let played = pair(53.0, &keys, "why");
     let screen = text(&buffer(&played.model, COLOUR, 100, 30));
     assert!(screen.contains("✗ EGT") && screen.contains("let it cool in standby, limit 100 °C"), "{screen}");
     assert!(screen.contains("✓ armed"), "{screen}");
-    // The refusal says it in the same words.
+    // The refusal has the same text.
     let event = played.model.events.iter().find(|event| event.text.contains("rejected")).expect("a refusal");
     let reason = event.text.split_once("rejected: ").unwrap().1;
     assert!(screen.contains(reason), "{reason}: {screen}");
@@ -386,11 +610,11 @@ fn the_wire_has_the_reply_in_its_window() {
     let mut played = play("wire", HEAD, &[], 60.0);
     played.model.page = Page::Wire;
     let screen = text(&buffer(&played.model, COLOUR, 100, 30));
-    assert!(
-        screen.contains("reply window: reply from 0.000 ms to 20.833 ms of 30 ms, 9.167 ms left"),
-        "{screen}"
-    );
+    assert!(screen.contains("reply window: 0.000 to 20.833 ms of 30 ms, 9.167 ms left"), "{screen}");
     assert!(screen.contains("[███") && screen.contains("FF 14 "), "{screen}");
+    // At 80 columns the text of a frame continues in the next line.
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    assert!(!screen.contains('…') && screen.contains(" °C"), "{screen}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Colours and characters, by what the terminal can show.
 
+use super::super::fit::{ascii, elided};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols;
 
@@ -95,26 +96,17 @@ impl Theme {
         if !self.ascii {
             return text.to_owned();
         }
-        let ascii = |c: char| match c {
-            '°' => None,
-            '×' => Some('x'),
-            '→' => Some('>'),
-            '←' => Some('<'),
-            '↑' => Some('^'),
-            '↓' => Some('v'),
-            '…' => Some('~'),
-            'µ' => Some('u'),
-            '–' | '—' | '−' => Some('-'),
-            '•' => Some('*'),
-            '│' => Some('|'),
-            '─' => Some('-'),
-            '└' | '┌' | '┐' | '┘' => Some('+'),
-            '✓' => Some('+'),
-            '✗' => Some('!'),
-            c if c.is_ascii() => Some(c),
-            _ => Some('?'),
-        };
-        text.chars().filter_map(ascii).collect()
+        ascii(text)
+    }
+
+    /// Marks that something is left out.
+    pub const fn mark(self) -> char {
+        if self.ascii { '~' } else { '…' }
+    }
+
+    /// A text of at most this width, in characters that the terminal can show.
+    pub fn cut(self, text: &str, width: usize) -> String {
+        elided(&self.text(text), width, self.mark())
     }
 
     /// A gauge of this width, filled to this share, with a mark at its limit.
@@ -138,15 +130,6 @@ impl Theme {
     }
 }
 
-/// A text of at most this width; what is cut off is marked.
-pub fn cut(text: &str, width: usize, theme: Theme) -> String {
-    if text.chars().count() <= width {
-        return text.to_owned();
-    }
-    let mark = if theme.ascii { '~' } else { '…' };
-    text.chars().take(width.saturating_sub(1)).chain([mark]).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -158,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_environment_says_what_can_be_shown() {
+    fn the_environment_selects_colours_and_characters() {
         let utf8 = ("LANG", "de_DE.UTF-8");
         let both = |colours, ascii| Theme { colours, ascii };
         assert_eq!(theme(&[utf8, ("TERM", "xterm-256color")]), both(true, false));

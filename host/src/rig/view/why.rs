@@ -1,27 +1,42 @@
 //! Why the selected engine does what it does: the conditions of a start, and what holds the demand below the command.
 
 use super::super::conditions;
+use super::super::fit::wrapped;
+use super::super::sample::Sample;
 use super::model::Model;
 use super::theme::{Theme, Tone};
 use jetlink::engine::state::EngineState;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Paragraph, Wrap};
+use ratatui::widgets::{Block, Paragraph};
+
+/// Where the text of a condition begins.
+const INDENT: usize = 19;
 
 /// Draws it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
-    let name = model.name(model.selected);
-    let title = Span::styled(format!(" why: {name} "), theme.style(Tone::Head));
+    let does = model.samples.get(model.selected).map_or_else(|| "not known".to_owned(), Sample::does_text);
+    let title = format!(" why: {} is {does} ", model.name(model.selected));
+    let title = Span::styled(theme.text(&title), theme.style(Tone::Head));
     let block =
         Block::bordered().border_set(theme.border()).border_style(theme.style(Tone::Quiet)).title(title);
     let inside = block.inner(area);
     frame.render_widget(block, area);
-    frame.render_widget(Paragraph::new(lines(model, theme)).wrap(Wrap { trim: false }), inside);
+    let mut lines = lines(model, theme, inside.width.into());
+    // On a low screen all of the text is worth more than the space between.
+    if lines.len() > inside.height.into() {
+        lines.retain(|line| line.width() > 0);
+    }
+    frame.render_widget(Paragraph::new(lines), inside);
 }
 
-fn lines(model: &Model, theme: Theme) -> Vec<Line<'static>> {
+fn lines(model: &Model, theme: Theme, width: usize) -> Vec<Line<'static>> {
     let line = |text: String, tone| Line::from(Span::styled(theme.text(&text), theme.style(tone)));
+    let wrapped = |text: String, indent, tone| -> Vec<Line<'static>> {
+        let lines = wrapped(&theme.text(&text), width, indent, theme.mark());
+        lines.into_iter().map(|line| Line::from(Span::styled(line, theme.style(tone)))).collect()
+    };
     let (Some(subject), Some(detail), Some(sample)) = (
         model.subjects.get(model.selected),
         model.details.get(model.selected),
@@ -32,14 +47,11 @@ fn lines(model: &Model, theme: Theme) -> Vec<Line<'static>> {
     let others_start = model.samples.iter().enumerate().any(|(i, other)| {
         i != model.selected && matches!(other.does, EngineState::Starting(_) | EngineState::StartRequested)
     });
-    let mut lines = vec![
-        line(format!("{} is {}", model.name(model.selected), sample.does_text()), Tone::Plain),
-        line(String::new(), Tone::Plain),
-        line("Start".to_owned(), Tone::Head),
-    ];
+    let mut lines = vec![line("Conditions of a start now".to_owned(), Tone::Head)];
     for condition in conditions::of_start(&detail.telemetry, &subject.engine.config, others_start) {
         let (mark, tone) = if condition.met { ("✓", Tone::Good) } else { ("✗", Tone::Warn) };
-        lines.push(line(format!(" {mark} {:<15} {}", condition.what, condition.text), tone));
+        let text = format!(" {mark} {:<15} {}", condition.what, condition.text);
+        lines.extend(wrapped(text, INDENT, tone));
     }
     lines.push(line(String::new(), Tone::Plain));
     lines.push(line(
@@ -48,8 +60,8 @@ fn lines(model: &Model, theme: Theme) -> Vec<Line<'static>> {
     ));
     let held = conditions::of_demand(&detail.telemetry, &subject.engine.config);
     if held.is_empty() {
-        lines.push(line("   nothing holds it: what is commanded is sent".to_owned(), Tone::Good));
+        lines.push(line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good));
     }
-    lines.extend(held.into_iter().map(|text| line(format!("   {text}"), Tone::Warn)));
+    lines.extend(held.into_iter().flat_map(|text| wrapped(format!("   {text}"), 3, Tone::Warn)));
     lines
 }

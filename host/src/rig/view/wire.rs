@@ -1,9 +1,9 @@
 //! What is on the wire of the selected engine: the last frames both ways, and the reply window of an AMT ECU.
 
-use super::super::engines::Ecu;
+use super::super::fit::wrapped;
 use super::super::frames::{Frame as WireFrame, last_window};
 use super::model::Model;
-use super::theme::{Theme, Tone, cut};
+use super::theme::{Theme, Tone};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
@@ -11,7 +11,9 @@ use ratatui::widgets::{Block, Paragraph};
 use sim::ecu::{MILLIS, Nanos};
 use sim::wire::Direction;
 
-/// An AMT ECU waits so long for a reply.
+/// Where the bytes begin: text without room in a line continues below them.
+const INDENT: usize = 24;
+/// Reply window of an AMT ECU.
 const WINDOW: Nanos = 30 * MILLIS;
 
 /// Draws it.
@@ -27,23 +29,32 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     else {
         return;
     };
-    let is_amt = matches!(subject.engine.ecu, Ecu::Amt(_));
+    let has_window = subject.engine.ecu.protocol().has_reply_window();
     let [window, list] =
-        Layout::vertical([Constraint::Length(if is_amt { 3 } else { 0 }), Constraint::Min(0)]).areas(inside);
+        Layout::vertical([Constraint::Length(if has_window { 3 } else { 0 }), Constraint::Min(0)])
+            .areas(inside);
     let last: Vec<&WireFrame> = frames.last(usize::from(list.height).saturating_sub(1).max(8)).collect();
-    if is_amt {
+    if has_window {
         frame.render_widget(Paragraph::new(window_lines(theme, &last, usize::from(window.width))), window);
     }
-    let head = format!("{:>15}  {:<5}  {:<24}  what it says", "time in µs", "from", "bytes");
+    let head = format!("{:>15}  {:<5}  {:<24}  content", "time in µs", "from", "bytes");
     let mut lines = vec![Line::from(Span::styled(theme.text(&head), theme.style(Tone::Head)))];
-    let first = last.len().saturating_sub(usize::from(list.height).saturating_sub(1));
-    for one in last.iter().skip(first) {
-        lines.push(line(theme, one, usize::from(list.width)));
+    // From the last one on back, as long as there is room for all lines of one.
+    let mut shown: Vec<Vec<Line<'static>>> = Vec::new();
+    let mut room = usize::from(list.height).saturating_sub(1);
+    for one in last.iter().rev() {
+        let of_one = of_frame(theme, one, list.width.into());
+        if of_one.len() > room {
+            break;
+        }
+        room -= of_one.len();
+        shown.push(of_one);
     }
+    lines.extend(shown.into_iter().rev().flatten());
     frame.render_widget(Paragraph::new(lines), list);
 }
 
-fn line(theme: Theme, frame: &WireFrame, width: usize) -> Line<'static> {
+fn of_frame(theme: Theme, frame: &WireFrame, width: usize) -> Vec<Line<'static>> {
     let bytes: Vec<String> = frame.bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     let from = match frame.direction {
         Direction::ToNode => "ECU",
@@ -56,7 +67,8 @@ fn line(theme: Theme, frame: &WireFrame, width: usize) -> Line<'static> {
         Some(text) => (text.clone(), Tone::Plain),
     };
     let text = format!("{:>15}  {from:<5}  {:<24}  {what}", grouped(frame.from / 1000), bytes.join(" "));
-    Line::from(Span::styled(cut(&theme.text(&text), width, theme), theme.style(tone)))
+    let lines = wrapped(&theme.text(&text), width, INDENT, theme.mark());
+    lines.into_iter().map(|line| Line::from(Span::styled(line, theme.style(tone)))).collect()
 }
 
 /// The window as a bar of 30 ms with the reply in it.
@@ -72,7 +84,7 @@ fn window_lines(theme: Theme, frames: &[&WireFrame], width: usize) -> Vec<Line<'
             let left = ms(WINDOW) - ms(to);
             let tone = if to > WINDOW { Tone::Bad } else { Tone::Good };
             (
-                format!("reply from {:.3} ms to {:.3} ms of 30 ms, {left:.3} ms left", ms(from), ms(to)),
+                format!("{:.3} to {:.3} ms of 30 ms, {left:.3} ms left", ms(from), ms(to)),
                 tone,
                 Some((from, to)),
             )

@@ -4,7 +4,7 @@ use super::codec::{CONTROL_LEN, EngineModel};
 use crate::ecu::vendor::VendorService;
 use crate::line::{Line, StopBits, Timing};
 use crate::sentence::sentences;
-use crate::setting::settings;
+use crate::setting::{SettingId, settings};
 use embassy_time::Duration;
 
 /// From the last stop bit of an ECU frame to the last stop bit of its reply (AMT-11).
@@ -12,10 +12,10 @@ pub const REPLY_WINDOW: Duration = Duration::from_millis(30);
 
 settings! {
     /// Settings of an AMT ECU.
-    pub struct Config, "ecu.", AtNextStart {
-        start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some want the stick up for a start (AMT-14).";
+    pub struct Config, "ecu.", AtRest {
+        start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some ECUs require the stick up for a start (AMT-14).";
         reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";
-        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without replies for so long it stops its turbine by itself (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU.";
+        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without a reply in this time it stops its turbine by itself (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU.";
         half_idle: raw "AMT_HALF_IDLE" = 20 in 1..=254, "Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed. An engine whose shaft turns slower is not running. 20 is 10 000 rpm of an Olympus, which idles at 36 000 rpm and lights at 6000 rpm.";
     }
     groups {
@@ -25,7 +25,8 @@ settings! {
 }
 
 impl Config {
-    /// Heard after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400 baud.
+    /// Defaults of the link's timing: up after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400
+    /// baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 
     pub(crate) fn identity(self) -> [u8; 2] {
@@ -40,7 +41,10 @@ impl Config {
         if self.reply_slack(line).is_none() {
             return Err(Mistake::NoReplyFits);
         }
-        if self.check_own().is_err() { Err(Mistake::Settings) } else { Ok(()) }
+        match self.check_own() {
+            Ok(()) => Ok(()),
+            Err(row) => Err(Mistake::Setting(SettingId(row))),
+        }
     }
 
     /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
@@ -63,8 +67,8 @@ pub enum Mistake {
     StopBits,
     /// No reply fits the window: the guard is too long (AMT-11).
     NoReplyFits,
-    /// The serial delay time is not within 0.5 s to 60 s, or half of idle not within 1 to 254 (AMT-12).
-    Settings,
+    /// This setting of [`Config::SETTINGS`] is out of its range.
+    Setting(SettingId),
 }
 
 impl Mistake {
@@ -73,9 +77,7 @@ impl Mistake {
         match self {
             Self::StopBits => "invalid stop bits: an AMT line has one",
             Self::NoReplyFits => "the reply guard leaves no time for a reply: use a shorter one",
-            Self::Settings => {
-                "invalid AMT settings: use a serial delay of 0.5 s to 60 s, and half of idle from 1 to 254"
-            }
+            Self::Setting(id) => id.message(Config::SETTINGS),
         }
     }
 }

@@ -94,13 +94,13 @@ impl AmtLink {
             bump(&mut self.status.counters.damaged_frames);
             self.sign = Some(Sign::Damaged);
         } else {
-            self.hear(now);
-            self.believe(now, frame);
+            self.note_frame(now);
+            self.use_values(now, frame);
         }
         self.answer(now);
     }
 
-    fn hear(&mut self, now: Instant) {
+    fn note_frame(&mut self, now: Instant) {
         self.beat.frame(now);
         // A silence that has lasted long enough was a loss, even if this frame is handled before the timer.
         if self.monitor.timeout(now, &mut self.status) {
@@ -111,7 +111,7 @@ impl AmtLink {
         }
     }
 
-    fn believe(&mut self, now: Instant, frame: &Frame) {
+    fn use_values(&mut self, now: Instant, frame: &Frame) {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
@@ -307,6 +307,12 @@ impl Speaks for Config {
     fn link(self, line: Line, timing: Timing) -> AmtLink {
         AmtLink::new(self, line, timing)
     }
+
+    fn configure(self, link: &mut AmtLink, _now: Instant, line: Line, timing: Timing) {
+        link.config = self;
+        link.slack = self.reply_slack(line);
+        link.monitor.configure(timing);
+    }
 }
 
 impl Link for AmtLink {
@@ -435,9 +441,12 @@ impl Link for AmtLink {
         true
     }
 
-    fn doubt_ends(&self, since: Instant) -> Option<Instant> {
-        // An ECU that gets no reply for longer than this stops its turbine by itself.
-        Some(self.replied.unwrap_or(since) + self.config.serial_delay)
+    fn reply_timeout(&self) -> Option<Duration> {
+        Some(self.config.serial_delay)
+    }
+
+    fn last_reply(&self) -> Option<Instant> {
+        self.replied
     }
 
     fn status(&self) -> &LinkStatus {

@@ -9,7 +9,7 @@ use embassy_time::Duration;
 
 settings! {
     /// Settings of a ZK ECU.
-    pub struct Config, "ecu.", AtNextStart {
+    pub struct Config, "ecu.", AtRest {
         split_switch: yes_no "ZK_SPLIT_SWITCH" = 0 in 0..=1, "Carry the switch in ID 6 and the throttle in ID 1 (mode 2), on ECUs that know it. Otherwise both go in ID 1 (mode 1), until an rpm is commanded (mode 3).";
     }
     groups {
@@ -19,7 +19,7 @@ settings! {
 }
 
 impl Config {
-    /// Heard after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
+    /// Defaults of the link's timing: up after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
     pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
 
     pub(crate) const fn identity(self) -> [u8; 2] {

@@ -21,10 +21,16 @@ use crate::ecu::Service as AnyService;
 use crate::ecu::vendor::VendorService;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Transmission, earlier};
+use crate::link::{
+    Beat, Link, LinkMonitor, LinkRecord, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks,
+    Transmission, earlier,
+};
 use crate::report::{NotSent, bump};
 use crate::units::{Hectopascals, Rpm};
 use embassy_time::{Duration, Instant};
+
+/// Retained: the ECU was given its switch by ID 6 (ZK-9).
+const SWITCH_BY_ID6: u8 = 1;
 
 /// The conversation with one ZK ECU.
 #[derive(Clone, Debug)]
@@ -44,6 +50,8 @@ pub struct ZkLink {
     extra_last: bool,
     modes: Modes,
     wanted_rate: Rate,
+    /// The rate of the settings. A service command may have set another one since.
+    configured_rate: Rate,
     rate: RateSetting,
     service: ServiceCommand,
     pump: PumpClosing,
@@ -67,6 +75,7 @@ impl ZkLink {
             extra_last: false,
             modes: Modes::new(config.split_switch),
             wanted_rate: config.rate,
+            configured_rate: config.rate,
             rate: RateSetting::NotKnown,
             service: ServiceCommand::None,
             pump: PumpClosing::None,
@@ -93,6 +102,13 @@ impl ZkLink {
             }
             _ => {}
         }
+    }
+
+    /// Changes the rate of the ECU and of the send slots.
+    fn want_rate(&mut self, now: Instant, rate: Rate) {
+        self.wanted_rate = rate;
+        self.expect_frames();
+        self.rate = RateSetting::asking(now);
     }
 
     fn check_link(&mut self, now: Instant) {
@@ -193,6 +209,15 @@ impl Speaks for Config {
     fn link(self, line: Line, timing: Timing) -> ZkLink {
         ZkLink::new(self, line, timing)
     }
+
+    fn configure(self, link: &mut ZkLink, now: Instant, _line: Line, timing: Timing) {
+        link.monitor.configure(timing);
+        link.modes.split_switch(self.split_switch);
+        // A rate that a service command has set stays, unless the setting is another one.
+        if core::mem::replace(&mut link.configured_rate, self.rate) != self.rate {
+            link.want_rate(now, self.rate);
+        }
+    }
 }
 
 impl Link for ZkLink {
@@ -268,9 +293,7 @@ impl Link for ZkLink {
             if !rate.fits(self.line) {
                 return Err(Rejected::RateTooFast);
             }
-            self.wanted_rate = rate;
-            self.expect_frames();
-            self.rate = RateSetting::asking(now);
+            self.want_rate(now, rate);
             return Ok(());
         }
         if self.service.is_pending() {
@@ -344,17 +367,23 @@ impl Link for ZkLink {
         false
     }
 
-    fn doubt_ends(&self, _since: Instant) -> Option<Instant> {
+    fn reply_timeout(&self) -> Option<Duration> {
         // ID 0 commands nothing, and an rpm is sent to an engine that is already in mode 3: both continue.
         None
     }
 
-    fn switch_by_id6(&self) -> bool {
-        self.modes.switch_by_id6()
+    fn record(&self) -> LinkRecord {
+        LinkRecord::new(if self.modes.switch_by_id6() { SWITCH_BY_ID6 } else { 0 })
     }
 
-    fn resume_switch_by_id6(&mut self) {
-        self.modes.resume_switch_by_id6();
+    fn restore(&mut self, record: LinkRecord) {
+        if record.bits() & SWITCH_BY_ID6 != 0 {
+            self.modes.resume_switch_by_id6();
+        }
+    }
+
+    fn may_hold_rpm(&self) -> bool {
+        self.modes.switch_by_id6()
     }
 
     fn close_pump(&mut self) {
@@ -363,12 +392,8 @@ impl Link for ZkLink {
         self.pump = PumpClosing::begin();
     }
 
-    fn service_pending(&self) -> bool {
-        self.service.is_pending()
-    }
-
-    fn closing_pump(&self) -> bool {
-        self.pump.is_pending()
+    fn service_frames(&self) -> ServiceFrames {
+        ServiceFrames { command: self.service.is_pending(), closing_pump: self.pump.is_pending() }
     }
 
     fn status(&self) -> &LinkStatus {

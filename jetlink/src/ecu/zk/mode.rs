@@ -148,6 +148,11 @@ impl Modes {
         }
     }
 
+    /// Changes whether mode 2 is used, from the next frame on.
+    pub const fn split_switch(&mut self, split: bool) {
+        self.split_switch = split;
+    }
+
     /// Takes an order. `alive`: the ECU reports an engine that starts or runs. True if the order is of a different kind than
     /// the previous one; a new number alone is not.
     pub fn order(&mut self, now: Instant, order: Order, alive: bool) -> bool {

@@ -14,6 +14,10 @@ const HALF_IDLE_SHARE: u32 = 10;
 /// The same if no maximum is known either. Below 4000 rpm, the reading of a shaft at rest is noise (field note).
 const HALF_IDLE_UNKNOWN: Rpm = Rpm::new(10_000);
 
+/// Reports that have to agree on a later version than the one known. An ECU that keeps talking does not become another one, but
+/// CRC-8 lets one damaged frame in 256 through, and a later version allows commands that the ECU does not know.
+const LATER_VERSION_REPORTS: u8 = 4;
+
 /// The debounced status of an ECU: two reports have to agree before a value changes. All but the rate is discarded with the link.
 #[derive(Clone, Debug)]
 pub(super) struct DebouncedStatus {
@@ -137,7 +141,8 @@ impl DebouncedStatus {
         report: &mut Report,
         outbox: &mut Outbox,
     ) {
-        if !self.identity.see((version, max_rpm)) {
+        let later = self.identity.get().is_some_and(|(known, _)| version > known);
+        if !self.identity.see_frames((version, max_rpm), if later { LATER_VERSION_REPORTS } else { 2 }) {
             return;
         }
         report.max_rpm = Some(Timed::new(max_rpm, now));

@@ -63,7 +63,7 @@ fn amt_1_damaged_frames_do_not_keep_the_link_up() {
         (LinkState::Silent, Some(at_us(t)))
     );
     reply_to(&mut bench, &frame);
-    let heard = bench.now_us();
+    let received = bench.now_us();
     assert_eq!(bench.machine.status().state, LinkState::Up);
     bench.event_kinds();
     for _ in 0..7 {
@@ -72,7 +72,7 @@ fn amt_1_damaged_frames_do_not_keep_the_link_up() {
     }
     assert_eq!(
         (bench.machine.status().state, bench.machine.status().last_rx),
-        (LinkState::Up, Some(at_us(heard)))
+        (LinkState::Up, Some(at_us(received)))
     );
     bench.machine.line_error(LineError::Noise);
     reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
@@ -93,7 +93,7 @@ fn an_ecu_that_was_never_received_is_lost_once() {
     assert_eq!(bench.machine.status().last_rx, None);
 }
 
-/// AMT-9: the set-up set says that the ECU came out of its power-up.
+/// AMT-9: the set-up set reports that the ECU came out of its power-up.
 #[test]
 fn amt_9_a_restart_of_the_ecu_is_reported() {
     let mut bench = running();

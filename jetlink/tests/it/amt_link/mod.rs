@@ -129,7 +129,7 @@ fn run_at(tenths: u16) -> Command {
     Command::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }
 
-/// Ordered to start by a person who asked for this throttle right behind it.
+/// Ordered to start by a person who commanded this throttle right behind it.
 fn started(config: Config, tenths: u16) -> Bench<jetlink::engine::Engine> {
     let mut bench = engine_after(config, Some(RetainedState::new(Order::Standby, Origin::Rc)));
     for _ in 0..16 {

@@ -55,8 +55,8 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
     }
 }
 
-/// With no order in force an engine that two sets report running, with its shaft turning, goes on at the throttle on which
-/// they agree. The switch that the ECU says it obeys starts nothing.
+/// With no order in force an engine that two sets report running, with its shaft turning, continues at the throttle on which
+/// they agree. The switch that the ECU reports it obeys starts nothing.
 #[test]
 fn an_engine_found_running_resumes_at_its_own_throttle() {
     let at = |frame: [u8; 6], half_percents: u8| {
@@ -75,16 +75,16 @@ fn an_engine_found_running_resumes_at_its_own_throttle() {
     // Sets in a row, and what goes out behind each of them.
     let standby = Some((AUTO_OPS, 0));
     for (frames, replies) in [
-        // Damaged, it says nothing.
+        // Damaged, it reports nothing.
         (vec![(true, at(normal(FULL_OPERATION, RUN, 100), 80)); 4], vec![None; 4]),
-        // An engine at rest is put to standby, whatever the switch says.
+        // An engine at rest is put to standby, whatever its switch is.
         (vec![(false, at(normal(CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
         (vec![(false, at(normal(NO_CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
         (vec![(false, at(normal(STARTING, RUN, 10), 80)); 2], vec![None, standby]),
         // A shaft below half of idle is no running engine.
         (vec![(false, at(normal(FULL_OPERATION, RUN, 19), 80)); 4], vec![None; 4]),
         (vec![(false, at(normal(FULL_OPERATION, RUN, 20), 80)); 2], vec![None, Some((RUN_OPS, 80))]),
-        // Faults alone say nothing of an engine of which nothing is known.
+        // Faults alone report nothing of an engine of which nothing is known.
         (vec![(false, at(hot(error(0x01)), 80)); 4], vec![None; 4]),
         (vec![(false, alternate(0x06)); 4], vec![None; 4]),
     ] {
@@ -102,7 +102,7 @@ fn an_engine_found_running_resumes_at_its_own_throttle() {
     assert_eq!(answer(&mut bench, &setup("9.35 140617 ")), standby);
 }
 
-/// There is no checksum: one odd set that says at rest is not answered, and neither ends a run nor keeps the next good set
+/// There is no checksum: one odd set that reports at rest is not answered, and neither ends a run nor keeps the next good set
 /// from its reply.
 #[test]
 fn one_odd_set_withholds_one_reply() {
@@ -169,7 +169,7 @@ fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
     assert_eq!(reply.as_bytes(), control(STOP_OPS, 0));
 }
 
-/// AMT-13: CTF goes out when asked for by name, told once, until standby or a stop; where nothing is ordered to run it is
+/// AMT-13: CTF goes out when commanded by name, reported once, until standby or a stop; where nothing is ordered to run it is
 /// refused.
 #[test]
 fn amt_13_only_the_service_command_sends_ctf() {
@@ -239,7 +239,7 @@ fn amt_14_the_start_throttle_is_sent_until_full_operation() {
             (STARTING, 10, 5, start),
             (STARTED_UP, 30, 5, start),
             (IDLE_CALIBRATION, 60, 5, start),
-            (FULL_OPERATION, 70, 1, start), // AMT frames have no checksum: one is not believed
+            (FULL_OPERATION, 70, 1, start), // AMT frames have no checksum: one is not taken
             (FULL_OPERATION, 70, 6, 50),    // 25 % at 50 %/s takes 0.5 s, four frames
             (0b10000, 200, 5, 50),          // maximum rpm
             (0b11100, 200, 5, 50),          // the same, as the field has it
@@ -279,7 +279,7 @@ fn the_demand_rises_at_its_rate_after_a_start() {
     assert_eq!(before, 160);
 }
 
-/// AMT-14: one odd set does not drop the throttle of a running engine. Where it says at rest or starting again its reply is
+/// AMT-14: one odd set does not drop the throttle of a running engine. Where it reports at rest or starting again its reply is
 /// withheld, and two in a row end the run; idle calibration and "started up" in flight are neither.
 #[test]
 fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
@@ -325,7 +325,7 @@ fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
     }
 }
 
-/// AMT-2: error and alternate sets and unknown kinds say nothing about the state, and drop no throttle of an engine whose
+/// AMT-2: error and alternate sets and unknown kinds report nothing about the state, and drop no throttle of an engine whose
 /// exhaust burns. Faults with a cold exhaust end the run.
 #[test]
 fn amt_2_other_sets_do_not_drop_the_throttle() {
@@ -338,7 +338,7 @@ fn amt_2_other_sets_do_not_drop_the_throttle() {
         alternate(0x20),
         [0xFF, 0x0F, 1, 2, 3, 4],
         hot(error(0x20)),
-        error(0x08), // EGT error: its value says nothing
+        error(0x08), // EGT error: its value means nothing
         error(0x08),
         hot(normal(FULL_OPERATION, RUN, 100)),
     ] {
@@ -356,7 +356,7 @@ fn amt_2_other_sets_do_not_drop_the_throttle() {
     assert!(ended.is_some_and(|sets| (16..=40).contains(&sets)), "{ended:?}: a fall of 3 s, 8 sets a second");
 }
 
-/// AMT-12: an engine whose ECU falls silent for three sets is in doubt. One that is heard again, running, is answered at
+/// AMT-12: an engine whose ECU falls silent for three sets is in doubt. One that is received again, running, is answered at
 /// once, with the throttle where it was; after more than its serial delay time it needs two sets.
 #[test]
 fn amt_12_a_gap_puts_the_life_in_doubt() {
@@ -398,7 +398,7 @@ fn amt_12_a_gap_puts_the_life_in_doubt() {
     assert_eq!(answer(&mut bench, &own), Some((RUN_OPS, 90)));
 }
 
-/// AMT-3: what each kind of set says about the life of the engine.
+/// AMT-3: what each kind of set reports about the life of the engine.
 #[test]
 fn each_set_gives_the_sign_of_its_state() {
     let state = |stage, rpm: u8| Sign::State {
@@ -455,7 +455,7 @@ fn three_missing_sets_are_a_gap() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let gap = |bench: &Bench<AmtLink>| bench.machine.gap_at().map(|at| at.as_micros());
     let mut bench = default();
-    assert_eq!(gap(&bench), None, "nothing was heard yet");
+    assert_eq!(gap(&bench), None, "nothing was received yet");
     bench.rx_at_us(1_000_000, &frame);
     assert_eq!(gap(&bench), Some(1_375_000));
     bench.machine.line_error(LineError::Framing);

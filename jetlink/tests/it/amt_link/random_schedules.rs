@@ -18,7 +18,7 @@ fn step() -> impl Strategy<Value = Step> {
 
 proptest! {
     /// AMT-11: whatever comes whenever: never two replies at once (the bench checks it), each frame has a reply or
-    /// counts as missed, a reply is handed out in time to end within its window, an emergency stop rules all
+    /// counts as missed, a reply is handed out in time to end within its window, an emergency stop comes before all
     /// replies behind it, and silence yields "lost" exactly once.
     #[test]
     fn amt_11_in_any_schedule_each_frame_gets_at_most_one_reply_in_time(
@@ -64,7 +64,7 @@ proptest! {
         prop_assert_eq!(bench.frames(), vec![], "nothing is sent into silence");
     }
 
-    /// Any timing of a link: up after exactly so many frames, lost to the tick.
+    /// Any timing of a link: up after exactly the set number of frames, lost to the tick.
     #[test]
     fn any_link_timing_is_exact_to_the_tick(up_after in 1..=20u8, lost_after in 1_000..5_000_000u64) {
         let timing = Timing { up_after, lost_after: micros(lost_after) };
@@ -99,20 +99,20 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
     Ok(())
 }
 
-/// AMT-14, AMT-8: going on after a reset with an ECU that sends nothing but error sets does not dip its throttle, as long
+/// AMT-14, AMT-8: continuing after a reset with an ECU that sends nothing but error sets does not dip its throttle, as long
 /// as its exhaust burns. The control: with a cold one nothing goes out.
 #[test]
 fn amt_14_a_run_resumed_among_error_sets_keeps_the_throttle() {
     let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle(640), Origin::Rc)));
     let mut bench = reset();
-    assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not believed");
+    assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not taken");
     for _ in 0..2 {
         assert_eq!(answer(&mut bench, &hot(error(0x20))), Some((RUN_OPS, 128)));
     }
     let mut bench = reset();
     let cold = [answer(&mut bench, &error(0x20)), answer(&mut bench, &error(0x20))];
     assert!(cold.iter().flatten().all(|(ops, _)| *ops != RUN_OPS), "{cold:?}");
-    // A state without a name with the shaft turning goes on at once, and without it not.
+    // A state without a name with the shaft turning continues at once, and without it not.
     assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 100))), Some((RUN_OPS, 128)));
     assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 19))), None);
 }

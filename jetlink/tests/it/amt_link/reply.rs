@@ -128,7 +128,7 @@ fn amt_11_of_several_frames_during_a_transmission_the_last_is_answered() {
     assert_eq!((counters.frames, counters.sent, counters.replies_missed), (4, 2, 2));
 }
 
-/// AMT-11: what the UART did not send is counted, told, and the next frame is answered.
+/// AMT-11: what the UART did not send is counted, reported, and the next frame is answered.
 #[test]
 fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_repeated() {
     for (why, write_timeouts, write_errors) in

@@ -16,7 +16,7 @@ fn amt_5_amt_6_the_engine_sets_the_scales_of_rpm_and_voltages() {
         (EngineModel::Orion, None, None, None, None, None),
     ] {
         let mut bench = amt(Config { engine: Some(engine), ..Config::DEFAULT }, SLOW);
-        bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID says nothing
+        bench.rx_at_us(100_000, &alternate(0xF8)); // its engine ID is unnamed
         bench.rx_at_us(225_000, &[0xFF, FULL_OPERATION << 3 | RUN, 100, 100, 150, 51]);
         let report = &bench.machine.status().report;
         assert_eq!(report.rpm.map(|rpm| rpm.value.get()), rpm, "{engine:?}");
@@ -58,7 +58,7 @@ fn amt_5_no_rpm_without_a_scale() {
 fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     let named = |bench: &mut Bench<AmtLink>, frame: &[u8]| {
         reply_to(bench, frame);
-        let told: Vec<_> = bench
+        let reported: Vec<_> = bench
             .event_kinds()
             .into_iter()
             .filter_map(|event| match event {
@@ -66,7 +66,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
                 _ => None,
             })
             .collect();
-        (told, bench.machine.status().report.amt_engine.map(|engine| engine.value))
+        (reported, bench.machine.status().report.amt_engine.map(|engine| engine.value))
     };
     use EngineModel::{Mercury, Olympus, Pegasus, Titan};
     let configured = || {
@@ -76,17 +76,13 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     };
 
     let mut bench = default();
-    assert_eq!(named(&mut bench, &alternate(0x06)), (vec![Olympus], Some(Olympus)), "the first is believed");
+    assert_eq!(named(&mut bench, &alternate(0x06)), (vec![Olympus], Some(Olympus)), "the first is taken");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![], Some(Olympus)), "the same, new number");
     assert_eq!(named(&mut bench, &alternate(0x20)), (vec![], Some(Olympus)), "one odd frame");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![], Some(Olympus)));
     assert_eq!(named(&mut bench, &alternate(0x20)), (vec![], Some(Olympus)));
     assert_eq!(named(&mut bench, &alternate(0x20)), (vec![Titan], Some(Titan)), "two in a row");
-    assert_eq!(
-        named(&mut bench, &setup("8.35 140617 ")),
-        (vec![Mercury], Some(Mercury)),
-        "a text is believed"
-    );
+    assert_eq!(named(&mut bench, &setup("8.35 140617 ")), (vec![Mercury], Some(Mercury)), "a text is taken");
     assert_eq!(
         named(&mut bench, &setup("11.35 200131 ")),
         (vec![], Some(Mercury)),
@@ -105,7 +101,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
 
     // The configured engine is reported when the ECU confirms it; the ECU's own report takes precedence.
     let mut bench = configured();
-    assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not said it");
+    assert_eq!(bench.machine.status().report.amt_engine, None, "the ECU has not reported it");
     assert_eq!(named(&mut bench, &alternate(0x18)), (vec![Olympus], Some(Olympus)));
     let mut bench = configured();
     assert_eq!(named(&mut bench, &alternate(0x03)).0, []);
@@ -132,7 +128,7 @@ fn amt_3_each_state_has_its_phase() {
     ] {
         let mut bench = default();
         reply_to(&mut bench, &normal(state, switch, rpm));
-        assert_eq!(bench.machine.status().report.phase, None, "one frame is not believed");
+        assert_eq!(bench.machine.status().report.phase, None, "one frame is not taken");
         reply_to(&mut bench, &normal(state, switch, rpm));
         assert_eq!(bench.machine.status().report.phase.map(|phase| phase.value), Some(phase), "{state:#07b}");
         let switch_reported = match switch {
@@ -144,13 +140,13 @@ fn amt_3_each_state_has_its_phase() {
     }
 }
 
-/// The phase is as old as the last frame that agreed with it: neither an odd frame nor another set renews it.
+/// The phase is as old as the last frame that confirmed it: neither an odd frame nor another set renews it.
 #[test]
 fn amt_3_only_frames_that_agree_renew_the_phase() {
     let mut bench = running();
     let running = normal(FULL_OPERATION, RUN, 100);
     reply_to(&mut bench, &running);
-    let agreed = bench.now_us();
+    let confirmed = bench.now_us();
     for other in [
         normal(STARTING, RUN, 1),
         normal(NO_CLEARANCE, EMERGENCY, 0),
@@ -161,7 +157,7 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     ] {
         reply_to(&mut bench, &other);
         let phase = bench.machine.status().report.phase.unwrap();
-        assert_eq!((phase.value, phase.at), (Phase::Running, at_us(agreed)), "{other:02x?}");
+        assert_eq!((phase.value, phase.at), (Phase::Running, at_us(confirmed)), "{other:02x?}");
     }
     reply_to(&mut bench, &running);
     let t = bench.now_us();
@@ -175,12 +171,12 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     assert_eq!((phase.value, phase.at), (Phase::Stopped, at_us(t)));
 }
 
-/// AMT-8: the faults are told when they change, bit 7 included; one odd set is no fault, changes none
+/// AMT-8: the faults are reported when they change, bit 7 included; one odd set is no fault, changes none
 /// and does not end one.
 #[test]
 fn amt_8_faults_are_reported_when_they_change() {
     let mut bench = default();
-    for (frame, told) in [
+    for (frame, reported) in [
         (normal(CLEARANCE, AUTO_STOP, 0), None),
         (error(0x01), None),
         (normal(CLEARANCE, AUTO_STOP, 0), None),
@@ -191,7 +187,7 @@ fn amt_8_faults_are_reported_when_they_change() {
         (error(0x01), None),
         (error(0xC1), None),
         (error(0xC1), Some(0xC1)),
-        (alternate(0x18), None), // says nothing of faults
+        (alternate(0x18), None), // reports nothing of faults
         (normal(CLEARANCE, AUTO_STOP, 0), None),
         (error(0xC1), None),
         (normal(CLEARANCE, AUTO_STOP, 0), None),
@@ -210,7 +206,7 @@ fn amt_8_faults_are_reported_when_they_change() {
                 _ => None,
             })
             .collect();
-        assert_eq!(faults, told.into_iter().collect::<Vec<_>>(), "{frame:02x?}");
+        assert_eq!(faults, reported.into_iter().collect::<Vec<_>>(), "{frame:02x?}");
     }
     assert_eq!(bench.machine.status().report.faults.unwrap().value, Faults::Amt(ErrorBits(0)));
 }
@@ -228,7 +224,7 @@ fn amt_8_an_error_set_gives_no_rpm() {
 
 /// AMT-2: a frame of an unknown kind is counted, and its bytes are stored.
 #[test]
-fn amt_2_sets_of_unknown_kinds_are_kept_raw() {
+fn amt_2_sets_of_unknown_kinds_are_preserved_raw() {
     let mut bench = default();
     let unknown = [0xFF, 0b0101_1101, 1, 2, 3, 4];
     reply_to(&mut bench, &unknown);
@@ -272,7 +268,7 @@ fn amt_9_a_line_error_before_the_setup_set_does_not_lose_it() {
     assert!(bench.event_kinds().contains(&Event::EcuStarted));
 }
 
-/// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is believed.
+/// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is taken.
 #[test]
 fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
     let mut bench = running();

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Flies at 80 % under RC, which speaks for so long after the ECU fell silent. Gives when it spoke last.
+/// Flies at 80 % under RC, which commands for this long after the ECU fell silent. Returns when it last commanded.
 fn given_up(ecu: Ecu, rc_for: u64, lower: Option<Command>) -> (Scenario, u64) {
     let mut scenario = Scenario::started(ecu, percent(80));
     scenario.silent();
@@ -39,8 +39,8 @@ fn standby_of_a_lower_source_waits_after_an_order_was_abandoned() {
     }
 }
 
-/// An engine that comes back after its order was given up goes on where the stages of loss are by then. With its source
-/// there it goes on at what the ECU reports.
+/// An engine that comes back after its order was given up continues where the stages of loss are by then. With its source
+/// there it continues at what the ECU reports.
 #[test]
 fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     // RC is lost at 0.5 s, the hold ends at 1.5 s, and 80 % have fallen by 3.1 s.
@@ -49,7 +49,7 @@ fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
         assert_eq!(scenario.order(), Order::Listen);
         scenario.run_to_us(last + later - 2 * FRAME_PERIOD_US);
         scenario.values.half_percents = 160;
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         while !matches!(scenario.order(), Order::Run(_)) {
             scenario.pass_us(FRAME_PERIOD_US);
         }
@@ -58,7 +58,7 @@ fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     }
     let (mut scenario, _) = given_up(Ecu::Amt, 9 * SECOND, None);
     scenario.values.half_percents = 160;
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.fly_us(run(80), Origin::Rc, 4 * FRAME_PERIOD_US);
     assert_eq!(scenario.tenths(), 800, "RC is there");
 }

@@ -42,7 +42,78 @@ fn amt_8_an_exhaust_without_combustion_ends_a_life() {
     }
 }
 
-/// A fall within 5 s after a lower demand is what was asked for; after that it is not.
+/// The fall that a lower demand causes is expected after a reset, too, for as long as it would have been without one. A loop of
+/// resets does not prolong it.
+#[test]
+fn amt_8_a_fall_after_a_lower_demand_is_expected_over_a_reset() {
+    let fall = |t: u64| 700 - (t / 50_000) as i32;
+    for (demand, resets, end) in [
+        (run(20), 0, Wire::Run(200)),
+        (run(20), 1, Wire::Run(200)),
+        (run(20), 12, Wire::Standby),
+        // The control: the same fall at the same demand.
+        (run(50), 1, Wire::Standby),
+    ] {
+        let mut scenario = with_faults(SECOND / 2, 1, demand, fall);
+        let mut now = SECOND / 2;
+        let mut fly = |scenario: &mut Scenario, until: u64| {
+            while now < until {
+                now += FRAME_PERIOD_US;
+                scenario.values.egt_celsius = fall(now);
+                let _ = scenario.command(demand);
+                scenario.pass_us(FRAME_PERIOD_US);
+            }
+        };
+        for reset in 1..=resets {
+            scenario = scenario.reset(Ecu::Amt.config());
+            fly(&mut scenario, SECOND / 2 + reset * 2 * FRAME_PERIOD_US);
+        }
+        fly(&mut scenario, 4_900_000);
+        let sent = scenario.sent();
+        assert_eq!(sent.last(), Some(&end), "{demand:?} {resets}");
+        fly(&mut scenario, 10 * SECOND);
+        assert_eq!(scenario.sent().last(), Some(&Wire::Standby), "{demand:?} {resets}, for longer");
+    }
+}
+
+/// A loop of resets ends an unconfirmed run after the serial delay, as one long silence does: by then the ECU has stopped its engine,
+/// and could start it when the fault clears. So does a gap before a reset: the ECU may have restarted in it.
+#[test]
+fn amt_8_a_reset_ends_neither_the_serial_delay_nor_a_gap() {
+    const EGT_FAULT: u8 = 1 << 3;
+    const BEGIN_US: u64 = 45_000;
+    /// At 8 sets a second, the rate that the node expects until it has measured another.
+    const AMT_PERIOD_US: u64 = 125_000;
+    // As the engine counts it: a reset takes 20 ms at least, and without an input no record is written.
+    const SERIAL_DELAY_RESETS: u64 = 4 * SECOND / 20_000;
+    let table = [
+        ("no silence", 0, 0, Some(Wire::Run(500))),
+        ("a loop, shorter than the serial delay", 0, SERIAL_DELAY_RESETS / 5, Some(Wire::Run(500))),
+        ("a loop that is longer", 0, SERIAL_DELAY_RESETS + 10, None),
+        ("one missing frame, then a reset", 2 * AMT_PERIOD_US, 1, Some(Wire::Run(500))),
+        ("four, then a reset", 5 * AMT_PERIOD_US, 1, None),
+        ("four, then two resets", 5 * AMT_PERIOD_US, 2, None),
+    ];
+    for (name, silence, resets, sent) in table {
+        let config = Ecu::Amt.config();
+        let EcuConfig::Amt(amt) = config.ecu else { panic!("AMT") };
+        assert_eq!(amt.serial_delay, micros(4 * SECOND));
+        let mut scenario = with_faults(2 * SECOND, EGT_FAULT, run(50), |_| 500);
+        let source = Origin::Rc;
+        scenario.silent().fly_us(run(50), source, silence);
+        for _ in 0..resets {
+            scenario = scenario.reset(config);
+            scenario.silent().fly_us(run(50), source, BEGIN_US);
+        }
+        scenario.reports = Some(Reports::Running);
+        scenario.sent();
+        scenario.fly_us(run(50), source, 10 * FRAME_PERIOD_US);
+        let wires = scenario.sent();
+        assert_eq!(wires.last().copied(), sent, "{name}: {wires:?}");
+    }
+}
+
+/// A fall within 5 s after a lower demand is what was commanded; after that it is not.
 #[test]
 fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
     let fall = |t: u64| 700 - (t / 50_000) as i32;
@@ -58,11 +129,11 @@ fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
     }
 }
 
-/// Where the exhaust is not known the order goes on under the stages of loss, and ends in standby when they have run out, to
-/// the tick. Where it burns it goes on at the fail-safe throttle.
+/// Where the exhaust is not known the order continues under the stages of loss, and ends in standby when they have run out, to
+/// the tick. Where it burns it continues at the fail-safe throttle.
 #[test]
-fn amt_8_without_a_source_only_a_burning_engine_is_kept_running() {
-    // The hottest that an AMT ECU can say is about 1120 °C: a thermocouple that is broken.
+fn amt_8_without_a_source_only_a_burning_engine_continues_to_run() {
+    // The hottest that an AMT ECU can report is about 1120 °C: a thermocouple that is broken.
     let table: [(u8, Egt, bool); 3] = [(1, |_| 500, true), (1 << 3, |_| 500, false), (1, |_| 1_110, false)];
     for (fault, egt, burns) in table {
         let mut scenario = with_faults(2 * SECOND, fault, run(50), egt);
@@ -99,7 +170,7 @@ fn amt_8_one_odd_error_set_ends_no_life() {
     }
 }
 
-/// When the fault clears, the reply to the first normal sets is run only where they say running, with a shaft that turns.
+/// When the fault clears, the reply to the first normal sets is run only where they report running, with a shaft that turns.
 #[test]
 fn amt_8_after_a_fault_run_is_sent_to_a_running_engine_only() {
     for (state, rpm, answered) in [
@@ -114,7 +185,7 @@ fn amt_8_after_a_fault_run_is_sent_to_a_running_engine_only() {
         (0b00010, SLOW, false),
         (0b00010, TURNING, false),
     ] {
-        // Its sensor is broken, so that the exhaust says nothing.
+        // Its sensor is broken, so that the exhaust reports nothing.
         let mut scenario = with_faults(2 * SECOND, 1 << 3, run(50), |_| 500);
         scenario.silent().pass_us(FRAME_PERIOD_US);
         scenario.command(run(50)).unwrap();
@@ -143,15 +214,15 @@ fn one_odd_report_of_starting_does_not_advance_a_start() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         let values = scenario.values;
         for _ in 0..3 {
-            scenario.odd(Says::Starting, values);
+            scenario.odd(Reports::Starting, values);
             scenario.fly_us(run(0), Origin::Rc, 4 * FRAME_PERIOD_US);
         }
         assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
         // Two that agree do, and rest ends it then.
-        scenario.says(Says::Starting).says(Says::Standby);
+        scenario.reports(Reports::Starting).reports(Reports::Standby);
         assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "{ecu:?}");
     }
 }
@@ -173,14 +244,14 @@ fn each_end_of_a_run_has_its_name() {
     assert!(names.iter().all(|name| name.len() > 10));
 }
 
-/// A source whose rpm waits for the ECU's version is there: its run goes on, and the stages of loss do not begin.
+/// A source whose rpm waits for the ECU's version is there: its run continues, and the stages of loss do not begin.
 #[test]
 fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
     let config = Ecu::Zk.config();
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
     // The line is cut for long enough that the version is forgotten, and comes back without it.
     scenario.silent().fly_us(run(50), Origin::Rc, 2 * SECOND);
-    scenario.says(Says::Running).fly_us(run(50), Origin::Rc, SECOND);
+    scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(50)));
     let waits = Rejected::NeedsVersion { needed: 4, known: None };
     assert_eq!(scenario.command(Command::Run(rpm(100_000))), Err(waits));
@@ -190,7 +261,7 @@ fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
     assert_eq!(stages(&mut scenario), []);
 }
 
-/// "The exhaust is the evidence, believed without the EGT error bit ... not known: the order goes on under the stages of loss, and
+/// "The exhaust is the evidence, taken without the EGT error bit ... not known: the order continues under the stages of loss, and
 /// when they have run out it is standby." A watchdog reset of the node does not change that; a gap in the ECU's beat does, because
 /// the ECU may have restarted.
 #[test]
@@ -203,25 +274,75 @@ fn amt_8_after_a_reset_an_unreadable_exhaust_shuts_down_no_engine() {
         ("it burns", 1, |_| 500, Some(500)),
         ("it does not", 1, |_| 26, None),
     ];
-    for (name, fault, egt, goes_on) in table {
+    for (name, fault, egt, continues) in table {
         let mut scenario = with_faults(2 * SECOND, EGT_FAULT, run(50), |_| 500);
         (scenario.values.fault, scenario.values.egt_celsius) = (fault, egt(0));
         let config = Ecu::Amt.config();
         let mut after = scenario.reset(config);
         after.fly_us(run(50), Origin::Rc, 10 * SECOND);
         let sent = after.sent();
-        let expected = goes_on.map_or(Wire::Standby, Wire::Run);
+        let expected = continues.map_or(Wire::Standby, Wire::Run);
         assert!(sent.len() > 100 && sent.iter().all(|wire| *wire == expected), "{name}: {:?}", sent.last());
-        // When nobody speaks any more, it ends: only a report of running confirms the life after a reset.
+        // When no source commands any more, it ends: only a report of running confirms the life after a reset.
         after.pass_us(SOURCE_TIMEOUT_US + HOLD_US + RUN_OUT_US + SECOND);
         assert_eq!(after.wire(), Wire::Standby, "{name}");
         // The control: a gap, after which the ECU may be another one.
         if fault & EGT_FAULT != 0 {
             scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
-            scenario.says = Some(Says::Running);
+            scenario.reports = Some(Reports::Running);
             scenario.sent();
             scenario.fly_us(run(50), Origin::Rc, SECOND);
             assert_eq!(scenario.sent(), [], "{name}, after a gap");
         }
+    }
+}
+
+/// Two error sets put a running engine in doubt, and one does not. A burning exhaust confirms the engine meanwhile, so that the
+/// doubt begins with the first state after them; what else it was raised by keeps its begin.
+#[test]
+fn amt_8_the_doubt_of_error_sets_begins_when_the_exhaust_no_longer_confirms_the_engine() {
+    const EGT_FAULT: u8 = 1 << 3;
+    for (name, fault, gap_first, from_the_state) in [
+        ("it burns", 1, false, true),
+        ("its sensor is faulty", EGT_FAULT, false, false),
+        ("after a gap", 1, true, false),
+    ] {
+        let mut scenario = with_faults(0, 0, run(50), |_| 500);
+        assert_eq!(scenario.telemetry().in_doubt, None);
+        let mut raised = None;
+        if gap_first {
+            scenario.silent().fly_us(run(50), Origin::Rc, gap(Ecu::Amt) + 2 * FRAME_PERIOD_US);
+            raised = scenario.telemetry().in_doubt;
+            assert!(raised.is_some());
+        }
+        scenario.values.fault = fault;
+        let faulted = Ecu::Amt.frame(Reports::Running, scenario.values);
+        receive(&mut scenario, &faulted);
+        assert_eq!(scenario.telemetry().in_doubt, raised, "{name}: one set");
+        receive(&mut scenario, &faulted);
+        scenario.reports = Some(Reports::Running);
+        let raised = scenario.telemetry().in_doubt;
+        assert!(raised.is_some(), "{name}: two sets");
+        scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.telemetry().in_doubt, raised, "{name}");
+        scenario.values.fault = 0;
+        let unnamed = Ecu::Amt.frame(Reports::Unknown, scenario.values);
+        receive(&mut scenario, &unnamed);
+        let expected = if from_the_state { Some(at_us(scenario.now_us())) } else { raised };
+        assert_eq!(scenario.telemetry().in_doubt, expected, "{name}");
+    }
+}
+
+/// The temperature of combustion is a setting, which takes effect with the next sets.
+#[test]
+fn amt_8_the_temperature_of_combustion_can_be_set_in_flight() {
+    for (limit, order) in [(300, Order::Doubt(percent(50))), (400, Order::Standby)] {
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 350);
+        assert_eq!(scenario.order(), Order::Doubt(percent(50)));
+        let config = Ecu::Amt.with(|supervision| supervision.burning_egt = Celsius::from_tenths(limit * 10));
+        let now = at_us(scenario.now_us());
+        scenario.bench.act(|engine, _| engine.configure(now, &config.supervision)).unwrap();
+        scenario.fly_us(run(50), Origin::Rc, 4 * FRAME_PERIOD_US);
+        assert_eq!(scenario.order(), order, "{limit} °C");
     }
 }

@@ -5,7 +5,7 @@ use super::*;
 /// What a report means, given twice.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Means {
-    /// It fits, or says nothing: the demand goes on.
+    /// It fits, or reports nothing: the demand continues.
     GoesOn,
     /// Doubt at once, and no verdict: nothing that could start an engine goes out.
     Doubt,
@@ -33,7 +33,7 @@ fn check(ecu: Ecu, scenario: &mut Scenario, frame: &[u8], means: Means, name: &s
         scenario.sent();
         scenario.bench.receive(frame);
         assert_eq!(scenario.order(), expected, "{name}");
-        // AMT: the reply to this very frame. ZK: the next turn.
+        // AMT: the reply to this very frame. ZK: in the next slot.
         scenario.pass_us(if ecu == Ecu::Amt { 0 } else { FRAME_PERIOD_US });
         let wire = if expected == Order::Standby { Wire::Standby } else { Wire::Run(500) };
         let answered = if ecu == Ecu::Amt { answered } else { !matches!(expected, Order::Doubt(_)) };
@@ -114,7 +114,7 @@ fn amt_sets_without_a_state_are_answered_as_the_set_before_them() {
                 if *state == GAP {
                     scenario.silent().pass_us(gap(Ecu::Amt));
                 } else {
-                    hear(&mut scenario, &report(Ecu::Amt, *state, TURNING));
+                    receive(&mut scenario, &report(Ecu::Amt, *state, TURNING));
                 }
             }
             scenario.silent().pass_us(FRAME_PERIOD_US);
@@ -131,7 +131,7 @@ fn amt_sets_without_a_state_are_answered_as_the_set_before_them() {
 fn three_missing_frames_raise_doubt() {
     for ecu in BOTH {
         let mut scenario = flying(ecu);
-        hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
+        receive(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
         let last = scenario.now_us();
         scenario.command(run(50)).unwrap();
         scenario.run_to_us(last + gap(ecu) - 1);
@@ -147,7 +147,7 @@ fn three_missing_frames_raise_doubt() {
         // Two reports confirm it, and the demand is in the reply to the second.
         for in_doubt in [true, false] {
             scenario.command(run(50)).unwrap();
-            hear(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
+            receive(&mut scenario, &report(ecu, if ecu == Ecu::Amt { 0b01100 } else { 11 }, TURNING));
             assert_eq!(scenario.telemetry().in_doubt.is_some(), in_doubt, "{ecu:?}");
         }
         assert!(scenario.bench.event_kinds().contains(&Event::LifeConfirmed));
@@ -159,13 +159,13 @@ fn three_missing_frames_raise_doubt() {
 fn amt_9_a_power_up_ends_a_life() {
     let setup = amt_frames::setup("9.35 140617 ");
     for (name, far) in
-        [("ordered", None), ("starting", Some(Says::Starting)), ("running", Some(Says::Running))]
+        [("ordered", None), ("starting", Some(Reports::Starting)), ("running", Some(Reports::Running))]
     {
         for after_gap in [false, true] {
             let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
             scenario.command(run(0)).unwrap();
-            for says in far.into_iter().flat_map(|far| [Says::Starting, far]) {
-                scenario.says(says);
+            for reports in far.into_iter().flat_map(|far| [Reports::Starting, far]) {
+                scenario.reports(reports);
             }
             if after_gap && far.is_some() {
                 scenario.silent().pass_us(gap(Ecu::Amt));
@@ -190,22 +190,22 @@ fn amt_9_a_power_up_ends_a_life() {
 #[test]
 fn a_gap_ends_a_start_that_has_not_begun() {
     for ecu in BOTH {
-        for says in [Says::Standby, Says::Starting] {
+        for reports in [Reports::Standby, Reports::Starting] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             scenario.command(run(0)).unwrap();
-            scenario.says(says);
-            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
+            scenario.reports(reports);
+            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {reports:?}");
             scenario.bench.events();
             let last = scenario.telemetry().last_rx.unwrap().as_micros();
             scenario.command(run(0)).unwrap();
             scenario.silent().run_to_us(last + gap(ecu) - 1);
-            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {says:?}");
+            assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?} {reports:?}");
             scenario.run_to_us(last + gap(ecu));
-            let (order, end) = match says {
-                Says::Standby => (Order::Standby, vec![End::GapInStart]),
+            let (order, end) = match reports {
+                Reports::Standby => (Order::Standby, vec![End::GapInStart]),
                 _ => (Order::Doubt(percent(0)), vec![]),
             };
-            assert_eq!((scenario.order(), ends(&mut scenario)), (order, end), "{ecu:?} {says:?}");
+            assert_eq!((scenario.order(), ends(&mut scenario)), (order, end), "{ecu:?} {reports:?}");
         }
     }
 }
@@ -244,7 +244,7 @@ fn an_earlier_stage_ends_a_start() {
             if *state == GAP {
                 scenario.silent().pass_us(gap(ecu));
             } else {
-                hear(&mut scenario, &report(ecu, *state, SLOW));
+                receive(&mut scenario, &report(ecu, *state, SLOW));
             }
             assert!(i > 0 || scenario.order() == Order::Run(percent(0)), "{name}");
         }
@@ -262,7 +262,7 @@ fn an_earlier_stage_with_a_shaft_that_turns_ends_nothing() {
             scenario.command(run(0)).unwrap();
             for state in [far, far, earlier, earlier, earlier] {
                 let _ = scenario.command(run(0));
-                hear(&mut scenario, &report(ecu, state, rpm));
+                receive(&mut scenario, &report(ecu, state, rpm));
             }
             assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {far} {earlier} {rpm}");
         }
@@ -277,17 +277,17 @@ fn a_shaft_alone_neither_ends_nor_confirms() {
     let mut scenario = flying(Ecu::Zk);
     for _ in 0..20 {
         scenario.command(run(50)).unwrap();
-        hear(&mut scenario, &shaft(SLOW));
+        receive(&mut scenario, &shaft(SLOW));
         assert_eq!(scenario.order(), Order::Doubt(percent(50)), "it ends none alone");
     }
     for _ in 0..20 {
         scenario.command(run(50)).unwrap();
-        hear(&mut scenario, &shaft(TURNING));
+        receive(&mut scenario, &shaft(TURNING));
         assert_eq!(scenario.order(), Order::Doubt(percent(50)), "it confirms none");
     }
-    hear(&mut scenario, &rest);
+    receive(&mut scenario, &rest);
     assert_eq!(scenario.order(), Order::Doubt(percent(50)));
-    hear(&mut scenario, &shaft(SLOW));
+    receive(&mut scenario, &shaft(SLOW));
     assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "it helps");
 }
 
@@ -297,13 +297,13 @@ fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     let config = Ecu::Zk.with(|s| s.start.timeout = Duration::from_secs(20));
     for running_at in [None, Some(19 * SECOND)] {
         let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
-        hear(&mut scenario, &report(Ecu::Zk, 13, TURNING));
+        receive(&mut scenario, &report(Ecu::Zk, 13, TURNING));
         let from = scenario.now_us();
         let mut end = from + 20 * SECOND;
         while scenario.now_us() < end - FRAME_PERIOD_US {
             let _ = scenario.command(run(50));
             let back = running_at.is_some_and(|at| scenario.now_us() >= from + at);
-            hear(&mut scenario, &report(Ecu::Zk, if back { 11 } else { 13 }, TURNING));
+            receive(&mut scenario, &report(Ecu::Zk, if back { 11 } else { 13 }, TURNING));
             end = from + if running_at.is_some() { 40 * SECOND } else { 20 * SECOND };
         }
         scenario.run_to_us(end - 1);
@@ -329,7 +329,7 @@ fn a_demand_does_not_rise_in_doubt() {
         scenario.fly_us(run(80), Origin::Rc, COMMAND_PERIOD_US);
         assert_eq!(scenario.order(), Order::Doubt(percent(20)), "{ecu:?}");
         assert_eq!(scenario.telemetry().commanded, Some(percent(80)));
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(80), Origin::Rc, 2 * FRAME_PERIOD_US);
         assert!(scenario.tenths() <= 250, "50 % a second: {}", scenario.tenths());
         scenario.fly_us(run(80), Origin::Rc, 1_200_000);
@@ -337,18 +337,18 @@ fn a_demand_does_not_rise_in_doubt() {
     }
 }
 
-/// ZK-9: in mode 3 the demand goes on in doubt, as ID 7 in turn with ID 0: an ECU that restarted has forgotten ID 6 and
+/// ZK-9: in mode 3 the demand continues in doubt, as ID 7 alternating with ID 0: an ECU that restarted has forgotten ID 6 and
 /// ignores ID 7. ID 7 needs a version that is known (ZK-7): with the link that is lost. In mode 1 it is ID 0 alone.
 #[test]
 fn zk_9_in_doubt_a_speed_alternates_with_id_0() {
     for (demand, by_rpm) in [(rpm(80_000), true), (percent(50), false)] {
         let mut scenario = Scenario::started(Ecu::Zk, demand);
-        hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+        receive(&mut scenario, &report(Ecu::Zk, 1, 0));
         scenario.bench.frames();
-        // Rest and running in turn: heard, and in doubt.
+        // Rest and running alternately: received, and in doubt.
         for i in 0..40 {
             scenario.command(Command::Run(demand)).unwrap();
-            hear(&mut scenario, &report(Ecu::Zk, if i % 2 == 0 { 11 } else { 1 }, TURNING));
+            receive(&mut scenario, &report(Ecu::Zk, if i % 2 == 0 { 11 } else { 1 }, TURNING));
         }
         assert_eq!(scenario.order(), Order::Doubt(demand));
         let bytes = scenario.bench.bytes();
@@ -367,13 +367,13 @@ fn zk_9_in_doubt_a_speed_alternates_with_id_0() {
     }
 }
 
-/// A life that nothing confirms loses its order: AMT when no set was replied to for the ECU's serial delay time. ZK goes on with
+/// A life that nothing confirms loses its order: AMT when no set was replied to for the ECU's serial delay time. ZK continues with
 /// ID 0 for as long as its source is fresh. If the ECU is back, however late, two reports with shaft speed bring the engine
 /// back, unless standby or a stop was sent meanwhile.
 #[test]
 fn an_order_that_nothing_confirms_is_abandoned_without_a_shutdown() {
     for ecu in BOTH {
-        for (meanwhile, goes_on) in
+        for (meanwhile, continues) in
             [(None, true), (Some(Command::ShutDown), false), (Some(Command::EmergencyStop), false)]
         {
             let mut scenario = flying(ecu);
@@ -397,17 +397,17 @@ fn an_order_that_nothing_confirms_is_abandoned_without_a_shutdown() {
             }
             scenario.values.half_percents = 80;
             let order = scenario.order();
-            scenario.says = Some(Says::Running);
+            scenario.reports = Some(Reports::Running);
             scenario.fly_us(run(40), Origin::Rc, FRAME_PERIOD_US);
             assert_eq!(scenario.order(), order, "{ecu:?}: one report is not enough");
             scenario.fly_us(run(40), Origin::Rc, FRAME_PERIOD_US);
-            let expected = if goes_on { Order::Run(percent(40)) } else { order };
+            let expected = if continues { Order::Run(percent(40)) } else { order };
             assert_eq!(scenario.order(), expected, "{ecu:?} {meanwhile:?}");
         }
     }
 }
 
-/// In doubt a source that is fresh goes on, and only its standby or a stop ends the run: they go out blind.
+/// In doubt a source that is fresh continues, and only its standby or a stop ends the run: they go out blind.
 #[test]
 fn in_doubt_only_standby_or_a_stop_ends_a_run() {
     for ecu in BOTH {
@@ -424,7 +424,7 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
                 command => scenario.command(command).unwrap(),
             };
             scenario.sent();
-            // ZK at the next turn, AMT in the reply to the first set of any kind.
+            // ZK in the next slot, AMT in the reply to the first set of any kind.
             scenario.pass_us(FRAME_PERIOD_US);
             if ecu == Ecu::Amt {
                 scenario.bench.receive(&amt_frames::alternate(0x06));
@@ -434,7 +434,7 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
     }
 }
 
-/// Runs at 50 %, and from then on nothing wants anything: when the stages of loss have run out.
+/// Runs at 50 %, and from then on no source commands: when the stages of loss have run out.
 fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Scenario, u64) {
     let config = ecu.with(|s| s.loss.standby_after = standby_after.map(micros));
     let scenario = Scenario::started_with(ecu, config, percent(50));
@@ -443,10 +443,10 @@ fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Sce
 }
 
 /// An order to run without a living engine ends in standby when the stages of loss have run out: 10 s into the fail-safe
-/// stage where standby is set to never. To the tick; a source that wants nothing counts as silent. A living one goes on.
+/// stage where standby is set to never. To the tick; a source that wants nothing counts as silent. A living one continues.
 #[test]
 fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
-    for (ecu, heard, standby_after, present) in [
+    for (ecu, received, standby_after, present) in [
         (Ecu::Amt, true, None, false),
         (Ecu::Amt, true, Some(3 * SECOND), false),
         (Ecu::Amt, true, None, true),
@@ -455,10 +455,10 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
         (Ecu::Zk, false, Some(3 * SECOND), false),
         (Ecu::Zk, false, Some(3 * SECOND), true),
     ] {
-        let name = format!("{ecu:?} {heard} {standby_after:?} {present}");
+        let name = format!("{ecu:?} {received} {standby_after:?} {present}");
         let (mut scenario, end) = loses_its_source(ecu, standby_after, present);
-        if heard {
-            // Said to be running, with a shaft that does not turn: in doubt, and no verdict.
+        if received {
+            // Reported as running, with a shaft that does not turn: in doubt, and no verdict.
             scenario.values.rpm = Some(SLOW);
         } else {
             scenario.silent();
@@ -469,7 +469,7 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
         }
         scenario.run_to_us(end - 1);
         // An AMT ECU that gets no reply has given up by then, and so has its order.
-        let given_up = ecu == Ecu::Amt && heard;
+        let given_up = ecu == Ecu::Amt && received;
         let order = if given_up { Order::Listen } else { Order::Doubt(percent(0)) };
         assert_eq!(scenario.order(), order, "{name}");
         scenario.sent();
@@ -478,7 +478,7 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
         // ZK blind, AMT in its next reply.
         scenario.pass_us(FRAME_PERIOD_US);
         let sent = scenario.sent();
-        assert_eq!(sent.is_empty(), ecu == Ecu::Amt && !heard, "{name}");
+        assert_eq!(sent.is_empty(), ecu == Ecu::Amt && !received, "{name}");
         assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{name} {sent:?}");
     }
     for ecu in BOTH {
@@ -488,7 +488,7 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
     }
 }
 
-/// The count of the stages goes on when the order is given up because nothing confirmed the life.
+/// The count of the stages continues when the order is given up because nothing confirmed the life.
 #[test]
 fn abandoning_an_order_does_not_restart_the_stages_of_loss() {
     for ecu in BOTH {
@@ -552,22 +552,53 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
 #[test]
 fn disarm_ends_a_start_but_not_a_running_engine() {
     for ecu in BOTH {
-        for (says, ends) in [(Says::Standby, true), (Says::Starting, true), (Says::Running, false)] {
+        for (reports, ends) in
+            [(Reports::Standby, true), (Reports::Starting, true), (Reports::Running, false)]
+        {
             for in_doubt in [false, true] {
                 let mut scenario = Scenario::ready(ecu, ecu.config());
                 scenario.command(run(0)).unwrap();
-                if says != Says::Standby {
-                    scenario.says(Says::Starting);
+                if reports != Reports::Standby {
+                    scenario.reports(Reports::Starting);
                 }
-                scenario.says(says);
-                if in_doubt && says != Says::Standby {
+                scenario.reports(reports);
+                if in_doubt && reports != Reports::Standby {
                     scenario.silent().fly_us(run(0), Origin::Rc, SECOND);
                 }
                 for origin in [Origin::Bench, Origin::Rc] {
                     scenario.command_from(Command::Disarm, origin).unwrap();
                     assert!(!scenario.telemetry().armed);
-                    assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {says:?} {in_doubt}");
+                    assert_eq!(scenario.order() == Order::Standby, ends, "{ecu:?} {reports:?} {in_doubt}");
                 }
+            }
+        }
+    }
+}
+
+/// Two reports agree only if no gap is between them: another ECU may have been plugged in.
+#[test]
+fn a_gap_separates_reports_that_would_agree() {
+    for ecu in BOTH {
+        let (running, rest) = match ecu {
+            Ecu::Amt => (amt_frames::FULL_OPERATION, amt_frames::NO_CLEARANCE),
+            Ecu::Zk => (11, 0),
+        };
+        for (state, rpm, order) in [(running, TURNING, Order::Run(percent(50))), (rest, 0, Order::Standby)] {
+            for gap_between in [false, true] {
+                let mut scenario = flying(ecu);
+                scenario.silent().fly_us(run(50), Origin::Rc, gap(ecu) + 2 * FRAME_PERIOD_US);
+                let doubt = Order::Doubt(percent(50));
+                assert_eq!(scenario.order(), doubt, "{ecu:?}");
+                let frame = report(ecu, state, rpm);
+                receive(&mut scenario, &frame);
+                assert_eq!(scenario.order(), doubt, "{ecu:?}");
+                if gap_between {
+                    scenario.fly_us(run(50), Origin::Rc, gap(ecu) + 2 * FRAME_PERIOD_US);
+                    receive(&mut scenario, &frame);
+                    assert_eq!(scenario.order(), doubt, "{ecu:?} {state}");
+                }
+                receive(&mut scenario, &frame);
+                assert_eq!(scenario.order(), order, "{ecu:?} {state} {gap_between}");
             }
         }
     }

@@ -1,9 +1,10 @@
-//! One life, one start: what a report means for a run, who may start, what takes two words, what goes on over a reset. As
+//! One life, one start: what a report means for a run, who may start, what takes two commands, what continues over a reset. As
 //! tables, for both ECUs, to the tick where the rule has a time.
 
 mod abandoned_orders;
 mod error_sets;
 mod lives;
+mod records;
 mod resets;
 mod sources;
 mod start_faults;
@@ -11,6 +12,7 @@ mod start_permission;
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::ecu::EcuConfig;
 use jetlink::engine::Engine;
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::{End, Event, LossStage};
@@ -22,16 +24,16 @@ use jetlink::units::{Celsius, Rpm};
 use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Values, Wire, percent,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent,
     rpm, run,
 };
 
-/// RC's age limit, and for how long a demand is held after it.
+/// RC's timeout, and for how long a demand is held after it.
 const SOURCE_TIMEOUT_US: u64 = 500_000;
 
 const HOLD_US: u64 = SECOND;
 
-/// An order to run without a living engine ends so long after the fail-safe stage began.
+/// Time from the beginning of the fail-safe stage to the end of an order to run without a living engine.
 const RUN_OUT_US: u64 = 10 * SECOND;
 
 /// Below half of the idle speed of either engine.
@@ -54,7 +56,7 @@ fn report(ecu: Ecu, state: u8, rpm: u32) -> Vec<u8> {
 }
 
 /// The next frame is this one.
-fn hear(scenario: &mut Scenario, frame: &[u8]) {
+fn receive(scenario: &mut Scenario, frame: &[u8]) {
     scenario.silent().pass_us(FRAME_PERIOD_US);
     scenario.bench.receive(frame);
 }

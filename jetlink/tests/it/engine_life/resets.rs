@@ -1,6 +1,7 @@
-//! What goes on over a reset.
+//! What continues over a reset.
 
 use super::*;
+use jetlink::link::LinkRecord;
 
 fn retained(order: Order) -> RetainedState {
     RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
@@ -21,23 +22,28 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
             (Order::EmergencyStop, false, Order::EmergencyStop),
             (Order::Listen, true, Order::Listen),
         ] {
-            let record =
-                RetainedState { ran, by_id6: true, pump_open: true, limited: true, ..retained(order) };
+            let record = RetainedState {
+                ran,
+                link: LinkRecord::new(1),
+                pump_open: true,
+                limited: true,
+                ..retained(order)
+            };
             let memory = RetainedMemory::new();
             memory.store(&record, ours);
             assert_eq!(memory.load(ours, Reset::Warm), Some(record), "{order:?}: the control");
             for (fingerprint, reset) in [(ours, Reset::PowerLost), (ours ^ 1, Reset::Warm)] {
                 let record = memory.load(fingerprint, reset).expect("a whole record");
                 assert_eq!((record.order, record.ran, record.armed), (left, ran, false), "{ecu:?} {order:?}");
-                // It goes on as ID 0.
+                // It continues as ID 0.
                 let left = if left == Order::Pwm { Order::Listen } else { left };
-                assert!(record.by_id6 && record.pump_open && !record.limited);
+                assert!(record.link == LinkRecord::new(1) && record.pump_open && !record.limited);
                 let mut scenario = Scenario::after_reset(ecu, config, Some(record));
                 assert!(!scenario.telemetry().armed);
                 assert_eq!(scenario.order(), left, "{ecu:?} {order:?}");
                 // An engine at rest stays there, whatever streams.
                 scenario.introduce();
-                scenario.says(Says::Standby);
+                scenario.reports(Reports::Standby);
                 scenario.fly_us(run(0), Origin::Rc, 5 * SECOND);
                 let wire = if left == Order::EmergencyStop { Wire::Stop } else { Wire::Standby };
                 assert_eq!(scenario.wire(), wire, "{ecu:?} {order:?}");
@@ -56,7 +62,7 @@ fn two_reports_decide_while_no_order_is_in_force() {
         // Any other state with a shaft that turns is answered.
         // A shaft that coasts beside a cleared start says neither.
         (Ecu::Amt, 0b00001, TURNING, Order::Listen),
-        // A start goes on as one: no demand before it runs.
+        // A start continues as one: no demand before it runs.
         (Ecu::Amt, 0b00010, TURNING, Order::Run(percent(0))),
         (Ecu::Amt, 0b00100, TURNING, runs),
         (Ecu::Amt, 0b01000, TURNING, runs),
@@ -85,7 +91,7 @@ fn two_reports_decide_while_no_order_is_in_force() {
             frame[4] = 130;
         }
         for expected in [Order::Listen, second] {
-            hear(&mut scenario, &frame);
+            receive(&mut scenario, &frame);
             assert_eq!(scenario.order(), expected, "{ecu:?} {state} {rpm}");
         }
     }
@@ -95,7 +101,8 @@ fn two_reports_decide_while_no_order_is_in_force() {
 /// stages of loss, where the record says that the engine ran; else not.
 #[test]
 fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
-    for (ran, egt, goes_on) in [(true, 500, true), (false, 500, false), (true, 26, false), (true, 299, false)]
+    for (ran, egt, continues) in
+        [(true, 500, true), (false, 500, false), (true, 26, false), (true, 299, false)]
     {
         let memory = RetainedMemory::new();
         let config = Ecu::Amt.config();
@@ -103,18 +110,49 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
         let record = memory.load(config.fingerprint(), Reset::PowerLost);
         let mut scenario = Scenario::after_reset(Ecu::Amt, config, record);
         scenario.values = Values { egt_celsius: egt, fault: 1, half_percents: 120, ..scenario.values };
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.pass_us(FRAME_PERIOD_US);
         assert_eq!(scenario.sent(), [], "{ran} {egt}: one set is not enough");
         scenario.pass_us(FRAME_PERIOD_US);
-        assert_eq!(scenario.sent(), if goes_on { vec![Wire::Run(600)] } else { vec![] }, "{ran} {egt}");
-        if goes_on {
+        assert_eq!(scenario.sent(), if continues { vec![Wire::Run(600)] } else { vec![] }, "{ran} {egt}");
+        if continues {
             assert_eq!(scenario.telemetry().loss, LossStage::Hold);
             scenario.pass_us(5 * SECOND);
             assert_eq!((scenario.wire(), scenario.telemetry().loss), (Wire::Run(0), LossStage::FailSafe));
         } else {
             scenario.pass_us(5 * SECOND);
             assert_eq!(scenario.sent(), [], "{ran} {egt}");
+        }
+    }
+}
+
+/// AMT-8: an exhaust that burned after the reset may fall, as it does after an acceleration: the replies continue. One that falls as
+/// fast as without a flame ends them.
+#[test]
+fn amt_8_after_a_reset_a_slow_fall_of_a_burning_exhaust_costs_no_reply() {
+    for with_record in [true, false] {
+        for (degrees_per_s, continues) in [(0, true), (8, true), (25, false)] {
+            let config = Ecu::Amt.config();
+            let memory = RetainedMemory::new();
+            let record = RetainedState { ran: true, ..retained(Order::Run(percent(60))) };
+            memory.store(&record, config.fingerprint());
+            let reset = if with_record { Reset::Warm } else { Reset::PowerLost };
+            let mut scenario =
+                Scenario::after_reset(Ecu::Amt, config, memory.load(config.fingerprint(), reset));
+            scenario.values = Values { egt_celsius: 600, fault: 1, half_percents: 120, ..scenario.values };
+            scenario.reports = Some(Reports::Running);
+            scenario.fly_us(run(60), Origin::Rc, SECOND);
+            let from = scenario.now_us();
+            let mut silent_us = 0;
+            while scenario.now_us() < from + 8 * SECOND {
+                let passed = i32::try_from((scenario.now_us() - from) / 1000).unwrap();
+                scenario.values.egt_celsius = 600 - degrees_per_s * passed / 1000;
+                scenario.sent();
+                scenario.fly_us(run(60), Origin::Rc, SECOND / 4);
+                let answered = scenario.sent().iter().any(|wire| matches!(wire, Wire::Run(_)));
+                silent_us = if answered { 0 } else { silent_us + SECOND / 4 };
+            }
+            assert_eq!(silent_us == 0, continues, "{with_record} {degrees_per_s}: {silent_us} µs");
         }
     }
 }
@@ -155,7 +193,7 @@ fn the_record_shows_whether_the_engine_ran() {
         (
             "at rest",
             |s| {
-                s.says(Says::Cooling);
+                s.reports(Reports::Cooling);
             },
             false,
         ),
@@ -168,12 +206,12 @@ fn the_record_shows_whether_the_engine_ran() {
         }
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         assert!(!scenario.bench.machine.record().ran, "{ecu:?}: a start is no run");
     }
 }
 
-/// Resets in a row without a source are counted; one word ends the row. From the third the engine is resumed at the fail-safe
+/// Resets in a row without a source are counted; one command ends the row. From the third the engine is resumed at the fail-safe
 /// stage.
 #[test]
 fn resets_without_a_source_are_counted() {
@@ -200,7 +238,7 @@ fn resets_without_a_source_are_counted() {
 }
 
 /// A reset loop of any period: with a fresh source the engine stays at its demand, without one it comes to idle, and to
-/// standby when nothing has been heard for 10 s and more.
+/// standby when nothing has been received for 10 s and more.
 #[test]
 fn reset_loop_of_any_period_does_not_hold_a_demand() {
     for ecu in BOTH {
@@ -221,7 +259,7 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
                 scenario = scenario.reset(ecu.config());
             }
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {period}");
-            // The control: the source speaks after each reset, as soon as the engine is confirmed.
+            // The control: the source commands after each reset, as soon as the engine is confirmed.
             let mut scenario = flying(ecu);
             // What is retained is what has gone out.
             scenario.fly_us(run(50), Origin::Rc, 4 * FRAME_PERIOD_US);
@@ -242,30 +280,56 @@ fn zk_8_a_hand_over_resumes_as_id_0_after_a_reset() {
     for reset in [Reset::Warm, Reset::PowerLost] {
         let mut before = Scenario::ready(Ecu::Zk, config);
         before.command(Command::HandOverToPwm).unwrap();
-        before.says(Says::Starting).says(Says::Running);
+        before.reports(Reports::Starting).reports(Reports::Running);
         let memory = RetainedMemory::new();
         memory.store(&before.bench.machine.record(), config.fingerprint());
         let mut scenario = Scenario::after_reset(Ecu::Zk, config, memory.load(config.fingerprint(), reset));
-        scenario.says = Some(Says::Unknown);
+        scenario.reports = Some(Reports::Unknown);
         scenario.introduce();
         scenario.pass_us(9 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}");
         scenario.pass_us(51 * SECOND);
         // Nobody commands, and nothing ends it but the engine.
         assert_eq!(scenario.sent(), [], "{reset:?}: ID 0 only");
-        scenario.says(Says::Running).pass_us(60 * SECOND);
+        scenario.reports(Reports::Running).pass_us(60 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over anew");
         scenario.silent();
         {
-            hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+            receive(&mut scenario, &report(Ecu::Zk, 1, 0));
             assert_ne!(scenario.order(), Order::Standby);
-            hear(&mut scenario, &report(Ecu::Zk, 1, 0));
+            receive(&mut scenario, &report(Ecu::Zk, 1, 0));
             assert_eq!(scenario.order(), Order::Standby);
         }
     }
 }
 
-/// What a record holds of a demand is what went out of it. The first word of its source after a reset is no move of the stick.
+/// An engine that was handed over and never ran has not failed when a reset finds it at rest: the others keep their demand. One that
+/// ran has.
+#[test]
+fn zk_8_an_engine_that_was_handed_over_and_never_ran_has_not_failed() {
+    let config = Ecu::Zk.config();
+    for ran in [false, true] {
+        let mut before = Scenario::ready(Ecu::Zk, config);
+        before.command(Command::HandOverToPwm).unwrap();
+        if ran {
+            before.reports(Reports::Starting).reports(Reports::Running).pass_us(SECOND);
+        }
+        let mut record = before.bench.machine.record();
+        for reset in 1..=2 {
+            let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(record));
+            scenario.introduce();
+            record = scenario.bench.machine.record();
+            assert_eq!(record.ran, ran, "{reset}");
+            if reset == 2 {
+                scenario.reports(Reports::Standby).pass_us(SECOND);
+                assert_eq!(scenario.order(), Order::Standby, "{ran}");
+                assert_eq!(scenario.bench.machine.failed(), ran);
+            }
+        }
+    }
+}
+
+/// What a record holds of a demand is what went out of it. The first command of its source after a reset is no move of the stick.
 #[test]
 fn the_first_demand_after_a_reset_rises_at_the_rate() {
     for ecu in BOTH {
@@ -274,7 +338,7 @@ fn the_first_demand_after_a_reset_rises_at_the_rate() {
         scenario.fly_us(run(10), Origin::Rc, SECOND);
         let mut scenario = scenario.reset(config);
         scenario.values.half_percents = 20;
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.order(), Order::Run(percent(10)), "{ecu:?}");
         scenario.command(run(80)).unwrap();
         let from = scenario.now_us();
@@ -298,7 +362,7 @@ fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
     let mut scenario = Scenario::ready(Ecu::Amt, config);
     scenario.command(run(0)).unwrap();
     for _ in 0..10 {
-        hear(&mut scenario, &starting);
+        receive(&mut scenario, &starting);
         scenario.command(run(0)).unwrap();
     }
     let record = scenario.bench.machine.record();
@@ -306,13 +370,169 @@ fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
         let mut machine = Engine::new(&config);
         machine.restore(Some(record));
         machine.command(at_us(0), command, Origin::Rc, true).unwrap();
-        let mut scenario = Scenario::nothing_heard(Ecu::Amt, config);
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, config);
         machine.start(at_us(0), Some(record));
         scenario.bench.machine = machine;
         scenario.bench.drain();
         for _ in 0..4 {
-            hear(&mut scenario, &starting);
+            receive(&mut scenario, &starting);
         }
         assert_eq!(scenario.order(), left, "{command:?}");
+    }
+}
+
+/// A start that a reset cut short continues where it was: rest is not expected in it any more, as it is right after the order, and a gap
+/// puts it in doubt.
+#[test]
+fn amt_a_start_found_after_a_reset_is_under_way() {
+    let config = Ecu::Amt.config();
+    let starting = report(Ecu::Amt, amt_frames::STARTING, TURNING);
+    let rest = report(Ecu::Amt, amt_frames::NO_CLEARANCE, 0);
+    for (frame, sets, order) in [
+        (&starting, 8, Order::Run(percent(0))),
+        (&rest, 1, Order::Doubt(percent(0))),
+        (&rest, 2, Order::Standby),
+    ] {
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        for _ in 0..4 {
+            receive(&mut scenario, &starting);
+        }
+        let mut scenario = scenario.reset(config);
+        // Two sets find it. None has advanced it since.
+        for _ in 0..2 {
+            receive(&mut scenario, &starting);
+        }
+        assert_eq!(scenario.order(), Order::Run(percent(0)));
+        for _ in 0..sets {
+            receive(&mut scenario, frame);
+        }
+        assert_eq!(scenario.order(), order, "{sets} of {frame:?}");
+    }
+}
+
+/// Without an order in force two reports that agree decide, and a gap separates them.
+#[test]
+fn a_gap_separates_the_reports_that_find_an_engine() {
+    for ecu in BOTH {
+        for (reports, order) in
+            [(Reports::Running, Order::Run(percent(0))), (Reports::Stopped, Order::Standby)]
+        {
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+            scenario.introduce();
+            if ecu == Ecu::Zk {
+                scenario.bench.receive(&zk_frames::status(3, 0, [0, 0, 0]));
+            }
+            let frame = ecu.frame(reports, scenario.values);
+            for received in 0..2 {
+                receive(&mut scenario, &frame);
+                assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {reports:?} {received}");
+                scenario.silent().pass_us(gap(ecu) + 2 * FRAME_PERIOD_US);
+            }
+            receive(&mut scenario, &frame);
+            receive(&mut scenario, &frame);
+            assert_eq!(scenario.order(), order, "{ecu:?} {reports:?}");
+        }
+    }
+}
+
+/// Silence from before a brown-out counts: all sources are silent for the time to standby once, and not once more.
+#[test]
+fn silence_before_a_brown_out_counts_towards_standby() {
+    const ALL_US: u64 = HOLD_US + RUN_OUT_US;
+    for ecu in BOTH {
+        for silent in [SECOND, 6 * SECOND] {
+            let mut flight = flying(ecu);
+            flight.reports = Some(Reports::Running);
+            flight.fly_us(run(50), Origin::Rc, SECOND).pass_us(silent);
+            let record = flight.bench.machine.record().without_start();
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
+            // Nothing is received from the ECU. Silence is retained in steps of 0.2 s.
+            scenario.silent().pass_us(ALL_US - silent - 300_000);
+            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {silent}");
+            scenario.pass_us(600_000);
+            assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {silent}");
+        }
+    }
+}
+
+/// An engine that is found running after a brown-out is lowered by what the stages of loss have come to by then.
+#[test]
+fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
+    for ecu in BOTH {
+        for (silent, tenths) in [(300_000, 800..=900), (3 * SECOND, 300..=600)] {
+            let mut flight = Scenario::started(ecu, percent(90));
+            flight.reports = Some(Reports::Running);
+            flight.fly_us(run(90), Origin::Rc, SECOND).pass_us(silent);
+            let record = flight.bench.machine.record().without_start();
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
+            scenario.values.half_percents = 180;
+            scenario.introduce();
+            if ecu == Ecu::Zk {
+                scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+            }
+            scenario.reports = Some(Reports::Running);
+            scenario.pass_us(2 * FRAME_PERIOD_US);
+            assert!(tenths.contains(&scenario.tenths()), "{ecu:?} {silent}: {}", scenario.tenths());
+        }
+    }
+}
+
+/// A source that waits to take over is received: resets that each cut its wait short end no engine. Without it, they do.
+#[test]
+fn resets_while_a_source_waits_to_take_over_end_no_run() {
+    for ecu in BOTH {
+        let config = ecu.with(|rules| {
+            rules.loss.standby_after = Some(Duration::from_secs(3));
+            rules.takeover.within = Duration::from_secs(5);
+        });
+        for commands in [true, false] {
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.reports = Some(Reports::Running);
+            let mut orders = Vec::new();
+            for _ in 0..4 {
+                for _ in 0..36 {
+                    if commands {
+                        scenario.fly_us(run(10), Origin::Mavlink, SECOND / 10);
+                    } else {
+                        scenario.pass_us(SECOND / 10);
+                    }
+                    orders.push(scenario.order());
+                }
+                scenario = scenario.reset(config);
+                scenario.reports = Some(Reports::Running);
+            }
+            assert_eq!(orders.contains(&Order::Standby), !commands, "{ecu:?} {commands}");
+            let last = orders.last().copied();
+            assert_eq!(last == Some(Order::Run(percent(10))), commands, "{ecu:?} {commands}: {last:?}");
+        }
+    }
+}
+
+/// A source that waits to take over is the one that a reset finds in control: its wait does not begin anew, and its silence has its
+/// own timeout.
+#[test]
+fn a_source_that_waits_to_take_over_is_in_control_after_a_reset() {
+    const MAVLINK_TIMEOUT_US: u64 = SECOND;
+    for ecu in BOTH {
+        let config = ecu.with(|rules| rules.takeover.within = Duration::from_secs(20));
+        for commands in [true, false] {
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.reports = Some(Reports::Running);
+            scenario.fly_us(run(10), Origin::Mavlink, 3 * SECOND);
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}: it waits");
+            assert_eq!(scenario.bench.machine.record().origin, Origin::Mavlink, "{ecu:?}");
+            let mut scenario = scenario.reset(config);
+            scenario.reports = Some(Reports::Running);
+            if commands {
+                scenario.fly_us(run(10), Origin::Mavlink, SECOND);
+                assert_eq!(scenario.order(), Order::Run(percent(10)), "{ecu:?}");
+                continue;
+            }
+            scenario.pass_us(MAVLINK_TIMEOUT_US + HOLD_US - SECOND / 4);
+            assert_eq!(scenario.telemetry().loss, LossStage::Hold, "{ecu:?}");
+            scenario.pass_us(SECOND / 2);
+            assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
+        }
     }
 }

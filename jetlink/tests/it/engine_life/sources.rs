@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Two words of a slow source count within two of its own periods, to the tick, if that is longer than its age limit.
+/// Two commands of a slow source count within two of its own periods, to the tick, if that is longer than its timeout.
 #[test]
 fn two_standbys_of_a_slow_source_count_within_two_of_its_periods() {
     for ecu in BOTH {
@@ -13,7 +13,7 @@ fn two_standbys_of_a_slow_source_count_within_two_of_its_periods() {
             (400_000, 1_000_001, false),
         ] {
             let mut scenario = Scenario::with(ecu, ecu.config());
-            scenario.says(Says::Standby).pass_us(2 * SECOND);
+            scenario.reports(Reports::Standby).pass_us(2 * SECOND);
             let fly = |scenario: &mut Scenario, command, times| {
                 for _ in 0..times {
                     let _ = scenario.command_from(command, Origin::Mavlink);
@@ -23,15 +23,15 @@ fn two_standbys_of_a_slow_source_count_within_two_of_its_periods() {
             scenario.command(Command::Arm).unwrap();
             fly(&mut scenario, Command::Standby, 4);
             fly(&mut scenario, run(0), 1);
-            scenario.says = Some(Says::Starting);
+            scenario.reports = Some(Reports::Starting);
             fly(&mut scenario, run(0), 1);
-            scenario.says = Some(Says::Running);
+            scenario.reports = Some(Reports::Running);
             fly(&mut scenario, run(50), 6);
             assert_eq!(scenario.tenths(), 500, "{ecu:?}");
             let first = scenario.command_from(Command::Standby, Origin::Mavlink);
             assert_eq!(first, Ok(Accepted::RepeatStandby));
             scenario.pass_us(between);
-            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: a word that stays alone is none");
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: a command that stays alone is none");
             let answer = scenario.command_from(Command::Standby, Origin::Mavlink);
             let expected = if counts { Accepted::InForce } else { Accepted::RepeatStandby };
             assert_eq!(answer, Ok(expected), "{ecu:?} {period} {between}");
@@ -51,7 +51,7 @@ fn an_explicit_shutdown_counts_at_once_from_any_source() {
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, origin), "{ecu:?}");
             assert!(!scenario.bench.machine.failed());
-            scenario.says(Says::Cooling).says(Says::Standby);
+            scenario.reports(Reports::Cooling).reports(Reports::Standby);
             scenario.fly_us(run(0), origin, 5 * SECOND);
             assert_eq!(
                 scenario.command_from(run(0), origin),
@@ -65,9 +65,9 @@ fn an_explicit_shutdown_counts_at_once_from_any_source() {
         let mut scenario = flying(ecu);
         scenario.command(Command::EmergencyStop).unwrap();
         assert_eq!(scenario.command(Command::ShutDown), Err(Rejected::StopLatched));
-        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(Command::ShutDown), Ok(Accepted::InForce));
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby), "{ecu:?}");
     }
 }
@@ -87,9 +87,9 @@ fn standby_of_a_lower_source_waits() {
             let mut scenario = Scenario::started_with(ecu, config, percent(50));
             let last = scenario.now_us();
             let end = last + SOURCE_TIMEOUT_US + HOLD_US + after;
-            let mut heard = Ok(Accepted::InForce);
+            let mut received = Ok(Accepted::InForce);
             while scenario.now_us() < end - COMMAND_PERIOD_US {
-                heard = scenario.command_from(Command::Standby, Origin::Mavlink);
+                received = scenario.command_from(Command::Standby, Origin::Mavlink);
                 if back_at.is_some_and(|at| scenario.now_us() >= last + at) {
                     let _ = scenario.command(run(50));
                 }
@@ -98,7 +98,7 @@ fn standby_of_a_lower_source_waits() {
             }
             scenario.run_to_us(end - 1);
             assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?} {after}");
-            assert!(heard.is_ok());
+            assert!(received.is_ok());
             scenario.run_to_us(end);
             let ordered = scenario.telemetry().ordered;
             if back_at.is_none() {
@@ -114,12 +114,12 @@ fn standby_of_a_lower_source_waits() {
     }
 }
 
-/// The same source that comes back within the time set goes on without a take-over, at the rate of a rise; to the tick. Only
+/// The same source that comes back within the time set continues without a take-over, at the rate of a rise; to the tick. Only
 /// one that was steady before.
 #[test]
 fn a_short_gap_is_no_loss() {
     for ecu in BOTH {
-        for (return_within, late, goes_on) in [
+        for (return_within, late, continues) in [
             (SECOND, SECOND - 1, true),
             (SECOND, SECOND, false),
             (0, 0, false),
@@ -132,19 +132,19 @@ fn a_short_gap_is_no_loss() {
             scenario.bench.events();
             let last = scenario.now_us();
             scenario.run_to_us(last + SOURCE_TIMEOUT_US + late);
-            let expected = if goes_on { Accepted::InForce } else { Accepted::Held };
+            let expected = if continues { Accepted::InForce } else { Accepted::Held };
             let before = scenario.tenths();
             assert_eq!(scenario.command(run(80)), Ok(expected), "{ecu:?} {return_within} {late}");
             assert_eq!(scenario.tenths(), before, "no jump");
             let stage = scenario.telemetry().loss;
-            assert_eq!(stage == LossStage::None, goes_on, "{ecu:?} {stage:?}");
+            assert_eq!(stage == LossStage::None, continues, "{ecu:?} {stage:?}");
             // At 50 % a second, from there on.
             scenario.fly_us(run(80), Origin::Rc, 500_000);
             let after = scenario.tenths();
-            let expected = if goes_on { 800.min(before + 250) } else { before };
-            assert!(after <= expected && (!goes_on || after + 10 >= expected), "{ecu:?} {before} {after}");
+            let expected = if continues { 800.min(before + 250) } else { before };
+            assert!(after <= expected && (!continues || after + 10 >= expected), "{ecu:?} {before} {after}");
             // A second gap soon after the first is none of a steady stream.
-            if goes_on {
+            if continues {
                 scenario.pass_us(SOURCE_TIMEOUT_US);
                 assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
             }
@@ -152,8 +152,8 @@ fn a_short_gap_is_no_loss() {
     }
 }
 
-/// A source that is present and wants nothing: not in control, no demand held, never standby. Said by the source in control
-/// it is silence from the first such word on.
+/// A source that is present and commands nothing: not in control, no demand held, never standby. Said by the source in control
+/// it is silence from the first such command on.
 #[test]
 fn a_source_that_is_present_counts_as_silent() {
     for ecu in BOTH {
@@ -190,7 +190,7 @@ fn a_source_that_is_present_counts_as_silent() {
             assert_eq!(scenario.bench.event_kinds(), []);
         }
         // It is silence also where nothing is in force yet: standby follows when the stages of loss have run out.
-        let mut scenario = Scenario::nothing_heard(ecu, ecu.config());
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening));
         scenario.pass_us(COMMAND_PERIOD_US);
         scenario.fly_us(Command::Present, Origin::Rc, HOLD_US + RUN_OUT_US - 1);
@@ -199,7 +199,7 @@ fn a_source_that_is_present_counts_as_silent() {
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
         // It is no standby: no start follows it.
         let mut scenario = Scenario::with(ecu, ecu.config());
-        scenario.says(Says::Standby).pass_us(2 * SECOND);
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.fly_us(Command::Present, Origin::Rc, 2 * SECOND);
         scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);

@@ -2,17 +2,17 @@
 
 use super::*;
 
-/// Two error sets end a start, whatever the exhaust says: its ECU could start the engine again when the fault clears. One odd
+/// Two error sets end a start, whatever the exhaust reports: its ECU could start the engine again when the fault clears. One odd
 /// set ends nothing.
 #[test]
 fn amt_8_two_error_sets_end_a_start() {
-    for says in [Says::Standby, Says::Starting] {
+    for reports in [Reports::Standby, Reports::Starting] {
         for (sets, fault, egt, over) in
             [(1, 1, 26, false), (2, 1, 26, true), (2, 1 << 3, 26, true), (2, 1, 500, true)]
         {
             let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
             assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
-            scenario.says(says);
+            scenario.reports(reports);
             for i in 1..=20 {
                 scenario.values.egt_celsius = 26 + (egt - 26) * i / 20;
                 scenario.fly_us(run(0), Origin::Rc, FRAME_PERIOD_US);
@@ -21,20 +21,20 @@ fn amt_8_two_error_sets_end_a_start() {
             scenario.values.fault = fault;
             scenario.fly_us(run(0), Origin::Rc, sets * FRAME_PERIOD_US);
             let expected = if over { vec![End::FaultInStart] } else { vec![] };
-            assert_eq!(ends(&mut scenario), expected, "{says:?} {sets} sets, fault {fault}, {egt} °C");
+            assert_eq!(ends(&mut scenario), expected, "{reports:?} {sets} sets, fault {fault}, {egt} °C");
             // It stays so when the fault clears.
             scenario.values.fault = 0;
             scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
             assert_eq!(
                 scenario.order() == Order::Standby,
                 over,
-                "{says:?} {sets} sets, fault {fault}, {egt} °C"
+                "{reports:?} {sets} sets, fault {fault}, {egt} °C"
             );
         }
     }
 }
 
-/// A start that a reset has cut short goes on as a start: the demand waits for running, its time is bounded, and two error sets
+/// A start that a reset has cut short continues as a start: the demand waits for running, its time is bounded, and two error sets
 /// end it. One that had reached running before the reset is an engine in flight.
 #[test]
 fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
@@ -42,13 +42,13 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
         let config = Ecu::Amt.config();
         let mut scenario = Scenario::ready(Ecu::Amt, config);
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         if reached {
-            scenario.says(Says::Running).fly_us(run(20), Origin::Rc, 2 * SECOND);
+            scenario.reports(Reports::Running).fly_us(run(20), Origin::Rc, 2 * SECOND);
         }
         let mut scenario = scenario.reset(config);
         scenario.values.egt_celsius = 500;
-        scenario.says(Says::Unknown).fly_us(run(20), Origin::Rc, SECOND);
+        scenario.reports(Reports::Unknown).fly_us(run(20), Origin::Rc, SECOND);
         let order = if reached { Order::Doubt(percent(20)) } else { Order::Run(percent(0)) };
         assert_eq!(scenario.order(), order, "{reached}");
         if faults {
@@ -64,26 +64,26 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
     }
 }
 
-/// A start is ended by one word of its source, also where that has been silent for longer than its age limit.
+/// A start is ended by one command of its source, also where that has been silent for longer than its timeout.
 #[test]
 fn one_standby_of_a_source_that_was_lost_ends_a_start() {
     for ecu in BOTH {
-        for (says, origin, ended) in [
-            (Says::Standby, Origin::Rc, true),
-            (Says::Starting, Origin::Rc, true),
-            (Says::Running, Origin::Rc, false),
-            (Says::Starting, Origin::Mavlink, true),
+        for (reports, origin, ended) in [
+            (Reports::Standby, Origin::Rc, true),
+            (Reports::Starting, Origin::Rc, true),
+            (Reports::Running, Origin::Rc, false),
+            (Reports::Starting, Origin::Mavlink, true),
         ] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             scenario.command(run(0)).unwrap();
-            scenario.says(says).pass_us(2 * SOURCE_TIMEOUT_US);
+            scenario.reports(reports).pass_us(2 * SOURCE_TIMEOUT_US);
             let _ = scenario.command_from(Command::Standby, origin);
-            assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {says:?} {origin:?}");
+            assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {reports:?} {origin:?}");
         }
         // Below a source that is there it changes nothing.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         assert_eq!(
             scenario.command_from(Command::Standby, Origin::Mavlink),
             Ok(Accepted::Behind(Origin::Rc))
@@ -124,7 +124,7 @@ fn amt_start_clearance_with_a_cold_exhaust_ends_a_life() {
             scenario.command(run(50)).unwrap();
             let mut frame = report(Ecu::Amt, 0b00001, TURNING);
             frame[3] = u8::try_from((egt + 50) * 10 / 46).unwrap();
-            hear(&mut scenario, &frame);
+            receive(&mut scenario, &frame);
         }
         assert_eq!(scenario.order() == Order::Standby, ended, "{egt} °C");
         assert_eq!(ends(&mut scenario), if ended { vec![End::AtRest] } else { vec![] });

@@ -16,9 +16,9 @@ fn a_refused_start_does_not_happen_later() {
         ("egt", |s| s.values.egt_celsius = -50, Interlock::EgtUnknown, |s| s.values.egt_celsius = 26),
         (
             "cooling",
-            |s| s.says = Some(Says::Cooling),
+            |s| s.reports = Some(Reports::Cooling),
             Interlock::NotStandby,
-            |s| s.says = Some(Says::Standby),
+            |s| s.reports = Some(Reports::Standby),
         ),
         (
             "limit",
@@ -103,7 +103,7 @@ fn a_permission_is_used_up_as_documented() {
         (
             "another source repeats standby",
             |s| {
-                // It said so before, and goes on.
+                // It did so before, and continues.
                 s.command_from(Command::Standby, Origin::Mavlink).unwrap();
                 s.command(Command::Standby).unwrap();
                 s.pass_us(COMMAND_PERIOD_US);
@@ -152,10 +152,10 @@ fn a_permission_is_used_up_as_documented() {
 #[test]
 fn a_permission_is_used_once() {
     for ecu in BOTH {
-        for far in [Says::Starting, Says::Running] {
+        for far in [Reports::Starting, Reports::Running] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             scenario.command(run(0)).unwrap();
-            scenario.says(Says::Starting).says(far).says(Says::Standby);
+            scenario.reports(Reports::Starting).reports(far).reports(Reports::Standby);
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {far:?}");
             scenario.fly_us(run(0), Origin::Rc, 200 * SECOND);
             assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
@@ -205,7 +205,7 @@ fn assert_wait_is_over(scenario: &mut Scenario) {
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
 }
 
-/// A start that waits for another engine: telemetry shows until when. It goes with its source's next word, and never after
+/// A start that waits for another engine: telemetry shows until when. It goes with its source's next command, and never after
 /// that time; to the tick.
 #[test]
 fn a_start_waits_for_the_gap_between_two_starts() {
@@ -216,7 +216,7 @@ fn a_start_waits_for_the_gap_between_two_starts() {
         assert_eq!(
             scenario.telemetry().start_waits_until,
             Some(at_us(until)),
-            "{ecu:?}: not anew with each word"
+            "{ecu:?}: not anew with each command"
         );
         scenario.others_allow_start = true;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
@@ -258,7 +258,7 @@ fn a_start_that_waited_needs_every_interlock() {
         for (step, why) in [
             ((|s| s.values.egt_celsius = 300) as Step, "hot"),
             (|s| s.values.fault = 1, "fault"),
-            (|s| s.says = Some(Says::Cooling), "not in standby"),
+            (|s| s.reports = Some(Reports::Cooling), "not in standby"),
         ] {
             let (mut scenario, _) = start_waits(ecu);
             step(&mut scenario);
@@ -267,7 +267,7 @@ fn a_start_that_waited_needs_every_interlock() {
             let answer = scenario.command(run(0));
             assert!(matches!(answer, Err(Rejected::Start(_))), "{ecu:?} {why} {answer:?}");
             (scenario.values.egt_celsius, scenario.values.fault) = (26, 0);
-            scenario.says(Says::Standby);
+            scenario.reports(Reports::Standby);
             scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?} {why}");
         }
@@ -283,10 +283,10 @@ fn a_start_that_waited_needs_every_interlock() {
     }
 }
 
-/// After an emergency stop the engine is disarmed, and whoever said so all along has to say disarm first.
+/// After an emergency stop the engine is disarmed, and a source that has commanded arm all along has to command disarm first.
 #[test]
 fn arming_after_a_stop_needs_a_change() {
-    // Who said "arm" before the stop, who while it was latched, who arms after its release.
+    // The source that commanded "arm" before the stop, the one while it was latched, the one after its release.
     for (before, latched, after, answer) in [
         (Origin::Rc, None, Origin::Rc, Err(Rejected::DisarmFirst)),
         (Origin::Rc, None, Origin::Bench, Ok(Accepted::InForce)),
@@ -296,7 +296,7 @@ fn arming_after_a_stop_needs_a_change() {
     ] {
         for ecu in BOTH {
             let mut scenario = Scenario::with(ecu, ecu.config());
-            scenario.says(Says::Standby).pass_us(2 * SECOND);
+            scenario.reports(Reports::Standby).pass_us(2 * SECOND);
             scenario.command_from(Command::Arm, before).unwrap();
             scenario.command_from(Command::EmergencyStop, Origin::Bench).unwrap();
             assert!(!scenario.telemetry().armed);

@@ -21,7 +21,7 @@ fn no_sequence_of_inputs_panics() {
             }
         });
         let mut scenario = Scenario::with(ecu, config);
-        scenario.says(Says::Standby).pass_us(2 * SECOND);
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         for _ in 0..200 {
             let origin = Origin::ALL[next(5) as usize];
             let command = match next(12) {
@@ -41,8 +41,8 @@ fn no_sequence_of_inputs_panics() {
                 let _ = scenario.command_from(command, origin);
             }
             match next(10) {
-                0 => scenario.says = Some(crate::support::scenario::ALL[next(6) as usize]),
-                1 => scenario.says = None,
+                0 => scenario.reports = Some(crate::support::scenario::ALL[next(6) as usize]),
+                1 => scenario.reports = None,
                 2 => scenario.introduce_version(next(64) as u8 & 63),
                 3 => scenario.values.egt_celsius = next(1100) as i32 - 50,
                 4 => scenario.values.rpm = Some((next(127) * 500) as u32),
@@ -57,7 +57,7 @@ fn no_sequence_of_inputs_panics() {
                     let record = scenario.bench.machine.record();
                     let record = if next(2) == 0 { record } else { record.without_start() };
                     scenario = Scenario::after_reset(ecu, config, Some(record));
-                    scenario.says = Some(crate::support::scenario::ALL[next(6) as usize]);
+                    scenario.reports = Some(crate::support::scenario::ALL[next(6) as usize]);
                 }
                 _ => {}
             }
@@ -66,10 +66,10 @@ fn no_sequence_of_inputs_panics() {
     }
 }
 
-/// Nothing is due that the engine does not ask to be woken for: one that is woken when it asks does the same as one that is
+/// Nothing is due without a wake that the engine has set: an engine that is woken then does the same as one that is
 /// looked at every 5 ms.
 #[test]
-fn nothing_is_due_before_the_engine_asks_to_be_woken() {
+fn nothing_is_due_before_the_next_wake() {
     let mut state = 0x0DDB_1A5E_5BAD_5EED_u64;
     let mut next = move |n: u64| {
         state ^= state << 13;
@@ -102,14 +102,14 @@ fn nothing_is_due_before_the_engine_asks_to_be_woken() {
                 _ => Command::Standby,
             };
             match next(8) {
-                0 => scenario.says = None,
-                1 => scenario.says = Some(Says::Running),
-                2 => scenario.says = Some(Says::Starting),
-                3 => scenario.says = Some(crate::support::scenario::ALL[next(6) as usize]),
+                0 => scenario.reports = None,
+                1 => scenario.reports = Some(Reports::Running),
+                2 => scenario.reports = Some(Reports::Starting),
+                3 => scenario.reports = Some(crate::support::scenario::ALL[next(6) as usize]),
                 _ => {}
             }
-            let words = next(4);
-            for _ in 0..words {
+            let count = next(4);
+            for _ in 0..count {
                 let _ = scenario.command_from(command, origin);
                 scenario.pass_us(next(300) * 1000);
             }
@@ -117,9 +117,9 @@ fn nothing_is_due_before_the_engine_asks_to_be_woken() {
             let time = next(6_000) * 1000;
             let end = scenario.now_us() + time;
             log.push(format!(
-                "{} {origin:?} {command:?} x{words} says {:?} for {time}",
+                "{} {origin:?} {command:?} x{count}, ECU {:?} for {time}",
                 scenario.now_us(),
-                scenario.says
+                scenario.reports
             ));
             scenario.run_to_us(end);
             while often.now_us() < end {

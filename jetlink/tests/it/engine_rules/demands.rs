@@ -29,8 +29,8 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.bench.receive(&zk_frames::status(3, 0, [100, 0, 0]));
     scenario.command(run(0)).unwrap();
-    for says in [Says::Starting, Says::Running] {
-        scenario.says(says);
+    for reports in [Reports::Starting, Reports::Running] {
+        scenario.reports(reports);
         scenario.command(Command::Run(rpm(20_000))).unwrap();
     }
     scenario.fly_us(Command::Run(rpm(20_000)), Origin::Rc, 300 * SECOND);

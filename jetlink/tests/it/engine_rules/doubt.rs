@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// "in mode 3 the demand as ID 7 in turn with it ... While a source is fresh this goes on".
+/// "in mode 3 the demand as ID 7 alternating with it ... While a source is fresh this continues".
 #[test]
 fn in_doubt_an_rpm_demand_is_sent_for_as_long_as_its_source_is_fresh() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
@@ -24,7 +24,7 @@ fn in_doubt_telemetry_reports_that_the_demand_does_not_reach_the_engine() {
     let mut scenario = flying(Ecu::Zk, 60);
     scenario.silent().fly_us(run(30), Origin::Rc, 30 * SECOND);
     let Telemetry { in_doubt, ordered, .. } = scenario.telemetry();
-    assert!(in_doubt.is_some(), "30 s without a word of the ECU, the source is fresh: {ordered:?}");
+    assert!(in_doubt.is_some(), "30 s without a frame of the ECU, the source is fresh: {ordered:?}");
 }
 
 /// "only a source's standby or stop ends it": while a source is fresh, doubt does not end in an order that is gone, so that
@@ -41,7 +41,7 @@ fn in_doubt_a_fresh_source_keeps_its_demand() {
 #[test]
 fn zk_a_running_engine_that_does_not_report_its_throttle_is_not_shut_down() {
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.introduce();
     scenario.pass_us(30 * SECOND);
     assert_ne!(scenario.order(), Order::Standby, "600 reports of a running engine");
@@ -69,7 +69,7 @@ fn amt_a_running_engine_whose_throttle_dithers_is_not_shut_down() {
 /// all sources have been silent for a minute, the engine idles at the fail-safe throttle, where `standby_after` is never.
 fn idles_at_the_fail_safe(ecu: Ecu) -> Scenario {
     let mut scenario = flying(ecu, 60);
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.pass_us(60 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     scenario
@@ -88,7 +88,7 @@ fn one_odd_amt_set_at_the_fail_safe_stage_shuts_nothing_down() {
 fn a_gap_of_three_zk_frames_at_the_fail_safe_stage_shuts_nothing_down() {
     let mut scenario = idles_at_the_fail_safe(Ecu::Zk);
     scenario.silent().pass_us(160_000);
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.pass_us(2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(percent(0)));
 }

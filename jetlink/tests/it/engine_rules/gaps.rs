@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A ZK ECU that says 100 Hz and answers at the host's 20 Hz (ZK-10): its frames are no gaps.
+/// A ZK ECU that reports 100 Hz and answers at the host's 20 Hz (ZK-10): its frames are no gaps.
 #[test]
 fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
     let mut scenario = flying(Ecu::Zk, 60);
@@ -25,7 +25,7 @@ fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
     {
         let config = EngineConfig::zk("z", 0, Line::new(baud), rate);
         let byte = 10_000_000 / u64::from(baud) + 1;
-        let mut scenario = Scenario::nothing_heard(Ecu::Zk, config);
+        let mut scenario = Scenario::nothing_received(Ecu::Zk, config);
         let mut at = every;
         let mut send = |scenario: &mut Scenario, frame: [u8; 7]| {
             for (n, byte_out) in (1..).zip(frame) {
@@ -58,7 +58,7 @@ fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
             send(&mut scenario, frame);
             doubts += u32::from(scenario.telemetry().in_doubt.is_some());
         }
-        assert_eq!(doubts, 0, "{rate:?} at {baud} baud: in doubt at so many frames of 2 s of noise");
+        assert_eq!(doubts, 0, "{rate:?} at {baud} baud: frames in doubt in 2 s of noise");
     }
 }
 
@@ -85,10 +85,10 @@ fn frames_at_a_new_status_rate_are_no_gaps() {
         scenario.bench.receive(&frame);
         doubt += u32::from(scenario.telemetry().in_doubt.is_some());
     }
-    assert_eq!(doubt, 0, "in doubt at so many frames");
+    assert_eq!(doubt, 0, "frames in doubt");
 }
 
-/// "Doubt begins with a gap": a rate that one report says makes none.
+/// "Doubt begins with a gap": a rate in a single report makes none.
 #[test]
 fn one_report_of_a_false_rate_raises_no_doubt() {
     // One status ID 6 with a good CRC and another rate: "two agreeing reports" for what decides about a gap.
@@ -126,7 +126,7 @@ fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
     );
 }
 
-/// "It goes on ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby,
+/// "It continues ... unless a standby or stop was sent meanwhile": CTF is a stop. A node that is reset meanwhile ends in standby,
 /// too.
 #[test]
 fn amt_13_an_engine_that_ctf_was_stopping_does_not_resume_after_a_long_gap() {
@@ -139,13 +139,13 @@ fn amt_13_an_engine_that_ctf_was_stopping_does_not_resume_after_a_long_gap() {
             assert!(scenario.sent().contains(&Wire::Ctf));
         }
         scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
-        scenario.says = Some(Says::Running);
+        scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
         assert_eq!(scenario.order(), left, "{service:?}");
     }
 }
 
-/// "Nothing said before a gap holds for what comes after it": another ECU may be there, and a curve of one engine stalls another.
+/// "Nothing reported before a gap holds for what comes after it": another ECU may be there, and a curve of one engine stalls another.
 #[test]
 fn zk_13_a_service_command_is_not_repeated_after_a_gap() {
     let curve = zk::codec::AccelerationCurve::new(50).unwrap();
@@ -157,7 +157,7 @@ fn zk_13_a_service_command_is_not_repeated_after_a_gap() {
         assert_eq!(sets(scenario.bench.bytes()), 1);
         if gap {
             scenario.silent().pass_us(SECOND);
-            scenario.says = Some(Says::Standby);
+            scenario.reports = Some(Reports::Standby);
         }
         scenario.pass_us(8 * SECOND);
         assert_eq!(sets(scenario.bench.bytes()) > 0, repeated, "gap: {gap}");
@@ -172,7 +172,7 @@ fn an_rpm_demand_does_not_rise_before_the_maximum_is_reported_again() {
     scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
     scenario.bench.frames();
     scenario.silent().fly_us(demand, Origin::Rc, SECOND);
-    scenario.says(Says::Running).fly_us(demand, Origin::Rc, 3 * SECOND);
+    scenario.reports(Reports::Running).fly_us(demand, Origin::Rc, 3 * SECOND);
     let codes = |scenario: &mut Scenario| -> Vec<u16> {
         let frames = scenario.bench.bytes();
         let frames = frames.iter().filter(|frame| frame[1] >> 4 == 7);
@@ -210,7 +210,7 @@ fn an_rpm_demand_that_waited_for_the_maximum_rises_at_the_set_rate() {
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2]));
     }
-    scenario.says = Some(Says::Running);
+    scenario.reports = Some(Reports::Running);
     scenario.fly_us(Command::Run(rpm(120_000)), Origin::Rc, SECOND / 2);
     // 50 % of 160 000 rpm a second.
     let Order::Run(Demand::Rpm(half_a_second_later)) = scenario.order() else {
@@ -219,10 +219,10 @@ fn an_rpm_demand_that_waited_for_the_maximum_rises_at_the_set_rate() {
     assert!((99_000..=101_000).contains(&half_a_second_later.get()), "{half_a_second_later:?}");
 }
 
-/// "ID 0, and in mode 3 the demand as ID 7 in turn with it": also at the fail-safe stage, when the lost link has forgotten the idle
+/// "ID 0, and in mode 3 the demand as ID 7 alternating with it": also at the fail-safe stage, when the lost link has forgotten the idle
 /// speed.
 #[test]
-fn at_the_fail_safe_stage_an_rpm_demand_goes_on_in_doubt_after_the_link_is_lost() {
+fn at_the_fail_safe_stage_an_rpm_demand_continues_in_doubt_after_the_link_is_lost() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(60_000));
     scenario.fly_us(Command::Run(rpm(60_000)), Origin::Rc, 2 * SECOND);
     // Timeout and hold 1.5 s, then down to idle in less than 1 s; the link is lost 0.5 s after its last frame.
@@ -234,4 +234,27 @@ fn at_the_fail_safe_stage_an_rpm_demand_goes_on_in_doubt_after_the_link_is_lost(
     let frames = scenario.bench.bytes();
     assert!(frames.iter().any(|frame| frame[1] >> 4 == 7), "{frames:02X?}");
     assert!(frames.iter().any(|frame| frame[1] >> 4 == 0), "{frames:02X?}");
+}
+
+/// The rate of the fail-safe, 50 % of the maximum a second, is the same before and after the link is lost, and with it the maximum.
+#[test]
+fn an_rpm_falls_to_the_fail_safe_at_one_rate_when_the_link_is_lost_on_the_way() {
+    let fallen = |silent: bool| {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(150_000));
+        scenario.fly_us(Command::Run(rpm(150_000)), Origin::Rc, 10 * SECOND);
+        scenario.pass_us(1_200_000);
+        if silent {
+            scenario.silent();
+        }
+        // Timeout and hold are 1.5 s: it has fallen for 1 s, 0.2 s of them with a link.
+        scenario.pass_us(1_300_000);
+        match scenario.order() {
+            Order::Run(Demand::Rpm(rpm)) if !silent => rpm.get(),
+            Order::Doubt(Demand::Rpm(rpm)) if silent => rpm.get(),
+            order => panic!("{order:?}"),
+        }
+    };
+    let (received, silent) = (fallen(false), fallen(true));
+    assert!((60_000..90_000).contains(&received), "{received}");
+    assert!(silent.abs_diff(received) < 4000, "{silent} instead of {received}");
 }

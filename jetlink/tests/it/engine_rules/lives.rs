@@ -3,7 +3,7 @@
 use super::*;
 
 /// "Doubt acts at once ... one report that does not fit a living engine puts the life in doubt", "The shaft speed in every
-/// ZK status and AMT normal set may raise doubt": an engine whose shaft stands is not told run for ever.
+/// ZK status and AMT normal set may raise doubt": an engine whose shaft is at rest is not sent run for ever.
 #[test]
 fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
     for state in [0b00100, 0b01000, 0b11111] {
@@ -11,21 +11,21 @@ fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
         let end = scenario.now_us() + 60 * SECOND;
         while scenario.now_us() < end {
             let _ = scenario.command(run(50));
-            hear(&mut scenario, &amt_frames::normal(state, amt_frames::RUN, 0));
+            receive(&mut scenario, &amt_frames::normal(state, amt_frames::RUN, 0));
         }
         scenario.sent();
         let _ = scenario.command(run(50));
-        hear(&mut scenario, &amt_frames::normal(state, amt_frames::RUN, 0));
+        receive(&mut scenario, &amt_frames::normal(state, amt_frames::RUN, 0));
         assert_eq!(
             scenario.sent(),
             [],
-            "{state:#07b}: the shaft stands for 60 s; in doubt since {:?}",
+            "{state:#07b}: the shaft is at rest for 60 s; in doubt since {:?}",
             scenario.telemetry().in_doubt
         );
     }
 }
 
-/// "When the fault clears, the reply to the first normal sets is not run unless they say running."
+/// "When the fault clears, the reply to the first normal sets is not run unless they report running."
 #[test]
 fn amt_when_a_fault_clears_run_waits_for_sets_that_report_running() {
     for state in [0b00001, 0b00010, 0b00100, 0b01000, 0b11111] {
@@ -41,7 +41,7 @@ fn amt_when_a_fault_clears_run_waits_for_sets_that_report_running() {
         // The shaft still coasts, at 15 000 rpm.
         let mut set = amt_frames::normal(state, amt_frames::AUTO_STOP, 30);
         set[3] = 140;
-        hear(&mut scenario, &set);
+        receive(&mut scenario, &set);
         assert_eq!(scenario.sent(), [], "{state:#07b}");
     }
 }
@@ -54,13 +54,13 @@ fn amt_start_clearance_in_flight_puts_the_life_in_doubt_in_the_reply_to_that_fra
     scenario.sent();
     for _ in 0..20 {
         let _ = scenario.command(run(90));
-        hear(&mut scenario, &amt_frames::normal(amt_frames::CLEARANCE, amt_frames::AUTO_STOP, 30));
+        receive(&mut scenario, &amt_frames::normal(amt_frames::CLEARANCE, amt_frames::AUTO_STOP, 30));
     }
     let sent = scenario.sent();
     assert!(!sent.contains(&Wire::Run(900)), "{} replies of run at 90 %", runs_in(&sent).len());
 }
 
-/// "A life that is not confirmed within a stated bound loses permission and order": AMT, whose ECU goes on sending.
+/// "A life that is not confirmed within a stated bound loses permission and order": AMT, whose ECU continues sending.
 #[test]
 fn amt_a_life_in_doubt_ends_within_a_bound() {
     let mut scenario = flying(Ecu::Amt, 90);
@@ -68,7 +68,7 @@ fn amt_a_life_in_doubt_ends_within_a_bound() {
     while scenario.now_us() < end {
         let _ = scenario.command(run(90));
         // Running, with the shaft at rest.
-        hear(&mut scenario, &amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 0));
+        receive(&mut scenario, &amt_frames::normal(amt_frames::FULL_OPERATION, amt_frames::RUN, 0));
     }
     assert!(
         !matches!(scenario.order(), Order::Doubt(_) | Order::Run(_)),
@@ -112,20 +112,20 @@ fn amt_a_starting_state_after_a_gap_is_a_new_start() {
         scenario.command(run(0)).unwrap();
         for _ in 0..4 {
             let _ = scenario.command(run(0));
-            hear(&mut scenario, &amt_frames::normal(amt_frames::STARTED_UP, amt_frames::RUN, shaft));
+            receive(&mut scenario, &amt_frames::normal(amt_frames::STARTED_UP, amt_frames::RUN, shaft));
         }
         scenario.silent().fly_us(run(0), Origin::Rc, SECOND);
         scenario.sent();
         for _ in 0..20 {
             let _ = scenario.command(run(0));
-            hear(&mut scenario, &amt_frames::normal(amt_frames::STARTED_UP, amt_frames::RUN, shaft));
+            receive(&mut scenario, &amt_frames::normal(amt_frames::STARTED_UP, amt_frames::RUN, shaft));
         }
         assert_eq!(scenario.order(), Order::Standby, "shaft {shaft}: {:?}", scenario.sent());
     }
 }
 
 /// The same after a gap longer than the serial delay time, in which the ECU has stopped its turbine by itself (AMT-12), as it
-/// has to: it coasts in start clearance, and is told run at what its source asks for.
+/// has to: it coasts in start clearance, and is sent run at what its source commands.
 #[test]
 fn an_engine_that_its_ecu_stopped_in_a_gap_of_1_s_gets_no_run_while_it_coasts() {
     stopped_in_a_gap(SECOND);
@@ -143,7 +143,10 @@ fn stopped_in_a_gap(gap: u64) {
         scenario.sent();
         for n in 0..100 {
             let _ = scenario.command(run(90));
-            hear(&mut scenario, &amt_frames::normal(amt_frames::CLEARANCE, amt_frames::AUTO_STOP, 140 - n));
+            receive(
+                &mut scenario,
+                &amt_frames::normal(amt_frames::CLEARANCE, amt_frames::AUTO_STOP, 140 - n),
+            );
         }
         let sent = runs_in(&scenario.sent());
         let first = sent.first().copied();
@@ -165,7 +168,7 @@ fn amt_replies_that_were_not_sent_do_not_keep_an_order() {
         let from = scenario.now_us();
         while scenario.now_us() < from + 6 * SECOND {
             let _ = scenario.command(run(50));
-            hear(&mut scenario, &calibrates);
+            receive(&mut scenario, &calibrates);
             let now = scenario.now_us();
             assert!(scenario.bench.busy() || !sends, "it is answered");
             match sends {

@@ -19,10 +19,11 @@ use jetlink::report::NotSent;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
-use crate::support::bench::at_us;
+use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Wire, percent, rpm, run,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Wire, percent, rpm,
+    run,
 };
 
 /// Runs at this throttle under RC; nothing is left from before.
@@ -37,16 +38,16 @@ fn flying(ecu: Ecu, whole: u8) -> Scenario {
     scenario
 }
 
-fn hear(scenario: &mut Scenario, frame: &[u8]) {
+fn receive(scenario: &mut Scenario, frame: &[u8]) {
     scenario.silent().pass_us(FRAME_PERIOD_US);
     scenario.bench.receive(frame);
 }
 
 /// Two sources send their commands every 0.1 s.
-fn both(scenario: &mut Scenario, words: &[(Command, Origin)], micros: u64) {
+fn both(scenario: &mut Scenario, commands: &[(Command, Origin)], micros: u64) {
     let end = scenario.now_us() + micros;
     while scenario.now_us() < end {
-        for (command, origin) in words {
+        for (command, origin) in commands {
             let _ = scenario.command_from(*command, *origin);
         }
         let next = (scenario.now_us() + COMMAND_PERIOD_US).min(end);

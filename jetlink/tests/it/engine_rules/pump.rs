@@ -17,9 +17,9 @@ fn a_start_closes_an_open_pump_before_the_engine_runs() {
     let answer = scenario.command(run(0));
     scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
     let at_start = closes(&scenario.bench.bytes());
-    scenario.says(Says::Starting);
+    scenario.reports(Reports::Starting);
     scenario.fly_us(run(0), Origin::Rc, 10 * SECOND);
-    scenario.says(Says::Running);
+    scenario.reports(Reports::Running);
     scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
     scenario.bench.frames();
     scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
@@ -46,7 +46,7 @@ fn a_pump_voltage_from_before_the_opening_does_not_confirm_the_closing() {
     assert_eq!(closes(&scenario.bench.bytes()), 10);
 }
 
-/// "A pump that was opened is closed at ... silence of its source"; "a source that wants nothing counts as silent".
+/// "A pump that was opened is closed at ... silence of its source"; "a source that commands nothing counts as silent".
 #[test]
 fn a_pump_is_closed_when_its_source_is_only_present() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
@@ -54,7 +54,7 @@ fn a_pump_is_closed_when_its_source_is_only_present() {
     scenario.pass_us(4 * FRAME_PERIOD_US);
     scenario.bench.frames();
     scenario.fly_us(Command::Present, Origin::Rc, 5 * SECOND);
-    assert!(closes(&scenario.bench.bytes()) > 0, "a source that wants nothing counts as silent");
+    assert!(closes(&scenario.bench.bytes()) > 0, "a source that commands nothing counts as silent");
 }
 
 /// A pump that is open, and nothing is left from before.
@@ -125,16 +125,16 @@ fn a_service_that_is_repeated_ends_after_its_time() {
     for beside in [None, Some(Command::Standby)] {
         let mut scenario = pump_open();
         scenario.values.rpm = Some(0);
-        let words: Vec<_> =
-            [Some(open), beside].into_iter().flatten().map(|word| (word, Origin::Rc)).collect();
-        both(&mut scenario, &words, 29 * SECOND);
+        let commands: Vec<_> =
+            [Some(open), beside].into_iter().flatten().map(|command| (command, Origin::Rc)).collect();
+        both(&mut scenario, &commands, 29 * SECOND);
         assert!(opened(&mut scenario), "{beside:?}: it is kept open");
-        both(&mut scenario, &words, 2 * SECOND);
+        both(&mut scenario, &commands, 2 * SECOND);
         assert!(closes(&scenario.bench.bytes()) > 0, "{beside:?}");
-        both(&mut scenario, &words, 60 * SECOND);
+        both(&mut scenario, &commands, 60 * SECOND);
         assert!(!opened(&mut scenario), "{beside:?}: it opens again by itself");
         assert_eq!(scenario.command(open), Err(Rejected::ServiceTime));
-        // Somebody who pauses and asks again means it.
+        // A source that pauses and commands again means it.
         scenario.pass_us(SECOND);
         scenario.command(open).unwrap();
         scenario.pass_us(4 * FRAME_PERIOD_US);

@@ -21,8 +21,8 @@ fn a_hand_over_becomes_id_0_after_a_reset() {
     let mut scenario = Scenario::ready(Ecu::Zk, config);
     scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
-    for says in [Says::Starting, Says::Running] {
-        scenario.says(says);
+    for reports in [Reports::Starting, Reports::Running] {
+        scenario.reports(reports);
     }
     scenario.pass_us(2 * SECOND);
     let mut scenario = scenario.reset(config);
@@ -39,12 +39,12 @@ fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
     let mut scenario = Scenario::ready(Ecu::Zk, config);
     scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
-    for says in [Says::Starting, Says::Running] {
-        scenario.says(says);
+    for reports in [Reports::Starting, Reports::Running] {
+        scenario.reports(reports);
     }
-    let kept = scenario.bench.machine.record().without_start();
-    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(kept));
-    scenario.says = Some(Says::Running);
+    let retained = scenario.bench.machine.record().without_start();
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
+    scenario.reports = Some(Reports::Running);
     scenario.introduce();
     scenario.bench.receive(&zk_frames::status(3, TURNING, [70, 0, 0]));
     scenario.bench.frames();
@@ -59,16 +59,16 @@ fn a_lower_sources_standby_ends_a_hand_over_only_after_5_s() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
     scenario.command(Command::HandOverToPwm).unwrap();
-    for says in [Says::Starting, Says::Running] {
-        scenario.says = Some(says);
+    for reports in [Reports::Starting, Reports::Running] {
+        scenario.reports = Some(reports);
         scenario.fly_us(Command::Present, Origin::Rc, 10 * SECOND);
     }
     scenario.fly_us(Command::Present, Origin::Rc, 60 * SECOND);
     assert_eq!(scenario.order(), Order::Pwm);
-    let words = [(Command::Present, Origin::Rc), (Command::Standby, Origin::Mavlink)];
+    let commands = [(Command::Present, Origin::Rc), (Command::Standby, Origin::Mavlink)];
     let from = scenario.now_us();
     while scenario.order() != Order::Standby && scenario.now_us() < from + 10 * SECOND {
-        both(&mut scenario, &words, COMMAND_PERIOD_US);
+        both(&mut scenario, &commands, COMMAND_PERIOD_US);
     }
     let after = scenario.now_us() - from;
     assert!(after > 5 * SECOND, "shut down {} ms after MAVLink began to stream standby", after / 1000);

@@ -44,7 +44,7 @@ fn the_highest_fresh_source_is_in_control() {
     }
 }
 
-/// Each source has its own age limit, to the tick.
+/// Each source has its own timeout, to the tick.
 #[test]
 fn each_source_has_its_own_timeout() {
     let limits = [
@@ -66,9 +66,9 @@ fn each_source_has_its_own_timeout() {
             // One that was silent has to speak for a second first.
             scenario.fly_us(Command::Standby, origin, SECOND + COMMAND_PERIOD_US);
             assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
-            scenario.says(Says::Starting);
+            scenario.reports(Reports::Starting);
             scenario.command_from(run(0), origin).unwrap();
-            scenario.says(Says::Running);
+            scenario.reports(Reports::Running);
             scenario.command_from(run(40), origin).unwrap();
             let last = scenario.now_us();
             scenario.run_to_us(last + limit - 1);
@@ -94,7 +94,7 @@ fn taking_over_is_bumpless() {
             let mut scenario = Scenario::started(ecu, percent(50));
             let answer = scenario.command_from(run(close), Origin::Emergency);
             assert_eq!(answer, Ok(Accepted::InForce), "{close}");
-            assert_eq!(rulers(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
+            assert_eq!(active_sources(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
             // Down at once, up at 50 % a second.
             assert_eq!(scenario.tenths(), 500.min(u16::from(close) * 10), "{ecu:?}");
             scenario.pass_us(COMMAND_PERIOD_US);
@@ -114,7 +114,7 @@ fn taking_over_is_bumpless() {
             );
             scenario.command_from(run(close), Origin::Emergency).unwrap();
             assert_eq!(scenario.telemetry().waiting, None);
-            assert_eq!(rulers(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
+            assert_eq!(active_sources(&mut scenario), [(scenario.now_us(), Origin::Emergency)]);
             scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(close)));
             scenario.command_from(run(far), Origin::Emergency).unwrap();
@@ -127,7 +127,7 @@ fn taking_over_is_bumpless() {
         assert_eq!(scenario.tenths(), 500);
         scenario.run_to_us(from + 2 * SECOND);
         assert_eq!((scenario.tenths(), scenario.telemetry().active_source), (500, Origin::Emergency));
-        assert_eq!(rulers(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
+        assert_eq!(active_sources(&mut scenario), [(from + 2 * SECOND, Origin::Emergency)]);
         // 40 % at 50 % a second.
         scenario.fly_us(run(90), Origin::Emergency, 800_000 - 1);
         assert!((880..900).contains(&scenario.tenths()), "{}", scenario.tenths());
@@ -169,7 +169,7 @@ fn the_next_source_takes_over_from_one_that_is_lost() {
 }
 
 /// A source that waits to take over while the stages of loss run leaves no deadline behind it: the bench panics if
-/// the engine wants to be woken in the past.
+/// the engine's next wake is in the past.
 #[test]
 fn a_source_that_waits_while_another_is_lost_leaves_no_deadline_behind() {
     for ecu in BOTH {
@@ -219,7 +219,7 @@ fn a_refused_demand_changes_nothing() {
     }
 }
 
-/// Standby of the source that rules is obeyed at its second word within the age limit, to the tick. A single word changes
+/// Standby of the source in control is obeyed at its second command within the timeout, to the tick. A single one changes
 /// nothing, and does not become standby later.
 #[test]
 fn standby_is_obeyed_at_the_second_command() {
@@ -258,20 +258,20 @@ fn standby_is_obeyed_at_the_second_command() {
 fn two_standbys_of_a_higher_source_shut_down() {
     for ecu in BOTH {
         for before in [None, Some(run(50))] {
-            // At its age limit it is lost.
+            // At its timeout it is lost.
             for between in [0, COMMAND_PERIOD_US, SOURCE_TIMEOUT_US - 1] {
                 let mut scenario = Scenario::started(ecu, percent(50));
                 if let Some(command) = before {
                     scenario.command_from(command, Origin::Emergency).unwrap();
                 }
-                let ruler = scenario.telemetry().active_source;
+                let active_source = scenario.telemetry().active_source;
                 assert_eq!(
                     scenario.command_from(Command::Standby, Origin::Emergency),
                     Ok(Accepted::RepeatStandby)
                 );
                 assert_eq!(
                     (scenario.order(), scenario.telemetry().active_source),
-                    (Order::Run(percent(50)), ruler)
+                    (Order::Run(percent(50)), active_source)
                 );
                 scenario.pass_us(between);
                 let answer = scenario.command_from(Command::Standby, Origin::Emergency);

@@ -12,7 +12,7 @@ fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
     }
 }
 
-/// Hold, a ramp to the fail-safe throttle, standby: each to the tick, and told in this order.
+/// Hold, a ramp to the fail-safe throttle, standby: each to the tick, and reported in this order.
 #[test]
 fn each_stage_of_loss_begins_exactly_to_the_tick() {
     for ecu in BOTH {
@@ -124,7 +124,7 @@ fn a_source_that_returns_is_in_control_after_1_s() {
     }
 }
 
-/// A source that is gone and back every few 100 ms: the stages go on as if it had stayed away, and the throttle
+/// A source that is gone and back every few 100 ms: the stages continue as if it had stayed away, and the throttle
 /// never rises. Also where its first gap is too long for a short one, or where none is.
 #[test]
 fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
@@ -163,7 +163,7 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
                 "{ecu:?} {on} {off}"
             );
         }
-        // The control: shorter gaps than the age limit are none.
+        // The control: shorter gaps than the timeout are none.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
             scenario.fly_us(run(50), Origin::Rc, 300_000);
@@ -189,7 +189,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
             scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         }
-        assert_eq!(rulers(&mut scenario), []);
+        assert_eq!(active_sources(&mut scenario), []);
         // The control: steady for a second, and then close or 2 s more.
         for i in 0..41 {
             scenario.command_from(run(30), Origin::Mavlink).unwrap();
@@ -232,7 +232,7 @@ fn a_lost_link_and_a_lost_source_are_handled_separately() {
         scenario.fly_us(run(60), Origin::Rc, SECOND / 2);
         assert_eq!(scenario.sent(), [], "{ecu:?}: nothing that could start an engine");
         assert_eq!(scenario.order(), Order::Doubt(demand), "{ecu:?}: it does not rise");
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.telemetry().link, LinkState::Up);
         scenario.fly_us(run(60), Origin::Rc, SECOND / 2);
         assert_eq!(scenario.order(), Order::Run(percent(60)), "{ecu:?}");
@@ -299,17 +299,17 @@ fn an_rpm_demand_falls_to_idle_when_its_source_is_lost() {
     assert!(half_way.get().abs_diff(60_000) <= 1_600, "{half_way:?}");
 
     let config = Ecu::Zk.config();
-    let mut scenario = Scenario::nothing_heard(Ecu::Zk, config);
+    let mut scenario = Scenario::nothing_received(Ecu::Zk, config);
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::identity(160, 5, 0));
     }
-    scenario.says(Says::Standby).pass_us(2 * SECOND);
+    scenario.reports(Reports::Standby).pass_us(2 * SECOND);
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
     scenario.command(run(0)).unwrap();
     // Where no idle speed is known a tenth of the maximum has to do.
     scenario.values.rpm = Some(ZK_MAX / 10);
-    scenario.says(Says::Starting).says(Says::Running);
+    scenario.reports(Reports::Starting).reports(Reports::Running);
     scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);
     assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
     scenario.pass_us(5 * SECOND);

@@ -16,11 +16,11 @@ use jetlink::units::{Celsius, Throttle};
 use crate::support::bench::{at_us, micros};
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, SECOND, Says, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX,
     percent, rpm, run, tenths,
 };
 
-/// RC's age limit.
+/// RC's timeout.
 const SOURCE_TIMEOUT_US: u64 = 500_000;
 
 fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
@@ -32,7 +32,7 @@ fn stages(scenario: &mut Scenario) -> Vec<(u64, LossStage)> {
         .collect()
 }
 
-fn rulers(scenario: &mut Scenario) -> Vec<(u64, Origin)> {
+fn active_sources(scenario: &mut Scenario) -> Vec<(u64, Origin)> {
     scenario
         .bench
         .events()

@@ -74,7 +74,7 @@ fn slew_delays_no_stop_and_no_fail_safe() {
     }
 }
 
-/// Another engine of the group has failed: told, and this one left alone; or reduced, if so configured.
+/// Another engine of the group has failed: reported, and this one left alone; or reduced, if so configured.
 #[test]
 fn the_failure_of_another_engine_is_reported_and_reduces_only_if_configured() {
     for ecu in BOTH {
@@ -103,7 +103,7 @@ fn an_engine_has_failed_when_it_stops_without_a_command() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         assert!(!scenario.bench.machine.failed());
-        scenario.says(Says::Cooling);
+        scenario.reports(Reports::Cooling);
         assert!(scenario.bench.machine.failed(), "{ecu:?}: it stopped");
         scenario.command(Command::Standby).unwrap();
         assert!(!scenario.bench.machine.failed());
@@ -111,7 +111,7 @@ fn an_engine_has_failed_when_it_stops_without_a_command() {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.silent().fly_us(run(50), Origin::Rc, 3 * SECOND);
         assert!(scenario.bench.machine.failed(), "{ecu:?}: it fell silent");
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert!(!scenario.bench.machine.failed(), "{ecu:?}: it is back");
 
         for command in [Command::Standby, Command::EmergencyStop] {
@@ -120,13 +120,13 @@ fn an_engine_has_failed_when_it_stops_without_a_command() {
                 Command::Standby => scenario.shut_down().unwrap(),
                 command => scenario.command(command).unwrap(),
             };
-            scenario.says(Says::Cooling).pass_us(5 * SECOND);
+            scenario.reports(Reports::Cooling).pass_us(5 * SECOND);
             assert!(!scenario.bench.machine.failed(), "{ecu:?}: it was commanded");
         }
     }
 }
 
-/// A limit whose action is the fail-safe throttle holds it there until standby, whatever the source asks.
+/// A limit whose action is the fail-safe throttle holds it there until standby, whatever the source commands.
 #[test]
 fn a_limit_can_lower_the_throttle() {
     for ecu in BOTH {
@@ -146,10 +146,10 @@ fn a_limit_can_lower_the_throttle() {
         assert!(scenario.telemetry().limited, "{ecu:?}");
 
         // A reset does not lift it.
-        let kept = Some(scenario.bench.machine.record());
-        let mut scenario = Scenario::after_reset(ecu, config, kept);
+        let retained = Some(scenario.bench.machine.record());
+        let mut scenario = Scenario::after_reset(ecu, config, retained);
         scenario.introduce();
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         scenario.fly_us(run(90), Origin::Rc, 10 * SECOND);
         assert_eq!(scenario.tenths(), 200, "{ecu:?}");
         assert!(scenario.telemetry().limited);
@@ -199,20 +199,20 @@ fn a_slew_limits_a_demand_of_the_other_kind() {
     let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(0));
     scenario.values.rpm = Some(50_000);
     scenario.fly_us(run(0), Origin::Rc, SECOND);
-    let asked = Command::Run(rpm(ZK_MAX));
-    scenario.command(asked).unwrap();
+    let wanted = Command::Run(rpm(ZK_MAX));
+    scenario.command(wanted).unwrap();
     assert_eq!(scenario.order(), Order::Run(rpm(50_000)));
-    scenario.fly_us(asked, Origin::Rc, SECOND);
+    scenario.fly_us(wanted, Origin::Rc, SECOND);
     // 10 % of 160 000 rpm.
     assert_eq!(scenario.order(), Order::Run(rpm(66_000)));
 }
 
-/// Who rules is told when it changes, also while the engine stands, and is who the others wait for.
+/// The active source is reported when it changes, also while the engine is at rest, and is who the others wait for.
 #[test]
 fn the_active_source_is_reported_in_standby() {
     for ecu in BOTH {
         let mut scenario = Scenario::with(ecu, ecu.config());
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         scenario.bench.events();
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         let rc_from = scenario.now_us();
@@ -220,7 +220,7 @@ fn the_active_source_is_reported_in_standby() {
         let answer = scenario.command_from(Command::Standby, Origin::Bench);
         assert_eq!(answer, Ok(Accepted::Behind(Origin::Rc)));
         assert_eq!(scenario.telemetry().active_source, Origin::Rc, "{ecu:?}");
-        assert_eq!(rulers(&mut scenario).last(), Some(&(rc_from, Origin::Rc)));
+        assert_eq!(active_sources(&mut scenario).last(), Some(&(rc_from, Origin::Rc)));
     }
 }
 
@@ -238,11 +238,11 @@ fn standby_by_loss_is_reported_until_a_source_commands() {
     }
 }
 
-/// An ECU that does not do what is ordered is told after 3 s: a broken wire towards it. Neither a moment nor another state
-/// of a standing engine is.
+/// An ECU that does not do what is ordered is reported after 3 s: a broken wire towards it. Neither a moment nor another state
+/// of an engine at rest is.
 #[test]
 fn an_ecu_that_does_not_obey_is_reported() {
-    let told = |scenario: &mut Scenario| -> Vec<Event> {
+    let reported = |scenario: &mut Scenario| -> Vec<Event> {
         let events = scenario.bench.event_kinds().into_iter();
         events.filter(|event| matches!(event, Event::NotObeyed | Event::ObeyedAgain)).collect()
     };
@@ -254,24 +254,63 @@ fn an_ecu_that_does_not_obey_is_reported() {
                 command => scenario.command(command).unwrap(),
             };
             scenario.pass_us(3 * SECOND - 2 * FRAME_PERIOD_US);
-            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
+            assert_eq!((reported(&mut scenario), scenario.telemetry().obeyed), (vec![], true));
             scenario.pass_us(3 * FRAME_PERIOD_US);
-            assert_eq!((told(&mut scenario), scenario.telemetry().obeyed), (vec![Event::NotObeyed], false));
-            scenario.says(Says::Cooling);
-            assert_eq!(told(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
+            assert_eq!(
+                (reported(&mut scenario), scenario.telemetry().obeyed),
+                (vec![Event::NotObeyed], false)
+            );
+            scenario.reports(Reports::Cooling);
+            assert_eq!(reported(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
         }
         // The control: it takes its time, but not that long.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.shut_down().unwrap();
         scenario.pass_us(2 * SECOND);
-        scenario.says(Says::Standby).pass_us(20 * SECOND);
-        assert_eq!(told(&mut scenario), [], "{ecu:?}");
+        scenario.reports(Reports::Standby).pass_us(20 * SECOND);
+        assert_eq!(reported(&mut scenario), [], "{ecu:?}");
     }
     // The throttle of a running engine, within 10 %.
     for (half_percents, expected) in [(80, vec![]), (78, vec![Event::NotObeyed])] {
         let mut scenario = Scenario::started(Ecu::Amt, percent(50));
         scenario.values.half_percents = half_percents;
         scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
-        assert_eq!(told(&mut scenario), expected, "{half_percents}");
+        assert_eq!(reported(&mut scenario), expected, "{half_percents}");
+    }
+}
+
+/// A demand of the other kind that was never sent moves nothing: the next one rises from the demand that the ECU has, whatever
+/// throttle it last reported. One that was sent does, the control: then the ECU's report is all there is.
+#[test]
+fn a_demand_of_another_kind_that_was_not_sent_moves_nothing() {
+    for sent in [false, true] {
+        let config = Ecu::Zk.with(|rules| {
+            rules.takeover.within = Duration::from_ticks(0);
+            rules.loss.hold = Duration::from_ticks(0);
+            rules.rise = 100;
+        });
+        let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
+        // A report of before.
+        scenario.bench.receive(&zk_frames::status(3, TURNING, [80, 0, 0]));
+        // Between two slots.
+        scenario.pass_us(FRAME_PERIOD_US / 2);
+        let _ = scenario.command_from(run(50), Origin::Rc);
+        scenario.pass_us(SOURCE_TIMEOUT_US - 10_000);
+        let _ = scenario.command_from(Command::Run(rpm(90_000)), Origin::Bench);
+        scenario.sent();
+        scenario.pass_us(10_000 + if sent { FRAME_PERIOD_US } else { 0 });
+        assert!(matches!(scenario.order(), Order::Run(Demand::Rpm(_))), "{sent}");
+        let between: Vec<_> = scenario.sent().into_iter().filter(|wire| *wire == Wire::RpmControl).collect();
+        assert_eq!(!between.is_empty(), sent, "{between:?}");
+        scenario.command(run(90)).unwrap();
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        let throttle = scenario.tenths();
+        if sent {
+            assert!((800..=820).contains(&throttle), "{throttle}");
+        } else {
+            assert!((500..=520).contains(&throttle), "{throttle}");
+        }
     }
 }

@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Virtual time of one world.
 const WORLD: Duration = Duration::from_secs(1200);
 
-/// From so many engine-seconds on, a campaign says how far it is.
+/// From this number of engine-seconds on, a campaign prints its progress.
 const LONG: u64 = 10 * 3600;
 
 fn number(name: &str) -> Option<u64> {
@@ -89,7 +89,7 @@ fn the_invariants_hold_in_random_worlds() {
         ("frames of a rising demand", tally.rising_frames),
         ("runs of a healthy engine that ended", tally.healthy_ends),
         ("runs whose ECU lost its power", tally.dark_runs),
-        ("runs that went on after a reset", tally.went_on),
+        ("runs that resumed after a reset", tally.resumed_runs),
     ] {
         assert!(count >= 5, "only {count} {what}: {tally:?}");
     }
@@ -102,7 +102,7 @@ fn replay() {
 }
 
 #[test]
-#[ignore = "hours; JETLINK_HOURS says how many"]
+#[ignore = "hours; JETLINK_HOURS sets how many"]
 fn campaign() {
     let hours = number("JETLINK_HOURS").unwrap_or(1000);
     let (first, threads) =

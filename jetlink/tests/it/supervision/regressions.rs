@@ -1,7 +1,7 @@
 //! What random worlds have found, each as the shortest schedule that shows it.
 
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, SECOND, Says, Scenario, Values, Wire, percent, run, tenths,
+    BOTH, COMMAND_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, run, tenths,
 };
 use embassy_time::Duration;
 use jetlink::channel::Channel;
@@ -24,7 +24,7 @@ fn alternating_sources_do_not_hold_a_lost_demand() {
         );
         scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 800);
-        // RC is silent from here on; its age limit of 0.5 s, then 2 s. First MAVLink waits, then the bench.
+        // RC is silent from here on; its timeout of 0.5 s, then 2 s. First MAVLink waits, then the bench.
         scenario.fly_us(run(10), Origin::Mavlink, 1_500_000);
         assert_eq!(scenario.tenths(), 800);
         scenario.fly_us(run(10), Origin::Bench, 1_200_000);
@@ -62,14 +62,14 @@ fn a_source_not_yet_in_control_starts_no_engine() {
         scenario.fly_us(Command::Standby, Origin::Bench, SECOND);
         assert_eq!(scenario.order(), Order::Standby);
         // For comparison: it has commanded standby for a second, and starts the engine.
-        scenario.says(Says::Standby);
+        scenario.reports(Reports::Standby);
         scenario.fly_us(Command::Standby, Origin::Rc, 1_200_000);
         assert_eq!(scenario.command_from(run(0), Origin::Rc), Ok(Accepted::InForce), "{ecu:?}");
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
     }
 }
 
-/// At the fail-safe throttle of a limit a source may still ask for less.
+/// At the fail-safe throttle of a limit a source may still command less.
 #[test]
 fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
     for ecu in BOTH {
@@ -92,7 +92,7 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 }
 
 /// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
-/// that is kept is released by it.
+/// that is retained is released by it.
 #[test]
 fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
@@ -104,8 +104,8 @@ fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     assert_eq!(handle.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
     assert_eq!(handle.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
     // It counts as one more reset without a source.
-    let kept = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
-    assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(kept));
+    let retained = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+    assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(retained));
 }
 
 /// A reset retains the demand on the wire, not one that a slew has not reached yet.
@@ -115,11 +115,15 @@ fn the_retained_demand_is_no_higher_than_the_one_on_the_wire() {
         let config = ecu.with(|s| s.slew.up = Some(100));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
         scenario.fly_us(run(80), Origin::Rc, SECOND);
-        let (kept, now) = (scenario.bench.machine.record(), scenario.tenths());
+        let (retained, now) = (scenario.bench.machine.record(), scenario.tenths());
         assert!(now < 150, "{ecu:?}: {now}");
         // 10 % a second, and a frame every 50 ms (ZK) or set (AMT).
         let sent = (now - 10..=now).map(|value| Order::Run(tenths(value)));
-        assert!(sent.clone().any(|order| order == kept.order), "{ecu:?}: {:?}, {now} in force", kept.order);
+        assert!(
+            sent.clone().any(|order| order == retained.order),
+            "{ecu:?}: {:?}, {now} in force",
+            retained.order
+        );
     }
 }
 
@@ -131,7 +135,7 @@ fn a_start_that_a_reset_cut_short_does_not_resume() {
         scenario.command(run(0)).unwrap();
         // Below half of idle.
         scenario.values.rpm = Some(2000);
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         scenario.fly_us(run(72), Origin::Rc, SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");
         let mut after = scenario.reset(ecu.config());
@@ -140,7 +144,7 @@ fn a_start_that_a_reset_cut_short_does_not_resume() {
         assert!(!after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
         // For comparison: an engine that has reached running resumes.
         scenario.values.rpm = None;
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         let mut after = scenario.reset(ecu.config());
         after.pass_us(SECOND);
         assert!(after.sent().into_iter().any(|sent| matches!(sent, Wire::Run(_))), "{ecu:?}");
@@ -154,11 +158,11 @@ fn a_lost_demand_never_rises() {
     for ecu in BOTH {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         scenario.fly_us(run(56), Origin::Rc, SECOND);
         scenario.pass_us(SECOND);
         assert_eq!(scenario.telemetry().loss, LossStage::Hold);
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}");
 
         let config = ecu.with(|s| s.slew.up = Some(100));
@@ -172,31 +176,31 @@ fn a_lost_demand_never_rises() {
     }
 }
 
-/// What a source says after a reset, before its engine is confirmed, is newer than what was retained.
+/// What a source commands after a reset, before its engine is confirmed, is newer than what was retained.
 #[test]
 fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
         let retained = || {
-            let kept =
+            let retained =
                 RetainedState { armed: true, ..RetainedState::new(Order::Run(percent(33)), Origin::Mavlink) };
-            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(kept));
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(retained));
             scenario.introduce();
             assert_eq!(scenario.order(), Order::Doubt(percent(33)), "{ecu:?}: nothing is confirmed yet");
             scenario
         };
-        for (said, words, then) in
+        for (commanded, count, then) in
             [(run(8), 1, Order::Run(percent(8))), (Command::Standby, 2, Order::Standby)]
         {
             let mut scenario = retained();
-            for _ in 0..words {
-                scenario.command_from(said, Origin::Mavlink).unwrap();
+            for _ in 0..count {
+                scenario.command_from(commanded, Origin::Mavlink).unwrap();
             }
-            scenario.says(Says::Running);
+            scenario.reports(Reports::Running);
             assert_eq!(scenario.order(), then, "{ecu:?}");
         }
         // For comparison: without a command the retained demand resumes.
         let mut scenario = retained();
-        scenario.says(Says::Running);
+        scenario.reports(Reports::Running);
         assert_eq!(scenario.order(), Order::Run(percent(33)), "{ecu:?}");
     }
 }
@@ -209,7 +213,7 @@ fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
         scenario.values.egt_celsius = 300;
         scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
         let odd = Values { egt_celsius: 26, ..scenario.values };
-        scenario.odd(Says::Standby, odd);
+        scenario.odd(Reports::Standby, odd);
         let answer = scenario.command(run(0));
         assert!(matches!(answer, Err(Rejected::Start(Interlock::TooHot(_)))), "{ecu:?}: {answer:?}");
         // The control: two of them do.
@@ -227,7 +231,7 @@ fn a_gap_does_not_prolong_a_start_whose_source_is_silent() {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         let last = scenario.now_us();
-        scenario.says(Says::Starting);
+        scenario.reports(Reports::Starting);
         // Timeout, hold and run-out: 0.5 s, 1 s and 10 s.
         scenario.run_to_us(last + 11 * SECOND);
         scenario.silent().run_to_us(last + 11_450_000);

@@ -44,7 +44,7 @@ fn frame(frame: &control::Frame) -> Frame {
             Frame::Mode(switch.unwrap_or(Switch::Pwm), factor)
         }
         (_, Some(switch), Some(tenths)) => Frame::Full(switch, tenths),
-        // CTF is never asked for here.
+        // CTF is never commanded here.
         (Command::Amt(_), ..) => Frame::Bad(frame.raw),
         (Command::Zk(ZkCommand::Rpm(code)), ..) => Frame::RpmCode(code),
         (Command::Zk(other), ..) => Frame::Other(other.id()),

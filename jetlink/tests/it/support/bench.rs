@@ -1,6 +1,5 @@
 //! Drives a link or an engine by hand: no clock, no task. The bench plays the runner and the UART.
 
-use crate::toy_protocol::ToyLink;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Rejected};
 use jetlink::ecu::amt::link::AmtLink;
@@ -51,9 +50,10 @@ macro_rules! machine {
         }
     };
 }
+pub(crate) use machine;
+
 machine!(AmtLink, Link, |link, now| Link::start(link, now));
 machine!(ZkLink, Link, |link, now| Link::start(link, now));
-machine!(ToyLink, Link, |link, now| Link::start(link, now));
 machine!(Engine, Engine, |engine, now| engine.start(now, None), supervise);
 
 /// An instant from microseconds.

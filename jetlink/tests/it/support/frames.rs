@@ -1,5 +1,5 @@
 //! Frames as the protocol documents draw them, built here a second time and not with the library's codecs:
-//! one mistake must not stand on both sides of a test.
+//! one mistake must not be on both sides of a test.
 
 /// The CRC of the ZK document's "non-table look-up method", word for word. Its seed is 0 (ZK-1).
 pub fn printed_crc8(message: &[u8]) -> u8 {
@@ -69,7 +69,7 @@ pub mod zk {
         status(6, 0, [max_rpm_thousands, 0, version << 2 | rate_code])
     }
 
-    /// ID 8: idle rpm / 1000, and whether it asks for pressure.
+    /// ID 8: idle rpm / 1000, and whether it requests pressure.
     pub fn idle(idle_rpm_thousands: u8, asks_for_pressure: bool) -> [u8; 7] {
         status(8, 0, [idle_rpm_thousands, if asks_for_pressure { 0x20 } else { 0 }, 0])
     }

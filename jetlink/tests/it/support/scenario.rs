@@ -1,4 +1,4 @@
-//! One engine of either kind as a scenario: what its ECU says, what is commanded, what goes out. Times are in
+//! One engine of either kind as a scenario: what its ECU reports, what is commanded, what goes out. Times are in
 //! microseconds; everything is exact to the tick.
 
 use crate::support::bench::{Bench, at_us};
@@ -21,7 +21,7 @@ use sim::zk::ZkCommand;
 
 /// Reports of an ECU.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Says {
+pub enum Reports {
     Stopped,
     Standby,
     Starting,
@@ -31,15 +31,21 @@ pub enum Says {
     Unknown,
 }
 
-impl Says {
+impl Reports {
     /// The shaft turns.
     const fn turns(self) -> bool {
         !matches!(self, Self::Stopped | Self::Standby)
     }
 }
 
-pub const ALL: [Says; 6] =
-    [Says::Stopped, Says::Standby, Says::Starting, Says::Running, Says::Cooling, Says::Unknown];
+pub const ALL: [Reports; 6] = [
+    Reports::Stopped,
+    Reports::Standby,
+    Reports::Starting,
+    Reports::Running,
+    Reports::Cooling,
+    Reports::Unknown,
+];
 
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Ecu {
@@ -83,34 +89,34 @@ impl Ecu {
         config
     }
 
-    pub fn frame(self, says: Says, values: Values) -> Vec<u8> {
+    pub fn frame(self, reports: Reports, values: Values) -> Vec<u8> {
         use amt_frames::{AUTO_STOP, EMERGENCY, RUN};
-        let rpm = values.rpm.unwrap_or(if says.turns() { TURNING } else { 0 });
+        let rpm = values.rpm.unwrap_or(if reports.turns() { TURNING } else { 0 });
         match self {
             Self::Amt => {
                 let egt = u8::try_from((values.egt_celsius + 50) * 10 / 46).expect("EGT fits");
                 if values.fault != 0 {
                     return vec![0xFF, 0x00, values.fault, egt, values.half_percents, 0];
                 }
-                let (state, switch) = match says {
-                    Says::Stopped => (amt_frames::NO_CLEARANCE, EMERGENCY),
-                    Says::Standby => (amt_frames::CLEARANCE, AUTO_STOP),
-                    Says::Starting => (amt_frames::STARTING, RUN),
-                    Says::Running => (amt_frames::FULL_OPERATION, RUN),
-                    Says::Cooling => (amt_frames::NO_CLEARANCE, AUTO_STOP),
-                    Says::Unknown => (0b11111, RUN),
+                let (state, switch) = match reports {
+                    Reports::Stopped => (amt_frames::NO_CLEARANCE, EMERGENCY),
+                    Reports::Standby => (amt_frames::CLEARANCE, AUTO_STOP),
+                    Reports::Starting => (amt_frames::STARTING, RUN),
+                    Reports::Running => (amt_frames::FULL_OPERATION, RUN),
+                    Reports::Cooling => (amt_frames::NO_CLEARANCE, AUTO_STOP),
+                    Reports::Unknown => (0b11111, RUN),
                 };
                 let rpm = u8::try_from(rpm / 500).expect("rpm fits");
                 vec![0xFF, state << 3 | switch, rpm, egt, values.half_percents, 0]
             }
             Self::Zk => {
-                let (state, switch) = match says {
-                    Says::Stopped => (0, 0),
-                    Says::Standby => (1, 1),
-                    Says::Starting => (3, 2),
-                    Says::Running => (11, 2),
-                    Says::Cooling => (12, 1),
-                    Says::Unknown => (31, 2),
+                let (state, switch) = match reports {
+                    Reports::Stopped => (0, 0),
+                    Reports::Standby => (1, 1),
+                    Reports::Starting => (3, 2),
+                    Reports::Running => (11, 2),
+                    Reports::Cooling => (12, 1),
+                    Reports::Unknown => (31, 2),
                 };
                 let [high, low] = u16::try_from(values.egt_celsius + 50).expect("EGT fits").to_be_bytes();
                 let fault = values.fault;
@@ -125,7 +131,7 @@ impl Ecu {
 pub struct Scenario {
     pub ecu: Ecu,
     pub bench: Bench<Engine>,
-    pub says: Option<Says>,
+    pub reports: Option<Reports>,
     pub values: Values,
     /// No other engine of the group is starting.
     pub others_allow_start: bool,
@@ -147,16 +153,16 @@ impl Scenario {
 
     /// A ZK ECU has introduced itself.
     pub fn with(ecu: Ecu, config: EngineConfig) -> Self {
-        let mut scenario = Self::nothing_heard(ecu, config);
+        let mut scenario = Self::nothing_received(ecu, config);
         scenario.introduce();
         scenario
     }
 
-    pub fn nothing_heard(ecu: Ecu, config: EngineConfig) -> Self {
+    pub fn nothing_received(ecu: Ecu, config: EngineConfig) -> Self {
         Self {
             ecu,
             bench: Bench::new(Engine::new(&config), config.line),
-            says: None,
+            reports: None,
             values: Values { rpm: None, egt_celsius: 26, half_percents: 0, fault: 0 },
             others_allow_start: true,
             next_frame: FRAME_PERIOD_US,
@@ -182,15 +188,15 @@ impl Scenario {
 
     /// The shaft speed that the ECU reports.
     fn rpm(&self) -> u32 {
-        let turns = self.says.is_some_and(Says::turns);
+        let turns = self.reports.is_some_and(Reports::turns);
         self.values.rpm.unwrap_or(if turns { TURNING } else { 0 })
     }
 
     /// The same engine after a reset, with its retained state; its ECU does not notice.
-    pub fn after_reset(ecu: Ecu, config: EngineConfig, kept: Option<RetainedState>) -> Self {
-        let mut scenario = Self::nothing_heard(ecu, config);
+    pub fn after_reset(ecu: Ecu, config: EngineConfig, retained: Option<RetainedState>) -> Self {
+        let mut scenario = Self::nothing_received(ecu, config);
         let mut machine = Engine::new(&config);
-        machine.start(at_us(0), kept);
+        machine.start(at_us(0), retained);
         scenario.bench.machine = machine;
         scenario.bench.events();
         scenario.bench.frames();
@@ -201,20 +207,20 @@ impl Scenario {
     /// The same node after a reset now, with its retained state; its ECU continues.
     pub fn reset(&self, config: EngineConfig) -> Self {
         let mut scenario = Self::after_reset(self.ecu, config, Some(self.bench.machine.record()));
-        (scenario.says, scenario.values) = (self.says, self.values);
+        (scenario.reports, scenario.values) = (self.reports, self.values);
         scenario.introduce();
         scenario
     }
 
     /// From now on the ECU reports this, and has reported it four times: enough to end the life of an engine.
-    pub fn says(&mut self, says: Says) -> &mut Self {
-        self.says = Some(says);
+    pub fn reports(&mut self, reports: Reports) -> &mut Self {
+        self.reports = Some(reports);
         self.pass_us(4 * FRAME_PERIOD_US)
     }
 
-    /// From now on the ECU says nothing.
+    /// From now on the ECU is silent.
     pub fn silent(&mut self) -> &mut Self {
-        self.says = None;
+        self.reports = None;
         self
     }
 
@@ -225,10 +231,10 @@ impl Scenario {
     }
 
     pub fn run_to_us(&mut self, end: u64) -> &mut Self {
-        if let Some(says) = self.says {
+        if let Some(reports) = self.reports {
             self.next_frame = self.next_frame.max(self.bench.now_us() + 1);
             while self.next_frame <= end {
-                self.bench.rx_at_us(self.next_frame, &self.ecu.frame(says, self.values));
+                self.bench.rx_at_us(self.next_frame, &self.ecu.frame(reports, self.values));
                 self.next_frame += FRAME_PERIOD_US;
             }
         }
@@ -236,12 +242,12 @@ impl Scenario {
         self
     }
 
-    /// One frame now, other than what the ECU says.
-    pub fn odd(&mut self, says: Says, values: Values) {
-        self.bench.receive(&self.ecu.frame(says, values));
+    /// One frame now, other than what the ECU reports.
+    pub fn odd(&mut self, reports: Reports, values: Values) {
+        self.bench.receive(&self.ecu.frame(reports, values));
     }
 
-    /// So many µs pass while a source repeats its command; the first comes now.
+    /// Lets this number of µs pass while a source repeats its command, from now on.
     pub fn fly_us(&mut self, command: Command, origin: Origin, micros: u64) -> &mut Self {
         let end = self.bench.now_us() + micros;
         while self.bench.now_us() < end {
@@ -289,7 +295,7 @@ impl Scenario {
     /// Armed, in standby, and everything is ready for a start by RC.
     pub fn ready(ecu: Ecu, config: EngineConfig) -> Self {
         let mut scenario = Self::with(ecu, config);
-        scenario.says(Says::Standby).pass_us(2 * SECOND);
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();
         scenario
@@ -314,8 +320,8 @@ impl Scenario {
     pub fn started_with(ecu: Ecu, config: EngineConfig, demand: Demand) -> Self {
         let mut scenario = Self::ready(ecu, config);
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
-        for says in [Says::Starting, Says::Running] {
-            scenario.says(says);
+        for reports in [Reports::Starting, Reports::Running] {
+            scenario.reports(reports);
             scenario.command(Command::Run(demand)).unwrap();
         }
         // It rises at a rate.
@@ -330,20 +336,20 @@ impl Scenario {
         scenario
     }
 
-    /// What the ECU is told now, as its frames say it.
+    /// What the ECU is sent now, as its frames say it.
     pub fn wire(&mut self) -> Wire {
         self.bench.frames();
         self.pass_us(4 * FRAME_PERIOD_US);
         self.sent().pop().expect("something goes out")
     }
 
-    /// What the ECU was told since the last call. ID 0 and what is no switch or demand are left out.
+    /// What the ECU was sent since the last call. ID 0 and what is no switch or demand are left out.
     pub fn sent(&mut self) -> Vec<Wire> {
         let ecu = self.ecu;
         self.bench.bytes().into_iter().filter_map(|bytes| Wire::read(ecu, &bytes)).collect()
     }
 
-    /// The limits that were told since the last call; other events are dropped.
+    /// The limits that were reported since the last call; other events are dropped.
     pub fn limits(&mut self) -> Vec<LimitKind> {
         self.passed().into_iter().map(|passed| passed.kind).collect()
     }

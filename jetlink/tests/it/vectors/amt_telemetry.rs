@@ -18,7 +18,7 @@ fn amt_message(bytes: &[u8]) -> amt::Message {
 
 /// AMT-2: every Data1, sorted as the document does.
 #[test]
-fn amt_2_data1_says_what_a_frame_is() {
+fn amt_2_data1_determines_the_kind_of_a_frame() {
     use amt::{EgtByte, ErrorBits, Message, State, SwitchPosition, ThrottleByte};
     for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
         let bytes = [0xFF, data1, 2, 3, 4, 5];
@@ -197,7 +197,7 @@ fn amt_setup(bytes: &[u8]) -> amt::Setup {
     }
 }
 
-/// AMT-9: pulse widths, and both forms of the text, told apart by their full stop.
+/// AMT-9: pulse widths, and both forms of the text, distinguished by their full stop.
 #[test]
 fn amt_9_a_setup_set_ends_at_its_full_stop() {
     // 0xFF  set-up PWTH  PWTL  PWDIFF X     .     N     N     ␣     Y     Y     M     M     D     D     ␣

@@ -256,10 +256,10 @@ fn a_parameter_outside_its_range_is_refused() {
 /// An ignition voltage is never rounded up.
 #[test]
 fn ignition_pump_steps_are_20_mv_downwards() {
-    for (asked, gives, byte) in
+    for (wanted, gives, byte) in
         [(0, 0, 0), (19, 0, 0), (20, 20, 1), (39, 20, 1), (5099, 5080, 254), (5100, 5100, 255)]
     {
-        let voltage = IgnitionPumpVoltage::from_millivolts(Millivolts::new(asked)).unwrap();
+        let voltage = IgnitionPumpVoltage::from_millivolts(Millivolts::new(wanted)).unwrap();
         assert_eq!(voltage.millivolts().get(), gives);
         assert_eq!(Control::IgnitionPump(voltage).encode()[2], byte);
     }

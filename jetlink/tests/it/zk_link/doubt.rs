@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// In doubt nothing goes out that could start an engine: ID 0, and in mode 3 the rpm in turn with it, which an ECU that
+/// In doubt nothing goes out that could start an engine: ID 0, and in mode 3 the rpm alternating with it, which an ECU that
 /// restarted ignores (ZK-9).
 #[test]
 fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
@@ -53,8 +53,8 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     assert_eq!(turns(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
-/// The pump is closed by ten frames of ID 2, parameter 13, at every second turn, behind the first frame of a stop, whatever
-/// the version and whatever is heard. It ends sooner where the ECU reports a pump without voltage.
+/// The pump is closed by ten frames of ID 2, parameter 13, in every second slot, behind the first frame of a stop, whatever
+/// the version and whatever is received. It ends sooner where the ECU reports a pump without voltage.
 #[test]
 fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
     for (order, sw) in [(Order::EmergencyStop, STOP), (Order::Standby, STANDBY)] {
@@ -65,7 +65,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
                 bench.run_to_us(bench.now_us() + 60_000);
                 bench.frames();
                 bench.act(|link, _| link.close_pump());
-                assert!(bench.machine.closing_pump());
+                assert!(bench.machine.service_frames().closing_pump);
                 bench.order(bench.now_us(), order).unwrap();
                 let mut frames = Vec::new();
                 for _ in 0..40 {
@@ -84,12 +84,12 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
                     "{order:?} {version:?} {voltage:?}"
                 );
                 assert!(!closes(&frames[0]), "a stop first");
-                assert!(frames.windows(2).all(|pair| !pair.iter().all(closes)), "every second turn at most");
+                assert!(frames.windows(2).all(|pair| !pair.iter().all(closes)), "every second slot at most");
                 assert!(
                     frames.iter().all(|frame| closes(frame) || switch_of(frame) == Some(sw)),
                     "{frames:02x?}"
                 );
-                assert!(!bench.machine.closing_pump());
+                assert!(!bench.machine.service_frames().closing_pump);
             }
         }
     }
@@ -118,10 +118,10 @@ fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
     }
 }
 
-/// What each status says about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
+/// What each status reports about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
 #[test]
 fn each_status_gives_the_sign_of_its_state() {
-    // Idle speed in 1000 rpm, maximum, and half of idle or what stands for it.
+    // Idle speed in 1000 rpm, maximum, and half of idle or its substitute.
     for (idle, max, half) in [
         (None, None, 10_000),
         (None, Some(160), 16_000),
@@ -160,12 +160,12 @@ fn each_status_gives_the_sign_of_its_state() {
     }
 }
 
-/// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it says and what it was asked for.
+/// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it reports and what it was commanded.
 /// Damaged frames keep the beat; half a frame does not.
 #[test]
 fn three_missing_frames_are_a_gap() {
     let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());
-    for (asked, rate, three) in [
+    for (wanted, rate, three) in [
         (Rate::Hz20, 0, 150_000),
         (Rate::Hz20, 1, 150_000),
         (Rate::Hz20, 2, 150_000),
@@ -173,8 +173,8 @@ fn three_missing_frames_are_a_gap() {
         (Rate::Hz50, 1, 60_000),
         (Rate::Hz100, 2, 30_000),
     ] {
-        let mut bench = link(Config { rate: asked, ..Config::DEFAULT }, LINE);
-        assert_eq!(gap(&bench), None, "nothing was heard yet");
+        let mut bench = link(Config { rate: wanted, ..Config::DEFAULT }, LINE);
+        assert_eq!(gap(&bench), None, "nothing was received yet");
         bench.rx_at_us(100_000, &zk::identity(160, 4, rate));
         assert_eq!(gap(&bench), Some(100_000 + three), "rate {rate}");
         let mut damaged = zk::state(STATE_RUNNING);

@@ -1,8 +1,9 @@
 //! An emergency stop on the wire.
 
 use super::*;
+use jetlink::link::LinkRecord;
 
-/// ZK-8: an emergency stop goes out at once, out of turn, and again at every turn.
+/// ZK-8: an emergency stop goes out at once, out of slot, and again in every slot.
 #[test]
 fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
     let mut bench = running(3);
@@ -21,7 +22,7 @@ fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
 fn an_emergency_stop_follows_a_running_transmission_at_once() {
     let mut bench = running(3);
     bench.order(60_000, throttle(900)).unwrap();
-    bench.run_to_us(100_000); // the frame of this turn takes 4167 µs
+    bench.run_to_us(100_000); // the frame of this slot takes 4167 µs
     bench.frames();
     bench.order(101_000, Order::EmergencyStop).unwrap();
     bench.run_to_us(140_000);
@@ -55,12 +56,12 @@ fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
     }
 }
 
-/// Nothing takes the turn of a stop: no rate, no service, no pressure, no unlock.
+/// Nothing takes the slot of a stop: no rate, no service, no pressure, no unlock.
 #[test]
 fn an_emergency_stop_pre_empts_everything() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
     bench.receive(&zk::identity(160, 5, 0)); // at 20 Hz: the rate is not as wanted
-    bench.receive(&zk::idle(30, true)); // asks for pressure
+    bench.receive(&zk::idle(30, true)); // requests pressure
     pressure(&mut bench, 1013);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
@@ -77,7 +78,7 @@ fn an_emergency_stop_pre_empts_everything() {
     }
 }
 
-/// ZK-8, ZK-9: from version 4 on a stop goes by ID 1 and ID 6 in turns: ID 6 first if the switch went there, else
+/// ZK-8, ZK-9: from version 4 on a stop goes by ID 1 and ID 6 alternately: ID 6 first if the switch went there, else
 /// ID 1.
 #[test]
 fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
@@ -100,7 +101,7 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
     }
 }
 
-/// ZK-7, ZK-9: below version 4 a stop is ID 1 alone. Where two reports have not agreed on the version, it goes by ID 6 as
+/// ZK-7, ZK-9: below version 4 a stop is ID 1 alone. Where no two reports have confirmed the version, it goes by ID 6 as
 /// well, which lower versions ignore.
 #[test]
 fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
@@ -113,7 +114,7 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     }
     for version in [None, Some(3), Some(4)] {
         let mut bench = link(Config::DEFAULT, LINE);
-        bench.run_to_us(10_000); // the keep-alive of the first turn is out
+        bench.run_to_us(10_000); // the keep-alive of the first slot is out
         if let Some(version) = version {
             bench.receive(&zk::identity(160, version, 0));
         }
@@ -128,13 +129,13 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     }
 }
 
-/// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop go by ID 1 and ID 6 in turns, with
-/// nothing heard as well. A run waits for the version (ZK-7).
+/// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop go by ID 1 and ID 6 alternately, with
+/// nothing received as well. A run waits for the version (ZK-7).
 #[test]
 fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
         let mut bench = link(Config::DEFAULT, LINE);
-        bench.act(|link, _| link.resume_switch_by_id6());
+        bench.act(|link, _| link.restore(LinkRecord::new(1)));
         bench.run_to_us(10_000);
         bench.frames();
         bench.order(bench.now_us(), order).unwrap();
@@ -147,17 +148,18 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{order:?}: {:?}", ids(&frames));
     }
     let mut bench = link(Config::DEFAULT, LINE);
-    bench.act(|link, _| link.resume_switch_by_id6());
+    bench.act(|link, _| link.restore(LinkRecord::new(1)));
     bench.order(bench.now_us(), throttle(300)).unwrap();
     assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9], "version not known");
-    // Without the record a standby is ID 1.
+    // Without the record a standby is ID 1, and there is nothing to record.
     let mut bench = link(Config::DEFAULT, LINE);
+    assert_eq!(bench.machine.record(), LinkRecord::EMPTY);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9]);
 }
 
 /// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
-/// out of turn. ZK-8: a hand-over is said in ID 1 before ID 6 lets go.
+/// out of slot. ZK-8: a hand-over is sent in ID 1 before ID 6 lets go.
 #[test]
 fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
     let (run, demand) = (throttle(300), rpm(80_000));
@@ -208,7 +210,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
                 let expected = directly.take();
                 if id(frame) == 6 && frame[2] >> 2 != factor {
                     factor = frame[2] >> 2;
-                    // To SW 0 there is none: ID 1 has said it before.
+                    // None for SW 0: ID 1 has carried it before.
                     directly = (frame[2] & 3 != PWM).then_some(at + 4_167);
                 }
                 expected.map_or(at % SEND_SLOT_US == 0, |expected| *at == expected)
@@ -222,7 +224,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
 #[test]
 fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
     let mut bench = running(4);
-    bench.receive(&zk::idle(30, true)); // asks for pressure
+    bench.receive(&zk::idle(30, true)); // requests pressure
     bench.order(bench.now_us(), rpm(100_000)).unwrap();
     bench.run_to_us(101_000); // the ID 6 of 100 ms is going out
     pressure(&mut bench, 1013);
@@ -268,9 +270,9 @@ fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
     let mut old = met_running(3);
     old.order(old.now_us(), order).unwrap();
     assert_eq!(ids(&turns(&mut old, 10)), [1; 10], "version 3");
-    let mut standing = ecu(4);
-    standing.order(standing.now_us(), order).unwrap();
-    assert_eq!(ids(&turns(&mut standing, 10)), [1; 10], "it stood");
+    let mut at_rest = ecu(4);
+    at_rest.order(at_rest.now_us(), order).unwrap();
+    assert_eq!(ids(&turns(&mut at_rest, 10)), [1; 10], "it was at rest");
     // A version that one report alone gives is not used.
     let mut once = link(Config::DEFAULT, LINE);
     once.receive(&zk::identity(160, 4, 0));
@@ -285,13 +287,13 @@ fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
 fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
     // SwSt: 0 stop, 1 standby, 2 run.
     for (order, follows, others) in [(Order::Standby, 1, [0, 2, 3]), (throttle(0), 2, [0, 1, 3])] {
-        let says = |switch: u8| zk::status(1, 0, [STATE_STANDBY, switch << 5, 76]);
+        let engine_status = |switch: u8| zk::status(1, 0, [STATE_STANDBY, switch << 5, 76]);
         let uses_id6 = |version: u8, reports: &[(u64, u8)]| {
             let mut bench = ecu(version);
             bench.order(100_000, order).unwrap();
             for (after, switch) in reports {
-                heard_to(&mut bench, 100_000 + after);
-                bench.receive(&says(*switch));
+                received_to(&mut bench, 100_000 + after);
+                bench.receive(&engine_status(*switch));
             }
             ids(&turns(&mut bench, 6)).contains(&6)
         };
@@ -313,7 +315,7 @@ fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
     }
 }
 
-/// ZK-9: an order that was given before the ECU was heard, as an engine does, and an ECU that was left in mode 2 or 3:
+/// ZK-9: an order that was given before the ECU was received, as an engine does, and an ECU that was left in mode 2 or 3:
 /// a standby is obeyed within about a second, a stop from the first ID 6 on.
 #[test]
 fn zk_9_an_ecu_found_in_mode_3_is_reached_in_time() {
@@ -342,7 +344,7 @@ fn zk_9_an_ecu_found_in_mode_3_is_reached_in_time() {
     }
 }
 
-/// ZK-6, ZK-9: what a frame says of version, maximum and idle rpm is believed when two in a row say the same, also of the
+/// ZK-6, ZK-9: what a frame reports of version, maximum and idle rpm is taken when two in a row say the same, also of the
 /// first: one damaged frame in 256 passes the CRC.
 #[test]
 fn zk_16_one_odd_frame_changes_no_identity() {
@@ -377,6 +379,33 @@ fn zk_16_one_odd_frame_changes_no_identity() {
     }
 }
 
+/// ZK-7: a later version than the known one would allow commands that the ECU may not know: it counts when four in a row say
+/// the same, while the link is up.
+#[test]
+fn zk_7_a_later_version_needs_four_reports() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    let version =
+        |bench: &Bench<ZkLink>| bench.machine.status().report.version.map(|version| version.value.get());
+    for known in [None, Some(1)] {
+        bench.receive(&zk::identity(160, 1, 0));
+        assert_eq!(version(&bench).filter(|_| known.is_none()), None, "one alone");
+        bench.receive(&zk::identity(160, 1, 0));
+        assert_eq!(version(&bench), Some(1));
+        // Three, then one that differs: in the version, the maximum, or as the known one.
+        for other in [zk::identity(160, 5, 0), zk::identity(159, 4, 0), zk::identity(160, 1, 0)] {
+            for _ in 0..3 {
+                bench.receive(&zk::identity(160, 4, 0));
+            }
+            bench.receive(&other);
+            assert_eq!(version(&bench), Some(1), "after {other:02x?}");
+        }
+        for reports in 1..=4 {
+            bench.receive(&zk::identity(160, 4, 0));
+            assert_eq!(version(&bench), Some(if reports < 4 { 1 } else { 4 }), "{reports} reports");
+        }
+    }
+}
+
 /// The control: without the stop all of them go out.
 #[test]
 fn without_an_emergency_stop_all_frames_are_sent() {
@@ -394,7 +423,7 @@ fn without_an_emergency_stop_all_frames_are_sent() {
     {
         assert!(frames.contains(&expected.to_vec()), "{expected:02x?} in {frames:02x?}");
     }
-    // The demand never waits for two turns.
+    // The demand never waits for two slots.
     let gaps: Vec<_> = ids(&frames).split(|id| *id == 1).map(<[u8]>::len).collect();
-    assert!(gaps.iter().all(|gap| *gap <= 2), "an unlocked command is two frames in one turn: {gaps:?}");
+    assert!(gaps.iter().all(|gap| *gap <= 2), "an unlocked command is two frames in one slot: {gaps:?}");
 }

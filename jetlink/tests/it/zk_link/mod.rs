@@ -135,7 +135,7 @@ fn pressure(bench: &mut Bench<ZkLink>, hectopascals: u16) {
 fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
     bench.frames();
     while bench.waiting_frames() < count {
-        heard_to(bench, bench.now_us() + 5_000);
+        received_to(bench, bench.now_us() + 5_000);
     }
     let mut bytes = bench.bytes();
     bytes.truncate(count);
@@ -143,7 +143,7 @@ fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
 }
 
 /// Time passes, and the ECU is received: it reports its temperature.
-fn heard_to(bench: &mut Bench<ZkLink>, t: u64) {
+fn received_to(bench: &mut Bench<ZkLink>, t: u64) {
     while bench.now_us() < t {
         let next = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
         if next > t {
@@ -215,7 +215,7 @@ enum Step {
     Pressure(u16),
     /// A wake-up so much behind or before the deadline.
     Timeout,
-    /// Nobody looks for so long.
+    /// Nobody looks for this time.
     Asleep(u64),
 }
 

@@ -21,7 +21,7 @@ fn zk_9_mode_1_has_switch_and_throttle_in_id_1() {
     }
 }
 
-/// ZK-9, mode 2: ID 6 carries the switch with RPM_X = 0 and ID 1 the throttle, in turns.
+/// ZK-9, mode 2: ID 6 carries the switch with RPM_X = 0 and ID 1 the throttle, alternately.
 #[test]
 fn zk_9_mode_2_has_the_switch_in_id_6() {
     let config = Config { split_switch: true, ..Config::DEFAULT };
@@ -63,7 +63,7 @@ fn zk_9_mode_3_has_the_rpm_in_id_7() {
     // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
     let (demand, mode) = (zk::rpm(2500).to_vec(), zk::mode(4, RUN).to_vec());
     assert_eq!(turns(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
-    // A new rpm is in force at the latest two turns later.
+    // A new rpm is in force at the latest two slots later.
     bench.order(bench.now_us(), rpm(100_079)).unwrap();
     let two = turns(&mut bench, 2);
     assert!(two.contains(&zk::rpm(2501).to_vec()), "never rounded above the demand: {two:02x?}");

@@ -44,7 +44,7 @@ fn zk_15_unknown_ids_are_frames() {
 
 /// ZK-15: unknown states, errors and switches keep their number.
 #[test]
-fn zk_15_unknown_numbers_are_kept() {
+fn zk_15_unknown_numbers_are_preserved() {
     let mut bench = link(Config::DEFAULT, LINE);
     // state 25, error 29, switch 3
     for _ in 0..2 {

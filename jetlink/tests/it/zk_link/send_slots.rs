@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// ZK-10: something is sent at every turn, ID 0 when nothing is ordered, also into silence. ZK-11: the turns keep
+/// ZK-10: something is sent in every slot, ID 0 when nothing is ordered, also into silence. ZK-11: the slots keep
 /// the status rate to the tick.
 #[test]
 fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
@@ -18,10 +18,10 @@ fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
     }
 }
 
-/// ZK-10: a turn that comes late is not made up for, and the beat stays.
+/// ZK-10: a slot that comes late is not made up for, and the beat stays.
 #[test]
 fn zk_10_a_late_send_slot_causes_no_burst() {
-    // Woken so late; the next two turns are then due.
+    // Woken so late; the next two slots are then due.
     for (late, next) in [(1, [100_000, 150_000]), (30_000, [100_000, 150_000]), (49_000, [100_000, 150_000])]
     {
         let mut bench = link(Config::DEFAULT, Line::new(115_200));
@@ -34,7 +34,7 @@ fn zk_10_a_late_send_slot_causes_no_burst() {
         let worst = bench.machine.status().counters.worst_slot_delay.map(|delay| delay.as_micros());
         assert_eq!(worst, Some(late));
     }
-    // After turns that are over altogether: one now, the next within one interval, none in between.
+    // After slots that are over altogether: one now, the next within one interval, none in between.
     for late in [50_000, 75_000, 1_000_000, 3_333_333] {
         let mut bench = link(Config::DEFAULT, LINE);
         bench.run_to_us(40_000);
@@ -48,7 +48,7 @@ fn zk_10_a_late_send_slot_causes_no_burst() {
         assert!(at[1..].iter().all(|at| at % SEND_SLOT_US == 0), "the beat stays: {late}: {at:?}");
         assert!(at.windows(2).skip(1).all(|pair| pair[1] - pair[0] == SEND_SLOT_US), "{late}: {at:?}");
         assert!((10..=11).contains(&at.len()), "{late}: {at:?}");
-        // Of the turns from 50 ms to the one at or before the waking, all but one are over.
+        // Of the slots from 50 ms to the one at or before the waking, all but one are over.
         assert_eq!(
             u64::from(bench.machine.status().counters.send_slots_missed),
             late / SEND_SLOT_US,
@@ -57,7 +57,7 @@ fn zk_10_a_late_send_slot_causes_no_burst() {
     }
 }
 
-/// A turn while the UART is still sending is skipped and counted; the one behind it goes out.
+/// A slot while the UART is still sending is skipped and counted; the one behind it goes out.
 #[test]
 fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
@@ -65,13 +65,13 @@ fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     assert_eq!(bench.frames().len(), 1);
     assert_eq!(bench.machine.status().counters.send_slots_missed, 2);
     bench.not_sent_at_us(125_000, NotSent::TimedOut);
-    assert_eq!(bench.frames(), [], "not out of turn");
+    assert_eq!(bench.frames(), [], "not out of slot");
     bench.run_to_us(150_000);
     assert_eq!(bench.frames(), [(150_000, zk::keep_alive().to_vec())]);
     assert_eq!(bench.machine.status().counters.write_timeouts, 1);
 }
 
-/// ZK-12: at the slowest line a frame is over before the next turn.
+/// ZK-12: at the slowest line a frame is over before the next slot.
 #[test]
 fn zk_12_the_slowest_line_carries_every_send_slot() {
     for line in [Line::new(2400), Line::with_two_stop_bits(2400)] {

@@ -13,7 +13,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
         bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
         bench.run_to_us(90_000);
-        // At the turn, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
+        // In the slot, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
         assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec()), (54_167, frame.to_vec())]);
         // When its last stop bit is out.
         assert_eq!(bench.events(), [(58_334, Event::ServiceSent(command))]);
@@ -72,7 +72,7 @@ fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     bench.run_to_us(52_000);
     assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec())]);
     bench.order(52_000, Order::EmergencyStop).unwrap();
-    heard_to(&mut bench, 1_000_000);
+    received_to(&mut bench, 1_000_000);
     let frames = bench.frames();
     assert_eq!(frames[0], (54_167, zk::throttle(STOP, 0).to_vec()));
     assert!(frames.iter().all(|(_, frame)| frame[..] == zk::throttle(STOP, 0)), "nothing but the stop");
@@ -80,11 +80,11 @@ fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     assert_eq!(
         at,
         (2..=20).map(|turn| turn * SEND_SLOT_US).collect::<Vec<_>>(),
-        "at every turn, in no burst"
+        "in every slot, in no burst"
     );
 }
 
-/// A service command that a stop pre-empted is over: nobody wants a drain or a new curve minutes later, when the
+/// A service command that a stop pre-empted is over: a drain or a new curve minutes later would surprise, when the
 /// stop is released.
 #[test]
 fn a_stop_ends_a_waiting_service_command() {
@@ -97,11 +97,11 @@ fn a_stop_ends_a_waiting_service_command() {
         bench.frames();
         bench.order(bench.now_us(), Order::Standby).unwrap();
         let frames = turns(&mut bench, 20);
-        // With the ECU silent for so long the stop went by ID 6 as well.
+        // With the ECU silent for this long the stop went by ID 6 as well.
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
-        let told = bench.event_kinds();
-        assert_eq!(told.iter().filter(|event| **event == Event::ServiceFailed(command)).count(), 1);
-        assert!(!told.contains(&Event::ServiceSent(command)));
+        let reported = bench.event_kinds();
+        assert_eq!(reported.iter().filter(|event| **event == Event::ServiceFailed(command)).count(), 1);
+        assert!(!reported.contains(&Event::ServiceSent(command)));
         service(&mut bench, command).unwrap();
     }
 }
@@ -124,8 +124,8 @@ fn an_order_ends_a_service_command_at_every_stage() {
             bench.run_to_us(10_000_000);
             let behind = bench.bytes();
             assert!(behind.iter().all(|frame| !(2..=5).contains(&id(frame))), "{order:?} at {at}");
-            let told = bench.event_kinds();
-            let count = |event| told.iter().filter(|told| **told == event).count();
+            let reported = bench.event_kinds();
+            let count = |event| reported.iter().filter(|reported| **reported == event).count();
             assert_eq!(count(Event::ServiceFailed(curve(40))), 1, "{order:?} at {at}");
             assert_eq!(count(Event::ServiceSent(curve(40))), usize::from(was_sent), "{order:?} at {at}");
         }
@@ -146,23 +146,24 @@ fn an_order_to_run_ends_a_waiting_service_command() {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         turns(&mut bench, 1);
-        // The rate has the next turn, so the command waits until the order to run is out.
+        // The rate has the next slot, so the command waits until the order to run is out.
         service(&mut bench, action(Action::Rate20Hz)).unwrap();
         service(&mut bench, command).unwrap();
         bench.order(bench.now_us(), throttle(0)).unwrap();
         let frames = turns(&mut bench, 200);
         let run = frames.iter().position(|frame| frame[..] == zk::throttle(RUN, 0)).expect("runs");
         let behind = &frames[run..];
-        // The rate is asked for again until the ECU confirms it.
+        // The rate is requested again until the ECU confirms it.
         let rate = zk::action(7);
         assert!(
             behind.iter().all(|frame| id(frame) == 1 || frame[..] == rate),
             "{command:?}: {:?}",
             ids(behind)
         );
-        let told = bench.event_kinds();
+        let reported = bench.event_kinds();
         assert!(
-            told.contains(&Event::ServiceFailed(command)) && !told.contains(&Event::ServiceSent(command))
+            reported.contains(&Event::ServiceFailed(command))
+                && !reported.contains(&Event::ServiceSent(command))
         );
     }
 }
@@ -201,8 +202,8 @@ fn an_action_is_sent_once() {
         let frames = turns(&mut bench, 60);
         let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
         assert_eq!(sent, [zk::action(one.code())]);
-        let told = bench.event_kinds();
-        assert_eq!(told.iter().filter(|event| **event == Event::ServiceSent(action(one))).count(), 1);
+        let reported = bench.event_kinds();
+        assert_eq!(reported.iter().filter(|event| **event == Event::ServiceSent(action(one))).count(), 1);
     }
 }
 
@@ -237,8 +238,8 @@ fn a_service_command_that_never_gets_through_has_failed() {
                 bench.not_sent_at_us(bench.now_us(), NotSent::Failed);
             }
         }
-        let told = bench.event_kinds();
-        let count = |event| told.iter().filter(|told| **told == event).count();
+        let reported = bench.event_kinds();
+        let count = |event| reported.iter().filter(|reported| **reported == event).count();
         assert_eq!((attempts, count(Event::ServiceFailed(command))), (3, 1), "{command:?}");
         assert_eq!(count(Event::ServiceSent(command)), 0);
     }
@@ -263,8 +264,8 @@ fn an_action_that_was_not_sent_is_sent_again() {
             bench.sent_at_us(t);
         }
     }
-    let told = bench.event_kinds();
-    let count = |event| told.iter().filter(|told| **told == event).count();
+    let reported = bench.event_kinds();
+    let count = |event| reported.iter().filter(|reported| **reported == event).count();
     assert_eq!((sent_again, count(Event::ServiceSent(action(Action::ClosePump)))), (1, 1));
     assert_eq!(count(Event::ServiceFailed(action(Action::ClosePump))), 0);
 }

@@ -29,7 +29,7 @@ fn started_with(version: u8) -> Bench<Engine> {
     bench
 }
 
-/// A status of the ECU, and what goes out up to the next turn while the source asks for 60 %.
+/// A status of the ECU, and what goes out up to the next slot while the source commands 60 %.
 fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
     let mut frames = engine_turn_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
@@ -47,7 +47,7 @@ fn engine_turn_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> 
     bench.bytes()
 }
 
-/// The demand goes out when two reports say that the engine runs and its shaft turns. Until then, whatever is reported of a
+/// The demand goes out when two reports show that the engine runs and its shaft turns. Until then, whatever is reported of a
 /// start, it stays at idle.
 #[test]
 fn the_demand_waits_for_a_running_engine() {
@@ -57,7 +57,7 @@ fn the_demand_waits_for_a_running_engine() {
             let frame = if state < 6 { zk::state(state) } else { turning(state) };
             assert_eq!(engine_turn(&mut bench, &frame), zk::throttle(RUN, 0), "state {state}");
         }
-        // From here it rises at 50 %/s: 2.5 % a turn.
+        // From here it rises at 50 %/s: 2.5 % per slot.
         for turn in 0..40u16 {
             let frame = engine_turn(&mut bench, &turning(running));
             let tenths = u16::from(frame[1] & 3) << 8 | u16::from(frame[2]);
@@ -100,11 +100,11 @@ fn one_odd_report_withholds_the_run_and_two_end_it() {
     }
 }
 
-/// What the report says of phase, faults and switch is debounced: it counts when two agree, also the first time.
+/// What the report reports of phase, faults and switch is debounced: it counts when two agree, also the first time.
 #[test]
 fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
     let mut bench = link(Config::DEFAULT, LINE);
-    let says = |state: u8, error: u8, switch: u8| {
+    let engine_status = |state: u8, error: u8, switch: u8| {
         zk::status(1, 0, [state | error << 5, error >> 3 | switch << 5, 76])
     };
     let known = |bench: &Bench<ZkLink>| {
@@ -113,13 +113,13 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         (report.phase.unwrap().value, error.code(), report.switch.unwrap().value)
     };
     let running = (Phase::Running, 0, ReportedSwitch::Run);
-    for odd in [says(0, 12, 0), says(1, 0, 1), says(11, 0, 2)] {
+    for odd in [engine_status(0, 12, 0), engine_status(1, 0, 1), engine_status(11, 0, 2)] {
         bench.receive(&odd);
         let report = &bench.machine.status().report;
         assert_eq!((report.phase, report.switch), (None, None), "one alone");
         assert!(report.faults.is_none_or(|faults| faults.value.is_empty()), "one alone");
     }
-    bench.receive(&says(11, 0, 2));
+    bench.receive(&engine_status(11, 0, 2));
     assert_eq!(known(&bench), running, "the first two");
     for (state, error, switch) in [(0, 0, 2), (11, 12, 2), (11, 0, 1), (0, 12, 0)] {
         let changed = (
@@ -129,22 +129,22 @@ fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
         );
         for _ in 0..3 {
             let t = bench.now_us() + 10_000;
-            bench.rx_at_us(t, &says(state, error, switch));
+            bench.rx_at_us(t, &engine_status(state, error, switch));
             assert_eq!(known(&bench), running, "{state} {error} {switch}");
-            bench.receive(&says(11, 0, 2));
+            bench.receive(&engine_status(11, 0, 2));
             assert_eq!((known(&bench), bench.machine.status().report.phase.unwrap().at), (running, at_us(t)));
         }
-        bench.receive(&says(state, error, switch));
-        bench.receive(&says(state, error, switch));
+        bench.receive(&engine_status(state, error, switch));
+        bench.receive(&engine_status(state, error, switch));
         assert_eq!(known(&bench), changed, "two in a row");
-        bench.receive(&says(11, 0, 2));
-        bench.receive(&says(11, 0, 2));
+        bench.receive(&engine_status(11, 0, 2));
+        bench.receive(&engine_status(11, 0, 2));
     }
     // Faults that change in every frame still count as a fault.
-    bench.receive(&says(11, 12, 2));
-    bench.receive(&says(11, 13, 2));
+    bench.receive(&engine_status(11, 12, 2));
+    bench.receive(&engine_status(11, 13, 2));
     assert_eq!(known(&bench), (Phase::Running, 13, ReportedSwitch::Run));
-    bench.receive(&says(11, 12, 2));
+    bench.receive(&engine_status(11, 12, 2));
     assert_eq!(known(&bench), (Phase::Running, 13, ReportedSwitch::Run), "one alone");
 }
 

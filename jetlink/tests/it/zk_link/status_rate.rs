@@ -10,14 +10,14 @@ fn zk_11_rate_is_set_and_confirmed() {
             let mut bench = link(Config { rate: wanted, ..Config::DEFAULT }, LINE);
             bench.order(0, Order::Standby).unwrap();
             bench.run_to_us(300_000);
-            assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "not before ID 6 has said it");
+            assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "not before ID 6 has carried it");
             bench.receive(&zk::identity(160, 1, reported));
             bench.run_to_us(500_000);
-            let asked: Vec<_> = bench.bytes().into_iter().filter(|frame| id(frame) == 2).collect();
+            let ordered: Vec<_> = bench.bytes().into_iter().filter(|frame| id(frame) == 2).collect();
             if reported == rate_code(wanted) {
-                assert_eq!(asked, Vec::<Vec<u8>>::new());
+                assert_eq!(ordered, Vec::<Vec<u8>>::new());
             } else {
-                assert_eq!(asked, [zk::action(parameter)]);
+                assert_eq!(ordered, [zk::action(parameter)]);
                 assert!(!bench.event_kinds().contains(&Event::RateConfirmed(wanted)));
                 bench.receive(&zk::identity(160, 1, rate_code(wanted)));
             }
@@ -28,7 +28,7 @@ fn zk_11_rate_is_set_and_confirmed() {
     }
 }
 
-/// ZK-11: asked again every second, five times, then given up; an ECU that was lost is asked anew.
+/// ZK-11: ordered again every second, five times, then given up; an ECU that was lost gets the order anew.
 #[test]
 fn zk_11_rate_is_retried_and_given_up() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
@@ -36,10 +36,13 @@ fn zk_11_rate_is_retried_and_given_up() {
     for turn in 0..500 {
         bench.rx_at_us(turn * 20_000 + 5_000, &zk::identity(160, 4, 0));
     }
-    let asked: Vec<u64> =
+    let ordered: Vec<u64> =
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 2).map(|(at, _)| at).collect();
-    assert_eq!(asked.len(), 5);
-    assert!(asked.windows(2).all(|pair| (1_000_000..=1_040_000).contains(&(pair[1] - pair[0]))), "{asked:?}");
+    assert_eq!(ordered.len(), 5);
+    assert!(
+        ordered.windows(2).all(|pair| (1_000_000..=1_040_000).contains(&(pair[1] - pair[0]))),
+        "{ordered:?}"
+    );
     let given_up =
         bench.event_kinds().into_iter().filter(|event| *event == Event::RateNotConfirmed(Rate::Hz50));
     assert_eq!(given_up.count(), 1);
@@ -58,7 +61,7 @@ fn zk_11_an_ecu_that_falls_back_to_another_rate_is_set_again() {
     assert!(bench.bytes().contains(&zk::action(7).to_vec()));
 }
 
-/// ZK-11: a rate by service command: refused where the line cannot carry it; the turns follow it.
+/// ZK-11: a rate by service command: refused where the line cannot carry it; the slots follow it.
 #[test]
 fn zk_11_a_service_command_changes_the_rate() {
     for (baud, rate, fits) in [

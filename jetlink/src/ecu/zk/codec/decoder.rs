@@ -83,7 +83,9 @@ impl Decoder {
         let next_head = (1..STATUS_LEN)
             .find(|&i| self.window.get(i).is_some_and(|&byte| is_status_head(byte)))
             .unwrap_or(STATUS_LEN);
-        self.window.copy_within(next_head.., 0);
+        // A copy in place would be the only one of the firmware, and 1.4 kB of `core`.
+        let window = self.window;
+        self.window = core::array::from_fn(|i| window.get(i + next_head).copied().unwrap_or(0));
         self.len = STATUS_LEN - next_head;
         self.counters.bytes_skipped = self.counters.bytes_skipped.wrapping_add(next_head as u32);
         None

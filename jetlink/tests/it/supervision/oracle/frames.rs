@@ -21,8 +21,8 @@ impl Oracle {
             _ => return answer,
         }
         self.last_frame = at;
-        if let Some((_, source)) = self.ruler(at)
-            && let Word::Run(demand) = source.word
+        if let Some((_, source)) = self.active_source(at)
+            && let Intent::Run(demand) = source.intent
             && (at < source.changed + TOL
                 || self.config.supervision.slew.up.is_some()
                 || self.rising.is_some())
@@ -35,7 +35,7 @@ impl Oracle {
 
     pub(super) fn judge(&mut self, at: u64, frame: Frame) -> Result<(), String> {
         // A frame and a command at the same instant: the demand before may still be in it.
-        if let Some((_, Source { changed, before: Word::Run(demand), .. })) = self.ruler(at)
+        if let Some((_, Source { changed, before: Intent::Run(demand), .. })) = self.active_source(at)
             && at < changed + TOL
         {
             self.peak(demand);
@@ -50,7 +50,7 @@ impl Oracle {
         {
             self.tally.stop_frames += 1;
             if switch != Some(Switch::Stop) {
-                return Err(format!("(4) {by:?} has stopped the engine, and {frame:?} is on the wire"));
+                return Err(format!("(4) {by} has stopped the engine, and {frame:?} is on the wire"));
             }
         }
         let opens = match switch {
@@ -93,7 +93,7 @@ impl Oracle {
         }
         self.attempts.retain(|attempt| attempt.at + TOL >= at);
         self.wire_run = false;
-        self.may_go_on = false;
+        self.may_continue = false;
         self.reached = false;
         self.ran = false;
         self.guard = false;
@@ -124,11 +124,11 @@ impl Oracle {
         after.is_some_and(|after| at + slack >= self.wanted_until_least + hold + after)
     }
 
-    /// A lower source that says standby may have ended the run.
+    /// A lower source that commands standby may have ended the run.
     pub(super) fn ended_by_lower(&self, at: u64) -> bool {
         let loss = self.config.supervision.loss;
         let lasted = loss.hold.as_micros() + loss.lower_standby_after.as_micros();
-        let lower = |at| matches!(self.ruler(at), Some((_, Source { word: Word::Standby, .. })));
+        let lower = |at| matches!(self.active_source(at), Some((_, Source { intent: Intent::Standby, .. })));
         at + TOL >= self.wanted_until_least + lasted && (lower(at) || lower(self.last_run))
     }
 
@@ -148,7 +148,7 @@ impl Oracle {
             }
             return Err(format!("(1) run, and {why}"));
         }
-        self.run_goes_on(at)?;
+        self.run_continues(at)?;
         self.void_permissions(at);
         self.last_run = at;
         Ok(false)
@@ -161,7 +161,7 @@ impl Oracle {
         }
     }
 
-    pub(super) fn run_goes_on(&self, at: u64) -> Result<(), String> {
+    pub(super) fn run_continues(&self, at: u64) -> Result<(), String> {
         let loss = self.config.supervision.loss;
         let fail_safe = self.wanted_until + loss.hold.as_micros();
         if let Some(after) = loss.standby_after
@@ -179,16 +179,16 @@ impl Oracle {
             return Err("(1) run to an engine that does not run yet, and every source is silent".into());
         }
         if !self.uncertain(at)
-            && let Some((origin, Source { word: Word::Standby, changed, .. })) = self.ruler(at)
+            && let Some((origin, Source { intent: Intent::Standby, changed, .. })) = self.active_source(at)
             && at > fail_safe.max(changed) + loss.lower_standby_after.as_micros() + TOL
             // It may have come to be in control this very instant.
-            && self.ruler(at.saturating_sub(TOL)).is_some_and(|(before, _)| before == origin)
+            && self.active_source(at.saturating_sub(TOL)).is_some_and(|(before, _)| before == origin)
         {
-            return Err(format!("(1) run, and {origin:?} says standby, with nobody who wants it to run"));
+            return Err(format!("(1) run, and {origin} commands standby, and no source a run"));
         }
         // A life that is in doubt, or over.
-        if self.unheard {
-            return Err("(8) run, and the ECU is not heard".into());
+        if self.not_received {
+            return Err("(8) run, and the ECU is not received".into());
         }
         let disturbed = at < self.fault_at + BEHIND_FAULTY;
         if let Some(dark) = self.dark_at {
@@ -217,24 +217,24 @@ impl Oracle {
                 self.opened_by_start(at);
                 Ok(())
             }
-            Err(_) if self.may_go_on => self.goes_on(at),
+            Err(_) if self.may_continue => self.continues(at),
             Err(why) => Err(why),
         }
     }
 
     pub(super) fn start_allowed(&self, at: u64) -> Result<(), String> {
-        let words = || self.attempts.iter().filter(|attempt| attempt.at <= at + TOL);
-        if words().any(|attempt| attempt.against.is_none()) {
+        let attempts = || self.attempts.iter().filter(|attempt| attempt.at <= at + TOL);
+        if attempts().any(|attempt| attempt.against.is_none()) {
             return Ok(());
         }
-        let mut all: Vec<String> = words().filter_map(|attempt| attempt.against.clone()).collect();
+        let mut all: Vec<String> = attempts().filter_map(|attempt| attempt.against.clone()).collect();
         all.dedup();
-        Err(if all.is_empty() { "(1) run begins, and nobody has said so".into() } else { all.join("; ") })
+        Err(if all.is_empty() { "(1) run begins without a command".into() } else { all.join("; ") })
     }
 
     pub(super) fn opened_by_start(&mut self, at: u64) {
-        let word = self.attempts.iter().rev().find(|attempt| attempt.against.is_none());
-        self.in_force = word.map(|attempt| attempt.by);
+        let attempt = self.attempts.iter().rev().find(|attempt| attempt.against.is_none());
+        self.in_force = attempt.map(|attempt| attempt.by);
         self.attempts.clear();
         self.wire_run = true;
         self.reached = false;
@@ -254,27 +254,31 @@ impl Oracle {
     }
 
     /// After a reset.
-    pub(super) fn goes_on(&mut self, at: u64) -> Result<(), String> {
-        self.tally.went_on += 1;
-        // An AMT ECU with a fault does not say what its engine does: a hot exhaust and what was kept are all there is.
+    pub(super) fn continues(&mut self, at: u64) -> Result<(), String> {
+        self.tally.resumed_runs += 1;
+        // An AMT ECU with a fault does not report the state of its engine: a hot exhaust and the retained state are all there is.
         let burns = self.amt && self.truth.faulty && at < self.warm_at + BEHIND_FAULTY;
         let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
         let alive = self.truth.live || at < self.live_at + BEHIND || disturbed || burns;
         if !alive {
-            return Err("(1) it went on with an engine that does not run".into());
+            return Err("(1) it resumed an engine that does not run".into());
         }
-        if self.kept.is_none() {
+        if self.retained.is_none() {
             // It belongs to no source: the stages of loss begin.
             self.wanted_until = self.wanted_until.max(at);
+            // Nor does it belong to one that commanded while no order was in force, and does not command a run any more.
+            if !matches!(self.active_source(at), Some((_, Source { intent: Intent::Run(_), .. }))) {
+                (self.in_force, self.waiting, self.lost) = (None, None, true);
+            }
         }
         self.attempts.clear();
         self.wire_run = true;
         self.reached = true;
         self.opened = at;
         self.last_run = at;
-        self.last_asked = self.last_asked.max(self.before_reset.0);
-        // What was asked a moment before may have been reached when the engine was confirmed.
-        let steady = self.ruler(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
+        self.last_wanted = self.last_wanted.max(self.before_reset.0);
+        // What was commanded a moment before may have been reached when the engine was confirmed.
+        let steady = self.active_source(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
         self.rising = steady.then_some((at, self.before_reset.0.max(self.truth.obeyed)));
         Ok(())
     }
@@ -330,14 +334,14 @@ impl Oracle {
         let (from, _) = self.silent_base(at);
         let loss = self.config.supervision.loss;
         // (6)
-        let asked = self.asked(at);
+        let wanted = self.wanted(at);
         let unseen = self.unseen(at).0;
         let before = self.throttle.max(unseen);
-        // Until the ECU has told its version after a reset, the governor holds an rpm for it.
+        // Until the ECU has reported its version after a reset, the governor holds an rpm for it.
         let version_known = at > self.booted + BEHIND_FAULTY && at > self.fault_at + BEHIND_FAULTY;
         let governed = self.config.supervision.governor.filter(|_| !self.speed_control || !version_known);
         let authority = governed.map_or(0, |governor| governor.authority.tenths());
-        let sliding = if self.on_its_way(at) && !self.lost { self.last_asked } else { 0 };
+        let sliding = if self.on_its_way(at) && !self.lost { self.last_wanted } else { 0 };
         let from = from.max(authority).max(sliding);
         let limit = match self.held(at) {
             // An rpm that is held is still governed.
@@ -345,20 +349,22 @@ impl Oracle {
             true => before
                 .max(self.peak_throttle)
                 .max(sliding)
-                .max(asked.map_or(0, |asked| self.as_throttle(asked))),
+                .max(wanted.map_or(0, |wanted| self.as_throttle(wanted))),
             false if version_known => {
-                self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked)))
+                self.peak_throttle.max(wanted.map_or(0, |wanted| self.as_throttle(wanted)))
             }
-            false => self.peak_throttle.max(asked.map_or(0, |asked| self.as_throttle(asked))).max(authority),
+            false => {
+                self.peak_throttle.max(wanted.map_or(0, |wanted| self.as_throttle(wanted))).max(authority)
+            }
         };
         // At the fail-safe of a limit a demand of the other kind cannot be compared.
-        let limit = match asked {
+        let limit = match wanted {
             Some(Demand::Rpm(_)) if self.limited => limit.max(before),
             _ => limit,
         };
         if throttle > limit && !opens {
             return Err(format!(
-                "(6) throttle {throttle}, {:?} asked for {limit} at most (held {}, before {before})",
+                "(6) throttle {throttle}, {:?} commands {limit} at most (held {}, before {before})",
                 self.in_force,
                 self.held(at)
             ));
@@ -379,25 +385,27 @@ impl Oracle {
         if let Some(Demand::Throttle(wanted)) = self.exact(at) {
             self.tally.exact_frames += 1;
             if throttle.abs_diff(wanted.tenths()) > 5 {
-                return Err(format!("(7) throttle {throttle}, {:?} asks for {wanted:?}", self.in_force));
+                return Err(format!("(7) throttle {throttle}, {:?} commands {wanted:?}", self.in_force));
             }
         }
         self.throttle = throttle;
         Ok(())
     }
 
-    /// After a start, a take-over, a gap or a reset the demand rises at its set rate until it is where it is asked to be.
+    /// After a start, a take-over, a gap or a reset the demand rises at its set rate until it has reached the commanded one.
     pub(super) fn rises(&mut self, at: u64, throttle: u16, governed: bool) -> Result<(), String> {
         // It stays at idle until the engine has come to run.
         if !self.reached {
             self.rising = Some((at, 0));
         }
         if core::mem::take(&mut self.rpm_last) {
-            // Of another kind: it continues from the throttle that the ECU reports.
-            self.rising = self.rising.map(|_| (at, self.obeyed.1.max(self.obeyed.2)));
+            // Of another kind: it continues from the throttle that the ECU reports, or from one that was in force for less than a slot.
+            let obeyed = self.obeyed.1.max(self.obeyed.2);
+            let moved = |since, from: u16| if since > self.last_frame { from.max(obeyed) } else { obeyed };
+            self.rising = self.rising.map(|(since, from)| (at, moved(since, from)));
         }
         let Some(risen) = self.risen(at) else { return Ok(()) };
-        // A governor moves at its own rate, and a reduction for another engine ends when it says so.
+        // A governor moves at its own rate, and a reduction for another engine ends when that engine reports it.
         if governed || self.config.supervision.when_other_fails.is_some() || self.limited {
             self.rising = None;
             return Ok(());
@@ -417,22 +425,22 @@ impl Oracle {
         let (_, from) = self.silent_base(at);
         let unseen = self.unseen(at).1;
         let before = self.rpm.max(unseen);
-        let asked = match self.asked(at) {
+        let wanted = match self.wanted(at) {
             Some(Demand::Rpm(rpm)) => rpm.get(),
             _ => 0,
         };
-        // With a slew it may still be on its way to what was asked before.
+        // With a slew it may still be on its way to what was commanded before.
         let sliding = if self.on_its_way(at) && !self.lost { self.max_rpm } else { 0 };
         let from = from.max(sliding);
-        let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(asked);
+        let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(wanted);
         // In doubt, too, a demand of the other kind cannot be compared.
         let in_doubt = at < self.fault_at + BEHIND_FAULTY;
-        let limit = match self.asked(at) {
+        let limit = match self.wanted(at) {
             Some(Demand::Throttle(_)) if self.limited || in_doubt => limit.max(before),
             _ => limit,
         };
         if rpm > limit + slack && !opens && rpm > self.idle_rpm + slack || rpm > self.max_rpm + slack {
-            return Err(format!("(6) {rpm} rpm, {:?} asked for {limit} at most", self.in_force));
+            return Err(format!("(6) {rpm} rpm, {:?} commands {limit} at most", self.in_force));
         }
         let from = from.max(unseen);
         let rate = self.max_rpm / 1000 * u32::from(self.config.supervision.loss.ramp);
@@ -444,7 +452,7 @@ impl Oracle {
         if let Some(Demand::Rpm(wanted)) = self.exact(at) {
             self.tally.exact_frames += 1;
             if rpm.abs_diff(wanted.get()) > slack {
-                return Err(format!("(7) {rpm} rpm, {:?} asks for {wanted:?}", self.in_force));
+                return Err(format!("(7) {rpm} rpm, {:?} commands {wanted:?}", self.in_force));
             }
         }
         self.rpm = rpm;
@@ -452,7 +460,7 @@ impl Oracle {
         Ok(())
     }
 
-    /// The demand may still rise to what the last source in control asked last: by a slew or its set rate, or because the
+    /// The demand may still rise to what the last source in control commanded last: by a slew or its set rate, or because the
     /// engine has just come to run.
     pub(super) fn on_its_way(&self, at: u64) -> bool {
         self.config.supervision.slew.up.is_some()
@@ -473,11 +481,11 @@ impl Oracle {
         }
     }
 
-    /// What the source in control asks for.
-    pub(super) fn asked(&self, at: u64) -> Option<Demand> {
-        match self.ruler(at)?.1.word {
-            Word::Run(demand) => Some(demand),
-            Word::Standby | Word::Nothing => None,
+    /// What the source in control commands.
+    pub(super) fn wanted(&self, at: u64) -> Option<Demand> {
+        match self.active_source(at)?.1.intent {
+            Intent::Run(demand) => Some(demand),
+            Intent::Standby | Intent::Nothing => None,
         }
     }
 
@@ -489,8 +497,8 @@ impl Oracle {
 
     /// The exact demand required on the wire, if nothing limits it.
     pub(super) fn exact(&self, at: u64) -> Option<Demand> {
-        let (origin, source) = self.ruler(at)?;
-        let Word::Run(demand) = source.word else { return None };
+        let (origin, source) = self.active_source(at)?;
+        let Intent::Run(demand) = source.intent else { return None };
         let supervision = &self.config.supervision;
         let slewed = supervision.slew.up.is_some() || supervision.slew.down.is_some();
         let rise = 1000 * SECOND / u64::from(supervision.rise) + SECOND;

@@ -6,9 +6,9 @@ impl Oracle {
     pub fn input(&mut self, at: u64, input: Input) -> Result<(), String> {
         self.advance(at);
         match input {
-            Input::Said(origin, command, answer) => self.said(at, origin, command, answer)?,
+            Input::Commanded(origin, command, answer) => self.commanded(at, origin, command, answer)?,
             Input::Truth(truth) => self.truth(at, truth)?,
-            Input::Boot { kept, down } => self.boot(at, kept, down),
+            Input::Boot { retained, down } => self.boot(at, retained, down),
             Input::Fault => {
                 self.fault_at = at;
                 self.guard = false;
@@ -24,16 +24,18 @@ impl Oracle {
                     self.dark_at.get_or_insert(at);
                 }
             }
-            Input::Unheard => self.unheard = true,
-            Input::Heard => self.unheard = false,
+            Input::NotReceived => self.not_received = true,
+            Input::Received => self.not_received = false,
             Input::HungUntil(until) => self.hung = (self.last_frame, until),
             Input::LinkBack => self.link_back = at,
-            Input::OtherStarted => self.other_started = Some(at),
+            // The time of a start before a reset is not retained.
+            Input::OtherStarted(started) if started > self.booted => self.other_started = Some(started),
+            Input::OtherStarted(_) => {}
         }
         Ok(())
     }
 
-    pub(super) fn said(
+    pub(super) fn commanded(
         &mut self,
         at: u64,
         origin: Origin,
@@ -49,8 +51,8 @@ impl Oracle {
                 self.latched = Some((by, since));
                 self.guard = false;
                 self.armed = false;
-                for (must, said) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
-                    *must |= said;
+                for (must, commanded) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
+                    *must |= commanded;
                 }
                 self.use_up_all();
             }
@@ -59,18 +61,18 @@ impl Oracle {
                     && let Some((by, _)) = self.latched.take()
                 {
                     if origin.priority() < by.priority() {
-                        return Err(format!("(4) {origin:?} released the emergency stop of {by:?}"));
+                        return Err(format!("(4) {origin} released the emergency stop of {by}"));
                     }
-                    // An AMT ECU with a fault does not say what its engine does, and no ECU has right after a
+                    // An AMT ECU with a fault does not report the state of its engine, and no ECU has right after a
                     // reset; standby is no start.
-                    let untold = self.amt && self.truth.faulty || at < self.booted + BEHIND;
+                    let unreported = self.amt && self.truth.faulty || at < self.booted + BEHIND;
                     let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
-                    let stood = !self.truth.live || untold || disturbed;
+                    let stood = !self.truth.live || unreported || disturbed;
                     if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {
                         return Err("(4) an emergency stop was released while the engine runs".into());
                     }
                     self.use_up_all();
-                    self.may_go_on = false;
+                    self.may_continue = false;
                 }
             }
             Command::Arm => self.arm(origin, answer)?,
@@ -80,28 +82,28 @@ impl Oracle {
                 self.must_disarm[slot(origin)] = false;
                 self.use_up_all();
                 if self.wire_run && !self.reached {
-                    self.end(at, || format!("{origin:?} disarmed, and the engine has not reached running"));
+                    self.end(at, || format!("{origin} disarmed, and the engine has not reached running"));
                     self.standby_reason = Some(at);
                 }
             }
             Command::ShutDown => {
                 self.guard = false;
-                self.standby_said = Some(at);
+                self.standby_commanded = Some(at);
                 if self.latched.is_none() {
                     self.use_up_all();
                     self.standby_reason = Some(at);
-                    self.may_go_on = false;
-                    self.end(at, || format!("{origin:?} commanded to shut down"));
+                    self.may_continue = false;
+                    self.end(at, || format!("{origin} commanded to shut down"));
                 }
             }
             Command::Present => {
-                let ruled = self.ruler(at);
-                self.speak(at, origin, Word::Nothing);
-                self.ruled_until_now(ruled);
+                let active_before = self.active_source(at);
+                self.receive(at, origin, Intent::Nothing);
+                self.ruled_until_now(active_before);
                 self.look();
             }
-            Command::Standby => self.standby_word(at, origin, answer)?,
-            Command::Run(demand) => self.run_word(at, origin, demand, answer),
+            Command::Standby => self.standby_command(at, origin, answer)?,
+            Command::Run(demand) => self.run_command(at, origin, demand, answer),
             Command::HandOverToPwm | Command::Service(_) => {}
         }
         Ok(())
@@ -117,11 +119,11 @@ impl Oracle {
         self.arm_commanded[slot(origin)] = true;
         if answer.is_ok() {
             if self.latched.is_some() {
-                return Err(format!("(4) {origin:?} armed while an emergency stop is latched"));
+                return Err(format!("(4) {origin} armed while an emergency stop is latched"));
             }
             if self.must_disarm[slot(origin)] {
                 return Err(format!(
-                    "(4) {origin:?} armed with a word that it has said since before the stop"
+                    "(4) {origin} armed with an \"arm\" that it has commanded since before the stop"
                 ));
             }
             self.armed = true;
@@ -131,72 +133,73 @@ impl Oracle {
     }
 
     /// A source commands.
-    pub(super) fn speak(&mut self, at: u64, origin: Origin, word: Word) {
+    pub(super) fn receive(&mut self, at: u64, origin: Origin, intent: Intent) {
         let age = self.age(origin);
         let return_within = self.config.supervision.return_within.as_micros();
         let before = self.sources[slot(origin)];
-        let mut source = before.unwrap_or(Source::new(at, word));
+        let mut source = before.unwrap_or(Source::new(at, intent));
         if let Some(before) = before {
             // One that is present but commands nothing has no gap.
-            let gap_from = if before.word == Word::Nothing { before.heard + age } else { before.silent_from };
+            let gap_from =
+                if before.intent == Intent::Nothing { before.last_rx + age } else { before.silent_from };
             if at >= gap_from {
                 // A steady stream with one short gap continues.
                 source.was_lost = !self.steady(&before) || at >= gap_from + return_within;
                 source.since = at;
             }
         }
-        if source.word != word {
-            source.before = source.word;
+        if source.intent != intent {
+            source.before = source.intent;
             source.changed = at;
         }
-        source.silent_from = match (word, before) {
-            (Word::Nothing, Some(Source { word: Word::Nothing, silent_from, .. })) => silent_from,
+        source.silent_from = match (intent, before) {
+            (Intent::Nothing, Some(Source { intent: Intent::Nothing, silent_from, .. })) => silent_from,
             // Wanting nothing counts as silence from then on.
-            (Word::Nothing, Some(before)) => before.silent_from.min(at),
-            (Word::Nothing, None) => at,
+            (Intent::Nothing, Some(before)) => before.silent_from.min(at),
+            (Intent::Nothing, None) => at,
             _ => at + age,
         };
-        if word == Word::Nothing {
+        if intent == Intent::Nothing {
             source.permitted = None;
         }
         source.standby_at = None;
-        source.word = word;
-        source.heard = at;
+        source.intent = intent;
+        source.last_rx = at;
         self.sources[slot(origin)] = Some(source);
     }
 
-    pub(super) fn standby_word(
+    pub(super) fn standby_command(
         &mut self,
         at: u64,
         origin: Origin,
         answer: Result<Accepted, Rejected>,
     ) -> Result<(), String> {
         self.guard = false;
-        self.standby_said = Some(at);
-        let ruled = self.ruler(at);
+        self.standby_commanded = Some(at);
+        let active_before = self.active_source(at);
         let before = self.sources[slot(origin)];
         let fresh = before.filter(|before| at < before.silent_from);
         let second = before.and_then(|before| before.standby_at);
         if answer == Ok(Accepted::RepeatStandby) {
             // Two commands within the timeout are an order.
             if second.is_some_and(|second| at + TOL <= second + self.age(origin)) {
-                return Err(format!("(1) {origin:?} has said standby twice, and that is not enough"));
+                return Err(format!("(1) {origin} has commanded standby twice, and that is not enough"));
             }
             if self.wire_run && !self.reached {
-                return Err(format!("(1) {origin:?} said standby in a start, and that is not enough"));
+                return Err(format!("(1) {origin} commanded standby in a start, and that is not enough"));
             }
-            self.speak(at, origin, fresh.map_or(Word::Nothing, |before| before.word));
+            self.receive(at, origin, fresh.map_or(Intent::Nothing, |before| before.intent));
         } else {
             let healthy = self.wire_run && self.over.is_none() && self.latched.is_none() && self.ran;
             let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
             if healthy && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately {
-                return Err(format!("(5) one word of standby of {origin:?} counts, and the engine runs"));
+                return Err(format!("(5) one standby of {origin} counts, and the engine runs"));
             }
-            let changed = fresh.is_none_or(|before| before.word != Word::Standby);
+            let changed = fresh.is_none_or(|before| before.intent != Intent::Standby);
             if changed {
                 self.use_up_all();
             }
-            self.speak(at, origin, Word::Standby);
+            self.receive(at, origin, Intent::Standby);
             let permits = matches!(answer, Ok(Accepted::InForce | Accepted::Behind(_)));
             if let Some(source) = &mut self.sources[slot(origin)] {
                 source.permitted = permits.then_some(at);
@@ -207,12 +210,12 @@ impl Oracle {
         if let Some(source) = &mut self.sources[slot(origin)] {
             source.standby_at = Some(at);
         }
-        self.ruled_until_now(ruled);
+        self.ruled_until_now(active_before);
         self.look();
         Ok(())
     }
 
-    pub(super) fn run_word(
+    pub(super) fn run_command(
         &mut self,
         at: u64,
         origin: Origin,
@@ -228,12 +231,13 @@ impl Oracle {
         ) = answer
         {
             if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
-                // It is there, and its run of before goes on, if it was there all along.
-                let (before, ruled) = (self.sources[slot(origin)], self.ruler(at));
+                // It is present, and its earlier run stays in force, if it was present all along.
+                let (before, active_before) = (self.sources[slot(origin)], self.active_source(at));
                 let fresh = before.filter(|before| at < before.silent_from);
-                let runs = fresh.map(|before| before.word).filter(|word| matches!(word, Word::Run(_)));
-                self.speak(at, origin, runs.unwrap_or(Word::Run(demand)));
-                self.ruled_until_now(ruled);
+                let runs =
+                    fresh.map(|before| before.intent).filter(|intent| matches!(intent, Intent::Run(_)));
+                self.receive(at, origin, runs.unwrap_or(Intent::Run(demand)));
+                self.ruled_until_now(active_before);
                 self.look();
             }
             if let Some(source) = &mut self.sources[slot(origin)] {
@@ -245,11 +249,13 @@ impl Oracle {
             Demand::Rpm(rpm) if self.speed_control => Demand::Rpm(rpm.min(self.max())),
             demand => demand,
         };
-        let ruled = self.ruler(at);
-        self.speak(at, origin, Word::Run(demand));
-        // One that was lost before the reset has to speak for a while first.
-        let lost_before = self.kept.is_some_and(|(kept, _, was_lost)| kept == origin && was_lost);
-        let back = self.sources[slot(origin)].is_some_and(|source| self.steady(&source));
+        let active_before = self.active_source(at);
+        self.receive(at, origin, Intent::Run(demand));
+        // One that was lost before the reset has to speak for a while first. What it was received for right before the reset counts.
+        let lost_before = self.retained.is_some_and(|(retained, _, was_lost)| retained == origin && was_lost);
+        let recover_after = self.config.supervision.recover_after.as_micros();
+        let back = self.sources[slot(origin)]
+            .is_some_and(|source| source.last_rx + self.steady_before >= source.since + recover_after);
         if self.uncertain(at) && (!lost_before || back) {
             self.uncertain_throttle = self.uncertain_throttle.max(self.as_throttle(demand));
             if let Demand::Rpm(rpm) = demand {
@@ -266,7 +272,7 @@ impl Oracle {
         {
             source.permitted = None;
         }
-        self.ruled_until_now(ruled);
+        self.ruled_until_now(active_before);
         self.look();
     }
 
@@ -276,19 +282,23 @@ impl Oracle {
 
     /// Obstacles to a start by this command of this source.
     pub(super) fn against_start(&self, at: u64, origin: Origin, demand: Demand) -> Option<String> {
-        let rules = self.config.supervision;
+        let config = self.config.supervision;
         let behind = if at < self.fault_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
         let source = self.sources[slot(origin)]?;
-        let open = |what: &str| Some(format!("(2) a start by {origin:?}: {what}"));
+        let open = |what: &str| Some(format!("(2) a start by {origin}: {what}"));
         if source.permitted.is_none() {
-            return Some(format!("(1) a start by {origin:?}: its own standby was not said, or is used up"));
+            return Some(format!(
+                "(1) a start by {origin}: its own standby was not commanded, or is used up"
+            ));
         }
-        match self.ruler(at) {
-            Some((ruler, _)) if ruler == origin => {}
-            Some((ruler, _)) => return Some(format!("(1) a start by {origin:?}: {ruler:?} is in control")),
-            None => return Some(format!("(1) a start by {origin:?}: it is not there yet")),
+        match self.active_source(at) {
+            Some((active_source, _)) if active_source == origin => {}
+            Some((active_source, _)) => {
+                return Some(format!("(1) a start by {origin}: {active_source} is in control"));
+            }
+            None => return Some(format!("(1) a start by {origin}: it is not there yet")),
         }
-        if rules.start.arming && !self.armed {
+        if config.start.arming && !self.armed {
             return open("it is not armed");
         }
         if !self.is_idle(demand) {
@@ -303,11 +313,13 @@ impl Oracle {
         if at > self.cool_at + behind {
             return open("the exhaust is too hot");
         }
-        if at < self.booted.max(self.link_back) + rules.start.link_stable.as_micros() {
+        if at < self.booted.max(self.link_back) + config.start.link_stable.as_micros() {
             return open("the link is not up for long enough");
         }
-        if self.other_started.is_some_and(|other| at + 1_500_000 < other + rules.start.gap.as_micros()) {
-            return open("another engine has just started");
+        if let Some(other) = self.other_started
+            && at + 1_500_000 < other + config.start.gap.as_micros()
+        {
+            return open(&format!("another engine has just started, at {other} µs"));
         }
         None
     }
@@ -328,7 +340,7 @@ impl Oracle {
         if truth.odd {
             self.odd_at = at;
         }
-        // An AMT ECU with a fault does not say that its engine runs.
+        // An AMT ECU with a fault does not report that its engine runs.
         if truth.running && !truth.odd && !truth.faulty {
             self.running_since.get_or_insert(at);
         } else {
@@ -354,16 +366,16 @@ impl Oracle {
         if let Some(before) = self.gave_up_before
             && self.guard
             && at < self.booted + 5 * SECOND
-            && truth.gave_up > before
+            && truth.own_stops > before
         {
             return Err(
                 "(5) after a reset the ECU stopped a running engine, because the node left it alone".into()
             );
         }
-        // With a fault an AMT ECU says neither what its engine does nor what it obeys: without memory there is nothing to
-        // go on from, and with it an exhaust that shows no combustion ends the run.
-        let untold = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.says_cold);
-        if !truth.live || truth.odd || untold {
+        // With a fault an AMT ECU reports neither the state of its engine nor what it obeys: without memory there is nothing to
+        // continue from, and with it an exhaust that shows no combustion ends the run.
+        let unreported = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.says_cold);
+        if !truth.live || truth.odd || unreported {
             self.guard = false;
         }
         if truth.standby || truth.odd {
@@ -384,10 +396,10 @@ impl Oracle {
         Ok(())
     }
 
-    pub(super) fn boot(&mut self, at: u64, kept: Kept, down: u64) {
+    pub(super) fn boot(&mut self, at: u64, retained: Retained, down: u64) {
         let loss = self.config.supervision.loss;
         let silent = at > self.wanted_until_least + loss.hold.as_micros();
-        let recent = self.standby_said.is_some_and(|said| at < said + down + 2 * SECOND);
+        let recent = self.standby_commanded.is_some_and(|commanded| at < commanded + down + 2 * SECOND);
         let run_out = loss.standby_after.map_or(RUN_OUT, |after| after.as_micros().min(RUN_OUT));
         self.guard = self.wire_run
             && self.over.is_none()
@@ -407,29 +419,29 @@ impl Oracle {
             && at + SECOND < self.wanted_until_least + run_out
             && self.last_frame + down + SECOND > at;
         self.tally.resets_running += u64::from(self.guard);
-        self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.gave_up);
+        self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.own_stops);
         self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
-        // What was in force and had no frame to go out in before the reset, if a source asked for so much.
-        match kept {
-            Kept::Whole(Some((_, Demand::Throttle(kept), _))) => {
-                let asked = self.peak_throttle.max(self.last_asked).max(self.uncertain_throttle);
-                self.before_reset.0 = self.before_reset.0.max(kept.tenths().min(asked));
+        // What was in force and had no frame to go out in before the reset, if a source commanded that much.
+        match retained {
+            Retained::Whole(Some((_, Demand::Throttle(retained), _))) => {
+                let wanted = self.peak_throttle.max(self.last_wanted).max(self.uncertain_throttle);
+                self.before_reset.0 = self.before_reset.0.max(retained.tenths().min(wanted));
             }
-            Kept::Whole(Some((_, Demand::Rpm(kept), _))) => {
-                let asked = self.peak_rpm.max(self.uncertain_rpm);
-                self.before_reset.1 = self.before_reset.1.max(kept.get().min(asked));
+            Retained::Whole(Some((_, Demand::Rpm(retained), _))) => {
+                let wanted = self.peak_rpm.max(self.uncertain_rpm);
+                self.before_reset.1 = self.before_reset.1.max(retained.get().min(wanted));
             }
             _ => {}
         }
-        self.memory_lost = kept == Kept::Lost;
-        self.kept = match kept {
-            Kept::Whole(demand) => demand,
+        self.memory_lost = retained == Retained::Lost;
+        self.retained = match retained {
+            Retained::Whole(demand) => demand,
             _ => None,
         };
-        match kept {
-            Kept::Whole(_) => {}
-            Kept::PowerLost => self.armed = false,
-            Kept::Lost => {
+        match retained {
+            Retained::Whole(_) => {}
+            Retained::PowerLost => self.armed = false,
+            Retained::Lost => {
                 self.latched = None;
                 self.armed = false;
                 self.arm_commanded = [false; 4];
@@ -437,14 +449,20 @@ impl Oracle {
             }
         }
         self.armed &= self.latched.is_none();
-        // The silence of all goes on over the reset; it counts from the reset on only where one has just spoken.
-        let wanting = self.each().filter(|(_, source)| source.word != Word::Nothing);
-        let last_word = wanting.map(|(_, source)| source.heard).max().unwrap_or(0) + down + CARRIED;
+        // The silence of all continues over the reset; it counts from the reset on only where one has just commanded.
+        let wanting = self.each().filter(|(_, source)| source.intent != Intent::Nothing);
+        let last_command = wanting.map(|(_, source)| source.last_rx).max().unwrap_or(0) + down + CARRIED;
         self.wanted_until = self.wanted_until.saturating_add(down + CARRIED);
-        let resumed = self.kept.map(|(origin, demand, was_lost)| {
-            let silent_from = (last_word + self.age(origin)).min(at + self.age(origin));
+        let resumed = self.retained.map(|(origin, demand, was_lost)| {
+            let silent_from = (last_command + self.age(origin)).min(at + self.age(origin));
             self.wanted_until = self.wanted_until.max(silent_from);
-            (origin, Source { silent_from, was_lost, ..Source::new(at, Word::Run(demand)) })
+            (origin, Source { silent_from, was_lost, ..Source::new(at, Intent::Run(demand)) })
+        });
+        let stream = self.retained.and_then(|(origin, ..)| self.sources[slot(origin)]);
+        self.steady_before = stream.filter(|source| at < source.silent_from + down).map_or(0, |source| {
+            // One that was received from the last reset on may continue from before that one.
+            let earlier = if source.since < self.booted + SECOND { self.steady_before } else { 0 };
+            (source.last_rx - source.since + earlier).min(STEADY_MAX)
         });
         self.sources = [None; 4];
         if let Some((origin, source)) = resumed {
@@ -466,7 +484,7 @@ impl Oracle {
         self.booted = at;
         self.wire_run = false;
         self.ran = false;
-        self.may_go_on = self.latched.is_none();
+        self.may_continue = self.latched.is_none();
         self.settled = at;
         self.look();
     }

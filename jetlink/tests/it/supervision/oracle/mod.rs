@@ -1,5 +1,5 @@
 //! The judge of one engine: a small model of who commands it, written from what is promised and from its
-//! configuration, never from the engine's own code. It sees what the sources said, what the ECU really does, and
+//! configuration, never from the engine's own code. It sees what the sources commanded, what the ECU really does, and
 //! every frame on the wire. The invariants and their tolerances are in docs/invariants.md.
 
 mod frames;
@@ -13,24 +13,26 @@ use jetlink::limit::Action;
 /// Two things at the same instant may come in either order.
 const TOL: u64 = 1_000;
 const SECOND: u64 = 1_000_000;
-/// The node may be behind the ECU's truth by so much: a status that comes round every 0.45 s, two that agree, and
+/// The node may be behind the ECU's truth by this time: a status that comes round every 0.45 s, two that agree, and
 /// the sampling of the truth.
 const BEHIND: u64 = 1_500_000;
 /// The same on a recently disturbed line: a state up to 3 s old is used.
 const BEHIND_FAULTY: u64 = 5_000_000;
-/// After a reset it is not certain for so long which sources count as lost: how long they were silent is retained in steps.
+/// Time after a reset in which it is not certain which sources count as lost: how long they were silent is retained in steps.
 const UNCERTAIN: u64 = 8_000_000;
-/// Where no engine is known to live, standby comes so long after the fail-safe stage began.
+/// Time from the beginning of the fail-safe stage to standby, where no engine is known to live.
 const RUN_OUT: u64 = 10_000_000;
-/// From the loss of an ECU's power, or its last byte, until nothing more says run: three expected frames, and a reply.
+/// From the loss of an ECU's power, or its last byte, until run is no longer sent: three expected frames, and a reply.
 pub const DARK: u64 = 600_000;
 /// What silence that is carried over a reset may lack, beside the time that the node was down: a step in which it is
 /// retained, and the interval at which the node looks at the time.
 const CARRIED: u64 = 300_000;
+/// The longest stream of a lost source that is retained.
+const STEADY_MAX: u64 = 6_200_000;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Word {
-    /// Present, and wants nothing.
+enum Intent {
+    /// Present, without a command.
     Nothing,
     Standby,
     Run(Demand),
@@ -38,15 +40,15 @@ enum Word {
 
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    word: Word,
-    heard: u64,
+    intent: Intent,
+    last_rx: u64,
     /// It counts as silent from then on.
     silent_from: u64,
     since: u64,
     was_lost: bool,
     changed: u64,
     /// The previous command.
-    before: Word,
+    before: Intent,
     /// Time of its last standby, with no other command since.
     standby_at: Option<u64>,
     /// Its own standby permits its own next run to start the engine, given then.
@@ -54,15 +56,15 @@ struct Source {
 }
 
 impl Source {
-    const fn new(at: u64, word: Word) -> Self {
+    const fn new(at: u64, intent: Intent) -> Self {
         Self {
-            word,
-            heard: at,
+            intent,
+            last_rx: at,
             silent_from: at,
             since: at,
             was_lost: false,
             changed: at,
-            before: word,
+            before: intent,
             standby_at: None,
             permitted: None,
         }
@@ -77,30 +79,30 @@ struct Attempt {
     against: Option<String>,
 }
 
-/// What the ECU really does and says, sampled.
+/// What the ECU really does and reports, sampled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Truth {
     pub live: bool,
     pub running: bool,
-    /// It says that the engine runs, as the document has it: a ZK ECU also where it learns.
+    /// It reports that the engine runs, as the document has it: a ZK ECU also where it learns.
     pub says_running: bool,
-    /// With a fault it says an exhaust temperature that needs no fire, from a sensor that it does not call faulty.
+    /// With a fault it reports an exhaust temperature that needs no fire, from a sensor that it does not report as faulty.
     pub says_cold: bool,
-    /// It says standby, as the document has it.
+    /// It reports standby, as the document has it.
     pub standby: bool,
     pub faulty: bool,
     pub egt: f64,
-    /// It says something else than it does, or has no power.
+    /// It reports something else than it does, or has no power.
     pub odd: bool,
     /// Tenths of a percent that it obeys.
     pub obeyed: u16,
     pub obeys_run: bool,
     /// How often it stopped its engine because the node was silent.
-    pub gave_up: u64,
+    pub own_stops: u64,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kept {
+pub enum Retained {
     /// With the demand in force, whose it is, and whether that source was lost, if there is one.
     Whole(Option<(Origin, Demand, bool)>),
     /// Intact, but the node's power was lost: state that could start or raise an engine is not used.
@@ -111,11 +113,11 @@ pub enum Kept {
 /// What happened, in the order of time.
 #[derive(Clone, Copy, Debug)]
 pub enum Input {
-    Said(Origin, Command, Result<Accepted, Rejected>),
+    Commanded(Origin, Command, Result<Accepted, Rejected>),
     Truth(Truth),
-    /// The node was reset; it was down for so long.
+    /// The node was reset; `down` is how long, in µs.
     Boot {
-        kept: Kept,
+        retained: Retained,
         down: u64,
     },
     /// The line or the ECU was disturbed, or is no longer.
@@ -124,16 +126,16 @@ pub enum Input {
     LineFault,
     /// The ECU lost its power.
     Dark,
-    /// Nothing has come from the ECU for [`DARK`].
-    Unheard,
-    /// Something comes again.
-    Heard,
+    /// Nothing was received from the ECU for [`DARK`].
+    NotReceived,
+    /// Something is received again.
+    Received,
     /// The node's transmitter hung until now: what lay in its ring comes out late.
     HungUntil(u64),
     /// The ECU is received again, after a silence in which the link was lost.
     LinkBack,
-    /// Another engine of the group was started, as seen on its wire.
-    OtherStarted,
+    /// Another engine of the group was started then, as seen on its wire.
+    OtherStarted(u64),
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -145,7 +147,7 @@ pub struct Tally {
     pub silent_frames: u64,
     pub fail_safe_frames: u64,
     pub resets_running: u64,
-    pub went_on: u64,
+    pub resumed_runs: u64,
     pub exact_frames: u64,
     pub rpm_frames: u64,
     pub takeovers: u64,
@@ -170,17 +172,17 @@ pub struct Oracle {
     sources: [Option<Source>; 4],
     latched: Option<(Origin, u64)>,
     armed: bool,
-    /// Who said "arm" last, and who has to say "disarm" before that counts again.
+    /// Sources whose last command on arming was "arm", and those that have to command "disarm" before that counts again.
     arm_commanded: [bool; 4],
     must_disarm: [bool; 4],
-    standby_said: Option<u64>,
-    /// Words that asked for a start since the last frame with a switch.
+    standby_commanded: Option<u64>,
+    /// Commands to start since the last frame with a switch.
     attempts: Vec<Attempt>,
 
     at: u64,
     wire_run: bool,
     /// After a reset a run may resume.
-    may_go_on: bool,
+    may_continue: bool,
     /// The engine may have reached running in this run.
     reached: bool,
     /// It has.
@@ -191,7 +193,7 @@ pub struct Oracle {
     throttle: u16,
     rpm: u32,
     factor: u8,
-    /// The largest demands that a source in control asked for since the last frame.
+    /// The largest demands that a source in control commanded since the last frame.
     peak_throttle: u16,
     peak_rpm: u32,
     /// The same, of the source that certainly was in control.
@@ -200,8 +202,10 @@ pub struct Oracle {
     uncertain_throttle: u16,
     uncertain_rpm: u32,
 
-    /// What the last source in control asked for last: with a slew the demand may still be on its way there.
-    last_asked: u16,
+    /// What the last source in control commanded last: with a slew the demand may still be on its way there.
+    last_wanted: u16,
+    /// The last demand of a source that certainly was in control: what is in force is between the last frame and this.
+    ruled_demand: Option<Demand>,
     in_force: Option<Origin>,
     waiting: Option<(Origin, u64)>,
     maybe_close: bool,
@@ -219,7 +223,7 @@ pub struct Oracle {
     standby_reason: Option<u64>,
     /// It rises at its set rate, since then and from there.
     rising: Option<(u64, u16)>,
-    /// When what was asked for was last within what it had risen to.
+    /// When the commanded demand was last within what it had risen to.
     met_at: Option<u64>,
     /// The last demand on the wire was an rpm.
     rpm_last: bool,
@@ -240,19 +244,26 @@ pub struct Oracle {
     fault_at: u64,
     line_fault_at: u64,
     dark_at: Option<u64>,
-    unheard: bool,
+    not_received: bool,
     hung: (u64, u64),
     other_started: Option<u64>,
     link_back: u64,
     limited: bool,
 
     booted: u64,
-    kept: Option<(Origin, Demand, bool)>,
+    retained: Option<(Origin, Demand, bool)>,
     /// Highest throttle and rpm on the wire or obeyed before the reset.
     before_reset: (u16, u32),
     guard: bool,
     memory_lost: bool,
+    /// For how long the source in control had been received without a gap when the node was reset.
+    steady_before: u64,
     gave_up_before: Option<u64>,
+}
+
+/// How far a value is from the range between two others, in either order.
+fn outside(value: u32, a: u32, b: u32) -> u32 {
+    a.min(b).saturating_sub(value).max(value.saturating_sub(a.max(b)))
 }
 
 const fn slot(origin: Origin) -> usize {
@@ -275,11 +286,11 @@ impl Oracle {
             armed: false,
             arm_commanded: [false; 4],
             must_disarm: [false; 4],
-            standby_said: None,
+            standby_commanded: None,
             attempts: Vec::new(),
             at: 0,
             wire_run: false,
-            may_go_on: true,
+            may_continue: true,
             reached: false,
             ran: false,
             opened: 0,
@@ -293,7 +304,8 @@ impl Oracle {
             ruled_peak: 0,
             uncertain_throttle: 0,
             uncertain_rpm: 0,
-            last_asked: 0,
+            last_wanted: 0,
+            ruled_demand: None,
             in_force: None,
             waiting: None,
             maybe_close: false,
@@ -321,16 +333,17 @@ impl Oracle {
             fault_at: 0,
             line_fault_at: 0,
             dark_at: None,
-            unheard: false,
+            not_received: false,
             hung: (0, 0),
             other_started: None,
             link_back: 0,
             limited: false,
             booted: 0,
-            kept: None,
+            retained: None,
             before_reset: (0, 0),
             guard: false,
             memory_lost: false,
+            steady_before: 0,
             gave_up_before: None,
         }
     }
@@ -351,14 +364,14 @@ impl Oracle {
         Origin::SOURCES.into_iter().zip(self.sources).filter_map(|(origin, source)| Some((origin, source?)))
     }
 
-    /// It spoke for so long without a gap; the silence since does not count.
+    /// It commanded without a gap for long enough; the silence since does not count.
     fn steady(&self, source: &Source) -> bool {
-        source.heard >= source.since + self.config.supervision.recover_after.as_micros()
+        source.last_rx >= source.since + self.config.supervision.recover_after.as_micros()
     }
 
-    fn ruler(&self, at: u64) -> Option<(Origin, Source)> {
+    fn active_source(&self, at: u64) -> Option<(Origin, Source)> {
         self.each().find(|(_, source)| {
-            let fresh = at < source.silent_from && source.word != Word::Nothing;
+            let fresh = at < source.silent_from && source.intent != Intent::Nothing;
             fresh && (!source.was_lost || self.steady(source))
         })
     }
@@ -380,16 +393,16 @@ impl Oracle {
                 .filter(|at| *at > self.at && *at <= to)
                 .min();
             let Some(next) = next else { break };
-            let ruled = self.ruler(self.at);
+            let active_before = self.active_source(self.at);
             self.pass(next);
-            self.ruled_until_now(ruled);
+            self.ruled_until_now(active_before);
             self.look();
         }
         self.pass(to);
     }
 
     fn pass(&mut self, to: u64) {
-        if let Some((_, Source { word: Word::Run(demand), .. })) = self.ruler(self.at) {
+        if let Some((_, Source { intent: Intent::Run(demand), .. })) = self.active_source(self.at) {
             self.may_have_risen(to, demand);
             self.wanted_until = self.wanted_until.max(to);
             // One that waits to take over does not count yet.
@@ -406,11 +419,11 @@ impl Oracle {
     fn look(&mut self) {
         let at = self.at;
         let takeover = self.config.supervision.takeover;
-        match self.ruler(at) {
-            Some((origin, source)) if matches!(source.word, Word::Run(_)) => {
-                let Word::Run(demand) = source.word else { return };
+        match self.active_source(at) {
+            Some((origin, source)) if matches!(source.intent, Intent::Run(_)) => {
+                let Intent::Run(demand) = source.intent else { return };
                 self.peak(demand);
-                self.last_asked = self.last_asked.max(self.as_throttle(demand));
+                self.last_wanted = self.last_wanted.max(self.as_throttle(demand));
                 if self.uncertain(at) {
                     self.in_force = None;
                     self.lost = true;
@@ -420,8 +433,9 @@ impl Oracle {
                 // It was never away, or for a short gap only; away also where another one was about to take over.
                 let away = self.lost || self.waiting.is_some();
                 if self.in_force == Some(origin) && certain && !(away && source.was_lost) {
-                    self.last_asked = self.as_throttle(demand);
-                    self.ruled_peak = self.ruled_peak.max(self.last_asked);
+                    self.last_wanted = self.as_throttle(demand);
+                    self.ruled_demand = Some(demand);
+                    self.ruled_peak = self.ruled_peak.max(self.last_wanted);
                     if away {
                         // The demand was held until now.
                         (self.lost, self.waiting) = (false, None);
@@ -452,10 +466,21 @@ impl Oracle {
                 self.maybe_close |= at < self.hung.1;
                 self.maybe_close |= match demand {
                     Demand::Throttle(throttle) => {
-                        throttle.tenths().abs_diff(self.throttle) <= takeover.throttle_band.tenths() + 20
+                        let active_before = match self.ruled_demand {
+                            Some(Demand::Throttle(active_before)) => active_before.tenths(),
+                            _ => self.throttle,
+                        };
+                        let from =
+                            outside(throttle.tenths().into(), self.throttle.into(), active_before.into());
+                        from <= u32::from(takeover.throttle_band.tenths()) + 20
                     }
                     Demand::Rpm(rpm) => {
-                        !self.speed_control || rpm.get().abs_diff(self.rpm) <= takeover.rpm_band.get() + 500
+                        let active_before = match self.ruled_demand {
+                            Some(Demand::Rpm(active_before)) => active_before.get(),
+                            _ => self.rpm,
+                        };
+                        !self.speed_control
+                            || outside(rpm.get(), self.rpm, active_before) <= takeover.rpm_band.get() + 500
                     }
                 };
                 self.may_have_risen(at, demand);
@@ -479,7 +504,7 @@ impl Oracle {
                     self.standby_reason = Some(at);
                     let above = self.in_force.is_some_and(|before| origin.priority() >= before.priority());
                     if certain && above && !self.uncertain(at) {
-                        self.end(at, || format!("{origin:?} is in control and says standby"));
+                        self.end(at, || format!("{origin} is in control and commands standby"));
                     }
                 }
                 if self.waiting.is_some() && self.maybe_close {
@@ -491,11 +516,11 @@ impl Oracle {
         }
     }
 
-    /// Whoever was in control up to now and no longer is: its demand may have come into force since the last frame, and be
+    /// The source that was in control up to now and no longer is: its demand may have come into force since the last frame, and be
     /// what is held from here on.
-    fn ruled_until_now(&mut self, ruled: Option<(Origin, Source)>) {
-        if let Some((before, Source { word: Word::Run(demand), .. })) = ruled
-            && self.ruler(self.at).is_none_or(|(origin, _)| origin != before)
+    fn ruled_until_now(&mut self, active_before: Option<(Origin, Source)>) {
+        if let Some((before, Source { intent: Intent::Run(demand), .. })) = active_before
+            && self.active_source(self.at).is_none_or(|(origin, _)| origin != before)
         {
             self.peak(demand);
         }
@@ -534,13 +559,13 @@ impl Oracle {
         Some(u16::try_from(risen).unwrap_or(u16::MAX))
     }
 
-    /// What is asked for may have been reached: from there on `slew.up` has the say.
+    /// The commanded demand may have been reached: from there on `slew.up` applies.
     fn may_have_risen(&mut self, at: u64, demand: Demand) {
-        let asked = match demand {
+        let wanted = match demand {
             Demand::Throttle(throttle) => throttle.tenths(),
             Demand::Rpm(_) => 0,
         };
-        if self.risen(at).is_some_and(|risen| asked <= risen) {
+        if self.risen(at).is_some_and(|risen| wanted <= risen) {
             self.met_at = Some(at);
             if self.reached {
                 self.rising = None;

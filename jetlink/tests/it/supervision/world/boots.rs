@@ -8,7 +8,7 @@ const WORDS: usize = 8;
 /// The words behind a record, to write them as a reset in the middle of a write would leave them.
 fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
     const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
-    // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size says, and
+    // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size checks, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
 }
@@ -21,7 +21,7 @@ pub(super) fn down_for<const N: usize>(rigs: &mut [Rig; N], down: u64) {
         let plug = rig.plug.clone();
         plugs.push(Box::pin(async move { match plug.run().await {} }));
     }
-    // An ECU without power wants nothing, and time has to go on.
+    // An ECU without power wakes for nothing, and time has to pass.
     plugs.push(Box::pin(Timer::after(Duration::from_micros(down + SECOND))));
     let all = pin!(poll_fn(|cx| {
         for plug in &mut plugs {
@@ -43,7 +43,7 @@ pub(super) fn down_for<const N: usize>(rigs: &mut [Rig; N], down: u64) {
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "a listener stamps what it hears")]
+#[expect(clippy::disallowed_methods, reason = "a listener stamps what it receives")]
 pub(super) fn boot<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
@@ -66,11 +66,11 @@ pub(super) fn boot<const N: usize>(
         let plug = rigs[port].plug.clone();
         tasks.push(Box::pin(async move { match plug.run().await {} }));
         let mut events = handles[port].events().expect("a place is free");
-        let told = rigs[port].told.clone();
+        let published = rigs[port].published.clone();
         tasks.push(Box::pin(async move {
             loop {
                 let event = events.next_message_pure().await;
-                told.borrow_mut().push((Instant::now().as_micros(), event));
+                published.borrow_mut().push((Instant::now().as_micros(), event));
             }
         }));
         // The halves come back when the node is gone.
@@ -114,9 +114,9 @@ pub(super) fn boot<const N: usize>(
         clock::run_for(all.as_mut(), Duration::from_micros(next - at));
         for port in 0..N {
             let started = rigs[port].judge(false).map_err(|why| (port, why))?;
-            if started {
+            if let Some(at) = started {
                 for other in (0..N).filter(|other| *other != port) {
-                    rigs[other].input(Input::OtherStarted);
+                    rigs[other].input(Input::OtherStarted(at));
                 }
             }
         }
@@ -129,24 +129,24 @@ pub(super) fn reset<const N: usize>(
     rigs: &mut [Rig; N],
     handles: &[Handle<'_>; N],
     memory: &'static [RetainedMemory; N],
-) -> Kept {
+) -> Retained {
     match rng.below(10) {
         0 => {
             memory.iter().for_each(RetainedMemory::clear);
-            Kept::Lost
+            Retained::Lost
         }
         1 => {
             // Brown-out: a bit or two of each copy.
             for words in memory.iter().map(words) {
                 for copy in 0..2 {
-                    let word = &words[copy * WORDS + rng.below(WORDS as u64) as usize];
-                    word.fetch_xor(1 << rng.below(32), Ordering::Relaxed);
+                    let intent = &words[copy * WORDS + rng.below(WORDS as u64) as usize];
+                    intent.fetch_xor(1 << rng.below(32), Ordering::Relaxed);
                 }
             }
-            Kept::Lost
+            Retained::Lost
         }
         // The power of the node was lost for a moment, and its memory survived that.
-        2 => Kept::PowerLost,
+        2 => Retained::PowerLost,
         3..6 => {
             let port = rng.below(N as u64) as usize;
             let demand = rigs[port].demand(rng);
@@ -158,7 +158,7 @@ pub(super) fn reset<const N: usize>(
                 Command::Run(demand),
             ]);
             let origin = rng.pick(&Origin::SOURCES);
-            let read = || words(&memory[port]).each_ref().map(|word| word.load(Ordering::Relaxed));
+            let read = || words(&memory[port]).each_ref().map(|intent| intent.load(Ordering::Relaxed));
             let before = read();
             let answer = command_as(&handles[port], command, origin);
             let after = read();
@@ -167,15 +167,15 @@ pub(super) fn reset<const N: usize>(
             match copy {
                 Some(copy) if written < WORDS => {
                     // The reset came before the command was answered: it was never given.
-                    let kept = words(&memory[port]).iter().zip(before);
-                    for (word, old) in kept.skip(copy * WORDS + written).take(WORDS - written) {
-                        word.store(old, Ordering::Relaxed);
+                    let retained = words(&memory[port]).iter().zip(before);
+                    for (intent, old) in retained.skip(copy * WORDS + written).take(WORDS - written) {
+                        intent.store(old, Ordering::Relaxed);
                     }
                 }
-                _ => rigs[port].input(Input::Said(origin, command, answer)),
+                _ => rigs[port].input(Input::Commanded(origin, command, answer)),
             }
-            Kept::Whole(None)
+            Retained::Whole(None)
         }
-        _ => Kept::Whole(None),
+        _ => Retained::Whole(None),
     }
 }

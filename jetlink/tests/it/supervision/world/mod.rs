@@ -6,7 +6,7 @@ mod disturbances;
 mod settings;
 mod sources;
 
-use super::oracle::{DARK, Input, Kept, Oracle, Tally, Truth};
+use super::oracle::{DARK, Input, Oracle, Retained, Tally, Truth};
 use super::wire::Reader;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
@@ -39,7 +39,7 @@ use std::task::Poll;
 
 const MS: u64 = 1_000;
 const SECOND: u64 = 1_000_000;
-/// Every frame is over so long after its first bit.
+/// Every frame has ended this long after its first bit.
 const LONGEST_FRAME: u64 = 30 * MS;
 
 /// SplitMix64.
@@ -78,7 +78,7 @@ impl Rng {
     }
 }
 
-/// What it really does and says.
+/// What it really does and reports.
 fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
     let turbine = ecu.turbine();
     let live = turbine.phase().is_live();
@@ -94,14 +94,14 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
             let last = ecu.commands.last().map(|(_, command)| *command);
             Truth {
                 says_running: truth.running,
-                // Its document has no state for cooling: a shaft that stands is all there is.
+                // Its document has no state for cooling: a stopped shaft is all there is.
                 standby: !live && turbine.rpm() < 1000.0,
                 faulty: ecu.errors() != 0,
                 // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
                 says_cold: ecu.errors() & 1 << 3 == 0 && turbine.egt() <= 310.0,
                 obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
                 obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
-                gave_up: ecu.stats.serial_delay_stops,
+                own_stops: ecu.stats.serial_delay_stops,
                 ..truth
             }
         }
@@ -111,7 +111,7 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 ZkCommand::Control { throttle, .. } => Some(throttle),
                 _ => None,
             });
-            let told = (ecu.throttle_percent() * 10.0).clamp(0.0, 1000.0) as u16;
+            let reported = (ecu.throttle_percent() * 10.0).clamp(0.0, 1000.0) as u16;
             let run = commands().find_map(|command| match command {
                 ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
                 _ => None,
@@ -121,10 +121,10 @@ fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
                 says_running: (6..=state::RUNNING).contains(&ecu.state()),
                 standby: ecu.state() == state::STANDBY,
                 faulty: ecu.error() != 0,
-                // It tells whole percents.
-                obeyed: throttle.unwrap_or(0).max(told) + 10,
+                // It reports whole percents.
+                obeyed: throttle.unwrap_or(0).max(reported) + 10,
                 obeys_run: run == Some(true),
-                gave_up: ecu.stats.control_losses,
+                own_stops: ecu.stats.control_losses,
                 ..truth
             }
         }
@@ -137,9 +137,9 @@ enum Program {
     Silent,
     Standby,
     Run(Demand),
-    /// Speaks and falls silent, over and over: so long each.
+    /// Commands and falls silent, over and over, for these times.
     Flap(Demand, u64, u64),
-    /// Present, and wants nothing.
+    /// Present, without a command.
     Present,
     /// From anywhere to a running engine, the way it is documented.
     Fly(Demand),
@@ -170,7 +170,7 @@ struct Rig {
     sources: [Source; 4],
     inputs: VecDeque<(u64, Input)>,
     frames: VecDeque<(u64, super::wire::Frame)>,
-    told: Rc<RefCell<Vec<(u64, Event)>>>,
+    published: Rc<RefCell<Vec<(u64, Event)>>>,
     /// A disturbance of the line, and of the ECU, until then.
     line_until: Option<u64>,
     hung_from: Option<u64>,
@@ -188,7 +188,7 @@ struct Rig {
     /// When a byte of the ECU came last.
     byte_at: u64,
     /// That it is silent was noted.
-    unheard: bool,
+    not_received: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -196,7 +196,7 @@ struct Rig {
 enum Trace {
     Input(Input),
     Frame(super::wire::Frame),
-    Told(Event),
+    Reported(Event),
     Line(&'static str),
     Ecu(&'static str),
 }
@@ -253,7 +253,7 @@ impl Rig {
     ) -> Result<Accepted, Rejected> {
         let mut command = command;
         if let Command::Run(Demand::Rpm(_)) = command {
-            // Whether the ECU can do it is not told then, and decides whether the source counts as heard.
+            // Whether the ECU can do it is not reported then, and decides whether the source counts as received.
             let telemetry = handle.telemetry();
             if telemetry.stop_latched || telemetry.ordered.order == Order::Listen {
                 command = Command::Run(throttle(0));
@@ -265,13 +265,13 @@ impl Rig {
             self.look_at_ecu();
         }
         let answer = command_as(handle, command, origin);
-        self.input(Input::Said(origin, command, answer));
+        self.input(Input::Commanded(origin, command, answer));
         answer
     }
 
-    /// What the wire and the engine have told since the last look goes to the judge, in the order of time.
-    /// True if a start was seen.
-    fn judge(&mut self, all: bool) -> Result<bool, String> {
+    /// What the wire and the engine have reported since the last look goes to the judge, in the order of time.
+    /// When a start went out, if one did.
+    fn judge(&mut self, all: bool) -> Result<Option<u64>, String> {
         let frames = &mut self.frames;
         let seen = frames.len();
         let log = self.plug.take_log();
@@ -286,15 +286,15 @@ impl Rig {
                 self.insert(at, Input::LinkBack);
             }
             if at > before + DARK {
-                if !core::mem::take(&mut self.unheard) {
-                    self.insert(before + DARK, Input::Unheard);
+                if !core::mem::take(&mut self.not_received) {
+                    self.insert(before + DARK, Input::NotReceived);
                 }
-                self.insert(at, Input::Heard);
+                self.insert(at, Input::Received);
             }
         }
-        if !self.unheard && now() > self.byte_at + DARK + LONGEST_FRAME {
-            self.unheard = true;
-            self.insert(self.byte_at + DARK, Input::Unheard);
+        if !self.not_received && now() > self.byte_at + DARK + LONGEST_FRAME {
+            self.not_received = true;
+            self.insert(self.byte_at + DARK, Input::NotReceived);
         }
         for index in seen..self.frames.len() {
             let (at, frame) = self.frames[index];
@@ -303,15 +303,15 @@ impl Rig {
             }
             self.trace.push_back((at, Trace::Frame(frame)));
         }
-        let told = self.told.take();
-        for (at, event) in told {
+        let published = self.published.take();
+        for (at, event) in published {
             if self.trace.len() == 160 {
                 self.trace.pop_front();
             }
-            self.trace.push_back((at, Trace::Told(event)));
+            self.trace.push_back((at, Trace::Reported(event)));
         }
         let until = if all { u64::MAX } else { now().saturating_sub(LONGEST_FRAME) };
-        let mut started = false;
+        let mut started = None;
         loop {
             let input = self.inputs.front().map_or(u64::MAX, |(at, _)| *at);
             let frame = self.frames.front().map_or(u64::MAX, |(at, _)| *at);
@@ -322,8 +322,10 @@ impl Rig {
                 if let Some((at, input)) = self.inputs.pop_front() {
                     self.oracle.input(at, input).map_err(|why| format!("at {at} µs: {why}"))?;
                 }
-            } else if let Some((at, frame)) = self.frames.pop_front() {
-                started |= self.oracle.frame(at, frame).map_err(|why| format!("at {at} µs: {why}"))?;
+            } else if let Some((at, frame)) = self.frames.pop_front()
+                && self.oracle.frame(at, frame).map_err(|why| format!("at {at} µs: {why}"))?
+            {
+                started = Some(at);
             }
         }
     }
@@ -343,10 +345,10 @@ impl Rig {
 enum End {
     Time,
     /// Reset, with this of each engine's memory.
-    Reset(Kept),
+    Reset(Retained),
 }
 
-/// Runs a world for so long.
+/// Runs a world for this time.
 pub fn run(seed: u64, length: Duration) -> Result<(u64, Tally), Failure> {
     let mut rng = Rng(seed);
     if rng.percent(25) { play::<2>(seed, &mut rng, length) } else { play::<1>(seed, &mut rng, length) }
@@ -374,7 +376,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
     loop {
         match boots::boot(rng, &mut rigs, &configs, (memory, how), end) {
             Ok(End::Time) => break,
-            Ok(End::Reset(kept)) => {
+            Ok(End::Reset(retained)) => {
                 let down = if rng.percent(70) { rng.below(300 * MS) } else { rng.below(1_500 * MS) };
                 boots::down_for(&mut rigs, down);
                 for (rig, memory) in rigs.iter_mut().zip(memory) {
@@ -386,9 +388,10 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
                         }
                         _ => None,
                     });
-                    let kept = if let Kept::Whole(_) = kept { Kept::Whole(demand) } else { kept };
-                    how = if kept == Kept::PowerLost { Reset::PowerLost } else { Reset::Warm };
-                    rig.input(Input::Boot { kept, down });
+                    let retained =
+                        if let Retained::Whole(_) = retained { Retained::Whole(demand) } else { retained };
+                    how = if retained == Retained::PowerLost { Reset::PowerLost } else { Reset::Warm };
+                    rig.input(Input::Boot { retained, down });
                 }
             }
             Err((port, why)) => return Err(fail(&rigs, port, why)),
@@ -413,7 +416,7 @@ impl Tally {
         self.silent_frames += other.silent_frames;
         self.fail_safe_frames += other.fail_safe_frames;
         self.resets_running += other.resets_running;
-        self.went_on += other.went_on;
+        self.resumed_runs += other.resumed_runs;
         self.exact_frames += other.exact_frames;
         self.rpm_frames += other.rpm_frames;
         self.takeovers += other.takeovers;

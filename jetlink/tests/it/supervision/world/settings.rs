@@ -84,7 +84,7 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         sources: Origin::SOURCES.map(source),
         inputs: VecDeque::new(),
         frames: VecDeque::new(),
-        told: Rc::default(),
+        published: Rc::default(),
         line_until: None,
         hung_from: None,
         next_line: rng.wait(60 * SECOND),
@@ -98,6 +98,6 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
         truth: Truth::default(),
         trace: VecDeque::new(),
         byte_at: 0,
-        unheard: false,
+        not_received: false,
     }
 }

@@ -55,7 +55,7 @@ impl Rig {
             }
             if now >= self.sources[index].next {
                 if now >= self.silent_until {
-                    self.speak(rng, handle, index, now);
+                    self.receive(rng, handle, index, now);
                 }
                 let source = &mut self.sources[index];
                 source.next = now + source.period + rng.below(source.period / 5);
@@ -81,7 +81,7 @@ impl Rig {
         }
     }
 
-    pub(super) fn speak(&mut self, rng: &mut Rng, handle: &Handle<'_>, index: usize, now: u64) {
+    pub(super) fn receive(&mut self, rng: &mut Rng, handle: &Handle<'_>, index: usize, now: u64) {
         let truth = self.truth;
         let source = &mut self.sources[index];
         let command = match source.program {

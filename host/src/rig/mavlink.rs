@@ -1,37 +1,46 @@
 //! MAVLink of the rig: the service of the firmware on TCP, UDP and serial ports. It commands the engines in place of the
 //! pilots.
 
-mod address;
-mod link;
-
-pub use self::address::Address;
-
-use self::link::Link;
 use super::engines::Engine;
 use super::node::{Cause, Node, Reset};
-use embassy_time::{Duration, Instant, Ticker};
+use super::port::{Address, Format, Link, OpenError};
+use embassy_futures::join::{join, join_array};
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant};
 use jetlink::channel::Channel;
 use jetlink::command::Origin;
 use jetlink_mavlink::port::PortConfig;
+use jetlink_mavlink::runner::Runner;
 use jetlink_mavlink::service::{EngineParts, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
 use std::cell::RefCell;
+use std::future::pending;
 
 /// Most ports.
 pub const MOST_PORTS: usize = 4;
 /// Most engines: as many as the rig has.
 const MOST_ENGINES: usize = 8;
-/// Time between two looks at the ports.
-const TICK: Duration = Duration::from_millis(10);
+/// Bytes a second of a connection to an autopilot: those of a UART with 57 600 baud, as a board's telemetry port has.
+const UART_BAUD: u32 = 57_600;
 /// How long a restart by command takes.
 const RESTART: Reset = Reset { away: Duration::from_millis(50), cause: Cause::Watchdog };
 
-/// The ports, the settings and the key for signing, which go on when the node is reset: a board would store them. They end with
+/// What a port carries. A port that only this computer can reach counts as USB: with a key, nothing has to be signed there.
+fn config(address: &Address) -> PortConfig {
+    match address {
+        Address::TcpIn(_) | Address::UdpIn(_) if address.is_this_computer() => PortConfig::usb(),
+        Address::TcpIn(_) | Address::UdpIn(_) => PortConfig::network(),
+        Address::TcpOut(_) | Address::UdpOut(_) => PortConfig::uart(UART_BAUD),
+        Address::Serial(_, baud) => PortConfig::uart(*baud),
+    }
+}
+
+/// The ports, the settings and the key for signing, which continue when the node is reset: a board would store them. They end with
 /// the program.
 #[derive(Debug)]
 pub struct Mavlink {
-    links: RefCell<Vec<Link>>,
+    links: Vec<Link>,
     ports: Vec<PortConfig>,
     settings: RefCell<NodeSettings>,
     signing: RefCell<SigningState>,
@@ -40,16 +49,17 @@ pub struct Mavlink {
 
 impl Mavlink {
     /// Opens the ports. The autopilot is on the first one that is not for a ground station.
-    pub fn open(addresses: &[Address], engines: &[Engine]) -> Result<Self, String> {
-        let links = addresses.iter().map(Link::open).collect::<Result<Vec<_>, _>>()?;
+    pub fn open(addresses: &[Address], engines: &[Engine]) -> Result<Self, OpenError> {
+        let links =
+            addresses.iter().map(|address| Link::open(address, Format::N1)).collect::<Result<Vec<_>, _>>()?;
         let mut settings = NodeSettings::DEFAULT;
         let autopilot = addresses.iter().position(Address::is_autopilot).map_or(0, |port| port + 1);
         settings.identity.autopilot_port = u8::try_from(autopilot).unwrap_or(0);
         // Without an autopilot there is no throttle but idle.
         let source = if autopilot == 0 { 0 } else { EngineSettings::DEFAULT.source };
         Ok(Self {
-            links: RefCell::new(links),
-            ports: addresses.iter().map(Address::config).collect(),
+            links,
+            ports: addresses.iter().map(config).collect(),
             settings: RefCell::new(settings),
             signing: RefCell::new(SigningState::NONE),
             engines: RefCell::new(vec![EngineSettings { source, ..EngineSettings::DEFAULT }; engines.len()]),
@@ -65,27 +75,10 @@ impl Mavlink {
         }
         let settings = *self.settings.borrow();
         let signing = self.signing.borrow().clone();
-        let mut service: Service<'_, MOST_ENGINES, MOST_PORTS> =
+        let service: Service<'_, MOST_ENGINES, MOST_PORTS> =
             Service::new(Instant::now(), settings, signing, parts, self.ports.iter().copied());
-        let mut ticker = Ticker::every(TICK);
-        loop {
-            let now = Instant::now();
-            for (port, link) in self.links.borrow_mut().iter_mut().enumerate() {
-                while let Some(bytes) = link.receive() {
-                    service.receive(now, port, &bytes);
-                }
-            }
-            service.poll(now);
-            for (port, (link, config)) in self.links.borrow_mut().iter_mut().zip(&self.ports).enumerate() {
-                // As many as the port carries in this time.
-                let most = u64::from(config.bytes_per_second) * TICK.as_millis() / 1000;
-                let mut bytes = vec![0; most.try_into().unwrap_or(usize::MAX)];
-                if service.is_waiting(port) && link.is_ready() {
-                    let count = service.transmit(port, &mut bytes);
-                    bytes.truncate(count);
-                    link.send(bytes);
-                }
-            }
+        let runner = Runner::new(service);
+        let time = runner.keep_time(|now, service| {
             self.settings.replace(*service.settings());
             self.signing.replace(service.signing(now));
             for (i, (config, settings)) in service.engine_settings().enumerate() {
@@ -94,10 +87,19 @@ impl Mavlink {
                     *kept = *settings;
                 }
             }
-            if service.take_request() == Some(Request::Reboot) {
-                node.reset(RESTART);
+        });
+        let ports = std::array::from_fn::<_, MOST_PORTS, _>(|port| {
+            let runner = &runner;
+            async move {
+                if let (Some(link), Some(config)) = (self.links.get(port), self.ports.get(port)) {
+                    let (rx, tx) = link.halves(config.bytes_per_second);
+                    runner.serve(port, rx, tx).await;
+                }
             }
-            ticker.next().await;
+        });
+        let ports = join(join_array(ports), pending::<()>());
+        if let Either::First(Request::Reboot) = select(time, ports).await {
+            node.reset(RESTART);
         }
     }
 }

@@ -1,11 +1,13 @@
-//! `jetlink image`: builds the firmware of a board and writes the files that flash it.
+//! `cargo image`: builds the firmware of a board and writes the files that flash it.
 //!
 //! `.elf` for probe-rs, `.bin` for dfu-util, `.hex` for other programmers. For a board that keeps its ArduPilot
 //! bootloader also `.apj`, with the application descriptor that some bootloaders check.
 
+#![forbid(unsafe_code)]
+
 use base64::Engine as _;
 use boards::{BOARDS, Before, Board, Bootloader};
-use clap::Args as ClapArgs;
+use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use crc::{Algorithm, Crc};
 use std::fs;
@@ -18,8 +20,9 @@ use std::process::{Command, ExitCode, Stdio};
 /// Writes NAME.elf (for probe-rs), NAME.bin (for dfu-util) and NAME.hex. With --ardupilot-bootloader the image is
 /// linked behind the board's ArduPilot bootloader, and NAME.apj is for it, too: upload it with ArduPilot's
 /// uploader.py or as custom firmware with a ground station.
-#[derive(ClapArgs, Debug)]
-pub struct Args {
+#[derive(Parser, Debug)]
+#[command(name = "cargo image", bin_name = "cargo image")]
+struct Args {
     /// The board.
     #[arg(value_parser = PossibleValuesParser::new(BOARDS.map(|board| board.name)).try_map(board))]
     board: &'static Board,
@@ -56,9 +59,8 @@ const CRC: Algorithm<u32> = Algorithm {
     residue: 0,
 };
 
-/// Builds and writes, and says what it wrote.
-pub fn run(args: Args) -> ExitCode {
-    match build_and_write(&args) {
+fn main() -> ExitCode {
+    match build_and_write(&Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             eprintln!("{why}");
@@ -76,10 +78,7 @@ fn build_and_write(args: &Args) -> Result<(), String> {
     };
     let flash = board.flash(bootloader.is_some()).unwrap_or(board.chip.flash);
     check_folder(&args.out)?;
-    eprintln!(
-        "building the firmware for the {}; the first time, all that it depends on is built, too",
-        board.title
-    );
+    eprintln!("building the firmware for the {}", board.title);
     let elf_path = build(args)?;
     let elf = fs::read(&elf_path).map_err(|error| format!("{}: {error}", elf_path.display()))?;
     let (start, mut flat) = flatten(&elf)?;
@@ -103,7 +102,7 @@ fn build_and_write(args: &Args) -> Result<(), String> {
         println!("{} ({} bytes)", path.display(), bytes.len());
         Ok::<_, String>(())
     };
-    // The descriptor is filled in in the flat image only; a debug probe's loader asks for none.
+    // The descriptor is filled in in the flat image only; a debug probe's loader needs none.
     write("elf", &elf)?;
     write("bin", &flat)?;
     write("hex", hex(start, &flat)?.as_bytes())?;
@@ -117,7 +116,7 @@ fn build_and_write(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// What the bootloader does to the ports before the image runs. Nothing, if all of them float.
+/// What the bootloader does to the ports before the image runs. Empty if all of them float.
 fn warning(board: &Board) -> String {
     let ports = |before| -> Vec<String> {
         let ports = board.ports.iter().filter(|port| port.before == before);
@@ -135,14 +134,14 @@ fn warning(board: &Board) -> String {
     let driven_low = ports(Before::DrivenLow);
     if !driven_low.is_empty() {
         text += &format!(
-            "The bootloader drives TX low on {}, a break of 5 s after power-on: connect no ECU that minds.\n",
+            "The bootloader drives TX low on {}, a break of 5 s after power-on: connect no ECU that this may disturb.\n",
             driven_low.join(", ")
         );
     }
     text
 }
 
-/// Whether files can be written there, which is better known before a long build.
+/// Checks that files can be written there, before a long build.
 fn check_folder(out: &Path) -> Result<(), String> {
     let probe = out.join(format!(".jetlink-{}.part", std::process::id()));
     let written =
@@ -162,7 +161,7 @@ fn repository() -> Result<PathBuf, String> {
     }
 }
 
-/// Builds the firmware. Gives the path of its ELF file.
+/// Builds the firmware. Returns the path of its ELF file.
 fn build(args: &Args) -> Result<PathBuf, String> {
     let mut features = format!("board-{}", args.board.name);
     if args.ardupilot_bootloader {
@@ -189,12 +188,15 @@ fn build(args: &Args) -> Result<PathBuf, String> {
         .ok_or_else(|| "cargo named no executable".into())
 }
 
-/// What goes into the flash, in one piece, and where it begins. Gaps are filled as erased flash is, and the
-/// length is rounded up to 32 bytes, what an H7 writes at once.
+/// The content of the flash, in one piece, and its address. Gaps have the value of erased flash, and the
+/// length is rounded up to 32 bytes, which an H7 writes at once.
 fn flatten(elf: &[u8]) -> Result<(u32, Vec<u8>), String> {
-    let file = object::File::parse(elf).map_err(|error| format!("the built file is no ELF file: {error}"))?;
+    let file =
+        object::File::parse(elf).map_err(|error| format!("the built file is not an ELF file: {error}"))?;
     let mut pieces: Vec<(u32, Vec<u8>)> = Vec::new();
-    let object::File::Elf32(elf32) = &file else { return Err("the built file is no 32-bit ELF file".into()) };
+    let object::File::Elf32(elf32) = &file else {
+        return Err("the built file is not a 32-bit ELF file".into());
+    };
     for header in elf32.elf_program_headers() {
         use object::read::elf::ProgramHeader;
         let endian = elf32.endian();
@@ -219,7 +221,7 @@ fn flatten(elf: &[u8]) -> Result<(u32, Vec<u8>), String> {
     Ok((start, flat))
 }
 
-/// Fills size and checksums into the application descriptor (ArduPilot, AP_CheckFirmware.cpp).
+/// Writes size and checksums into the application descriptor (ArduPilot, AP_CheckFirmware.cpp).
 fn fill_descriptor(flat: &mut [u8], board_id: u16) -> Result<(), String> {
     let places: Vec<usize> = flat
         .windows(SIGNATURE.len())
@@ -280,7 +282,7 @@ fn apj(flat: &[u8], board: &Board, bootloader: &Bootloader) -> Result<String, St
     serde_json::to_string_pretty(&json).map_err(|error| format!("JSON: {error}"))
 }
 
-/// The commit, where there is one to name.
+/// The commit, in a clone of the repository.
 fn git_identity() -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     Command::new("git")

@@ -1,22 +1,38 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
 use crate::faults::{Disturber, Fault, Weather};
-use crate::history::{History, Kind, MS, Mark, SECOND, Said, Sample, Spans, Word};
-use crate::judge::judge;
+use crate::history::{Commanded, History, Kind, MS, Mark, PilotCommand, SECOND, Sample, Spans};
+use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::settings::{self, Setup};
 use crate::wire::Reader;
-use crate::worlds::{Judged, LOOK, now};
 use jetlink::channel::Handle;
 use jetlink::command::Origin;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
+use sim::clock;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::ControlledBy;
 use std::collections::VecDeque;
 
+/// From look to look at the turbines.
+pub const LOOK: u64 = 50 * MS;
+
+/// How long this thread's clock has run, µs.
+pub fn now() -> u64 {
+    clock::now_ns() / 1000
+}
+
+/// One engine of a world, judged.
+pub struct Judged {
+    pub name: String,
+    pub history: History,
+    pub verdict: Verdict,
+    pub notes: Vec<(u64, String)>,
+}
+
 /// One engine, its ECU, its pilots.
-pub struct Seat {
+pub struct EngineContext {
     pub setup: Setup,
     pub plug: Plug<AnyEcu>,
     reader: Reader,
@@ -36,12 +52,12 @@ pub struct Seat {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Act {
     /// The source repeats this from now on, every 0.1 s; `None`: it is silent.
-    Stream(usize, Option<Word>),
-    /// The source says this once.
-    Once(usize, Word),
-    /// This goes wrong for so long, µs.
+    Stream(usize, Option<PilotCommand>),
+    /// The source commands this once.
+    Once(usize, PilotCommand),
+    /// This goes wrong for this long, µs.
     Fault(Fault, u64),
-    /// Another ECU, of this version, is plugged in; without power for so long, µs.
+    /// Another ECU, of this version, is plugged in; without power for this long, µs.
     Swap(u8, u64),
 }
 
@@ -49,19 +65,19 @@ pub enum Act {
 #[derive(Debug, Default)]
 struct Script {
     acts: VecDeque<(u64, Act)>,
-    streams: [Option<Word>; 4],
-    next_words: u64,
+    streams: [Option<PilotCommand>; 4],
+    next_commands: u64,
 }
 
 impl Script {
     fn next(&self) -> u64 {
         let act = self.acts.front().map_or(u64::MAX, |(at, _)| *at);
-        let words = self.streams.iter().any(Option::is_some).then_some(self.next_words);
-        act.min(words.unwrap_or(u64::MAX))
+        let commands = self.streams.iter().any(Option::is_some).then_some(self.next_commands);
+        act.min(commands.unwrap_or(u64::MAX))
     }
 }
 
-impl Seat {
+impl EngineContext {
     pub fn random(rng: &mut Rng, setup: Setup, weather: Weather) -> (Self, (WireRx, WireTx)) {
         let mut sources = [0, 1, 2, 3];
         for last in (1..4).rev() {
@@ -87,22 +103,22 @@ impl Seat {
         disturber.signals = rng.percent(15);
         disturber.flames = setup.rules.when_other_fails.is_some();
         let next_swap = rng.wait(3000 * SECOND);
-        let (mut seat, halves) = Self::new(setup, rng.next(), disturber);
-        (seat.pilots, seat.next_swap) = (pilots, next_swap);
-        (seat, halves)
+        let (mut context, halves) = Self::new(setup, rng.next(), disturber);
+        (context.pilots, context.next_swap) = (pilots, next_swap);
+        (context, halves)
     }
 
-    /// With nothing but what a case says.
+    /// With nothing but what a case has.
     pub fn scripted(setup: Setup, acts: Vec<(u64, Act)>) -> (Self, (WireRx, WireTx)) {
-        let (mut seat, halves) = Self::new(setup, 1, Disturber::idle());
-        seat.script.acts = acts.into();
-        (seat, halves)
+        let (mut context, halves) = Self::new(setup, 1, Disturber::idle());
+        context.script.acts = acts.into();
+        (context, halves)
     }
 
     fn new(setup: Setup, seed: u64, disturber: Disturber) -> (Self, (WireRx, WireTx)) {
         let (rx, tx, plug) = connect_with(setup.ecu(), Settings::new(setup.line, seed));
         plug.record(true);
-        let seat = Self {
+        let context = Self {
             reader: Reader::new(setup.protocol()),
             history: History::new(setup.rules),
             plug,
@@ -116,10 +132,10 @@ impl Seat {
             script: Script::default(),
             setup,
         };
-        (seat, (rx, tx))
+        (context, (rx, tx))
     }
 
-    /// Whoever flies it begins now, in standby.
+    /// Its pilot begins now, in standby.
     pub fn fly(&mut self, rng: &mut Rng) {
         if let Some(pilot) = self.pilots.first_mut() {
             pilot.fly(rng, now());
@@ -134,12 +150,12 @@ impl Seat {
         self.history.samples.last().is_some_and(|sample| sample.phase.is_live())
     }
 
-    /// Until when no pilot says anything.
+    /// Until when no pilot commands anything.
     pub fn silent_until(&self) -> u64 {
         self.pilots.iter().map(|pilot| pilot.next).min().unwrap_or(0)
     }
 
-    /// When anybody here wants something next.
+    /// Time of the next event here.
     pub fn next(&self) -> u64 {
         self.silent_until()
             .max(u64::from(self.pilots.is_empty()) * u64::MAX)
@@ -167,18 +183,18 @@ impl Seat {
             self.swap(rng, version, off);
         }
         self.play_script(rng, handle);
-        self.speak(rng, handle);
+        self.commands_now(rng, handle);
     }
 
     fn play_script(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
         while let Some((_, act)) = self.script.acts.pop_front_if(|(when, _)| *when <= at) {
             match act {
-                Act::Stream(source, word) => {
-                    self.script.streams[source] = word;
-                    self.script.next_words = at;
+                Act::Stream(source, command) => {
+                    self.script.streams[source] = command;
+                    self.script.next_commands = at;
                 }
-                Act::Once(source, word) => self.say(handle, source, word),
+                Act::Once(source, command) => self.send_command(handle, source, command),
                 Act::Fault(fault, length) => {
                     self.disturber.begin(rng, &self.plug, &mut self.history, fault, at, at + length);
                     self.note(format!("{fault:?} for {} ms", length / MS));
@@ -186,11 +202,11 @@ impl Seat {
                 Act::Swap(version, off) => self.swap(rng, version, off),
             }
         }
-        if at >= self.script.next_words {
-            self.script.next_words = at + 100 * MS;
-            for (source, word) in self.script.streams.into_iter().enumerate() {
-                if let Some(word) = word {
-                    self.say(handle, source, word);
+        if at >= self.script.next_commands {
+            self.script.next_commands = at + 100 * MS;
+            for (source, command) in self.script.streams.into_iter().enumerate() {
+                if let Some(command) = command {
+                    self.send_command(handle, source, command);
                 }
             }
         }
@@ -274,7 +290,7 @@ impl Seat {
     }
 
     /// What the pilots say now reaches the node, if there is one.
-    fn speak(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+    fn commands_now(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
         if self.pilots.iter().all(|pilot| pilot.next > at) {
             return;
@@ -286,16 +302,16 @@ impl Seat {
             handle.pressure(pressure);
         }
         for index in 0..self.pilots.len() {
-            let words = self.pilots[index].speak(rng, &view);
+            let commands = self.pilots[index].commands_now(rng, &view);
             let source = self.pilots[index].source;
-            for word in words {
-                self.say(handle, source, word);
+            for command in commands {
+                self.send_command(handle, source, command);
             }
         }
     }
 
-    fn say(&mut self, handle: Option<&Handle<'_>>, source: usize, word: Word) {
-        let (Some(handle), Some(command)) = (handle, settings::command(word, self.setup.is_amt())) else {
+    fn send_command(&mut self, handle: Option<&Handle<'_>>, source: usize, command: PilotCommand) {
+        let (Some(handle), Some(to_send)) = (handle, settings::command(command, self.setup.is_amt())) else {
             return;
         };
         // What is answered is not looked at.
@@ -303,11 +319,11 @@ impl Seat {
             Origin::Emergency => handle.emergency_source(),
             origin => handle.source(origin),
         };
-        let _ = claimed.expect("nobody else holds it").command(command);
-        self.history.said.push(Said { at: now(), source, word });
+        let _ = claimed.expect("nobody else holds it").command(to_send);
+        self.history.commanded.push(Commanded { at: now(), source, command });
     }
 
-    /// Another ECU of the kind, of this version, is plugged in, and has no power for so long.
+    /// Another ECU of the kind, of this version, is plugged in, and has no power for this long.
     fn swap(&mut self, rng: &mut Rng, version: u8, off: u64) {
         let at = now();
         let Kind::Zk(_) = self.setup.rules.kind else { return };
@@ -329,7 +345,7 @@ impl Seat {
             self.history.pwm.push(since, at);
         }
         self.history.end = at;
-        // One frame may have been on its way when a transmitter stood still.
+        // One frame may have been on its way when a transmitter hung.
         for &stall in &self.history.stalls {
             let first = self.history.frames.partition_point(|frame| frame.at < stall.saturating_sub(MS));
             if self.history.frames.get(first).is_some_and(|frame| frame.at < stall + 5 * MS) {

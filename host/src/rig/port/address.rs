@@ -1,10 +1,6 @@
-//! Where a MAVLink port of the rig is, written as `mavlink-core` writes addresses.
+//! Where a port of the rig is, written as `mavlink-core` writes addresses.
 
-use jetlink_mavlink::port::PortConfig;
 use std::net::IpAddr;
-
-/// Bytes a second of a connection to an autopilot: those of a UART with 57 600 baud, as a board's telemetry port has.
-const UART_BAUD: u32 = 57_600;
 
 /// Where a port is.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -13,7 +9,7 @@ pub enum Address {
     TcpIn(String),
     /// Connects, and connects again.
     TcpOut(String),
-    /// Receives here, and answers whoever sent last.
+    /// Receives here, and answers the last sender.
     UdpIn(String),
     /// Sends there.
     UdpOut(String),
@@ -21,15 +17,40 @@ pub enum Address {
     Serial(String, u32),
 }
 
+/// As it is written on the command line.
+impl core::fmt::Display for Address {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::TcpIn(place) => write!(f, "tcpin:{place}"),
+            Self::TcpOut(place) => write!(f, "tcpout:{place}"),
+            Self::UdpIn(place) => write!(f, "udpin:{place}"),
+            Self::UdpOut(place) => write!(f, "udpout:{place}"),
+            Self::Serial(device, baud) => write!(f, "serial:{device}:{baud}"),
+        }
+    }
+}
+
+/// What is no address.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct AddressError(String);
+
+impl core::fmt::Display for AddressError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(
+            f,
+            "`{}` is not an address: use tcpin:HOST:PORT, tcpout:HOST:PORT, udpin:HOST:PORT, udpout:HOST:PORT or \
+             serial:DEVICE:BAUD",
+            self.0
+        )
+    }
+}
+
+impl core::error::Error for AddressError {}
+
 impl Address {
     /// Reads one.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            format!(
-                "--mavlink: `{text}` is not an address: use tcpin:HOST:PORT, tcpout:HOST:PORT, udpin:HOST:PORT, \
-                 udpout:HOST:PORT or serial:DEVICE:BAUD"
-            )
-        };
+    pub fn parse(text: &str) -> Result<Self, AddressError> {
+        let wrong = || AddressError(text.to_owned());
         let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
         let (place, number) = rest.rsplit_once(':').ok_or_else(wrong)?;
         if place.is_empty() {
@@ -49,19 +70,14 @@ impl Address {
         }
     }
 
-    /// Whether the autopilot is there. Who connects to the rig is a ground station, as on a board's USB.
+    /// Whether the autopilot is there. A client that connects to the rig is a ground station, as on a board's USB.
     pub const fn is_autopilot(&self) -> bool {
         matches!(self, Self::TcpOut(_) | Self::UdpOut(_) | Self::Serial(..))
     }
 
-    /// What it carries. What only this computer can reach stands for USB: with a key, nothing has to be signed there.
-    pub fn config(&self) -> PortConfig {
-        match self {
-            Self::TcpIn(place) | Self::UdpIn(place) if is_this_computer(place) => PortConfig::usb(),
-            Self::TcpIn(_) | Self::UdpIn(_) => PortConfig::network(),
-            Self::TcpOut(_) | Self::UdpOut(_) => PortConfig::uart(UART_BAUD),
-            Self::Serial(_, baud) => PortConfig::uart(*baud),
-        }
+    /// Whether it listens where only this computer can reach it.
+    pub fn is_this_computer(&self) -> bool {
+        matches!(self, Self::TcpIn(place) | Self::UdpIn(place) if is_this_computer(place))
     }
 }
 
@@ -77,10 +93,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_this_computer_alone_reaches_stands_for_usb() {
-        let usb = |text| Address::parse(text).unwrap().config().usb;
+    fn only_a_loopback_address_is_this_computer() {
+        let here = |text| Address::parse(text).unwrap().is_this_computer();
         for text in ["tcpin:127.0.0.1:5790", "udpin:127.0.0.1:14550", "tcpin:[::1]:5790"] {
-            assert!(usb(text), "{text}");
+            assert!(here(text), "{text}");
         }
         for text in [
             "tcpin:0.0.0.0:5790",
@@ -91,7 +107,7 @@ mod tests {
             "udpout:127.0.0.1:14550",
             "serial:/dev/ttyACM0:57600",
         ] {
-            assert!(!usb(text), "{text}");
+            assert!(!here(text), "{text}");
         }
     }
 
@@ -103,10 +119,13 @@ mod tests {
             Address::parse("serial:/dev/ttyACM0:57600"),
             Ok(Address::Serial("/dev/ttyACM0".into(), 57_600))
         );
+        for text in ["tcpin:127.0.0.1:5760", "udpout:[::1]:14550", "serial:/dev/ttyACM0:57600"] {
+            assert_eq!(Address::parse(text).unwrap().to_string(), text);
+        }
         for text in
             ["", "tcp:127.0.0.1:1", "tcpin:127.0.0.1", "tcpin::", "udpin:host:70000", "serial:/dev/x:fast"]
         {
-            let error = Address::parse(text).unwrap_err();
+            let error = Address::parse(text).unwrap_err().to_string();
             assert!(error.contains("tcpin:HOST:PORT"), "{text}: {error}");
         }
     }

@@ -1,4 +1,4 @@
-//! `jetlink image` from outside, with a `cargo` that only writes down how it was called.
+//! `cargo image` from outside, with a `cargo` that only writes down how it was called.
 #![cfg(unix)]
 
 use std::fs;
@@ -21,8 +21,8 @@ fn folder(name: &str) -> PathBuf {
 
 fn image(folder: &Path, out: &str) -> Output {
     let path = format!("{}:{}", folder.join("bin").display(), std::env::var("PATH").expect("a path"));
-    Command::new(env!("CARGO_BIN_EXE_jetlink"))
-        .args(["image", "matek-h743", "--out", out])
+    Command::new(env!("CARGO_BIN_EXE_image"))
+        .args(["matek-h743", "--out", out])
         .current_dir(folder)
         .env("PATH", path)
         .output()

@@ -1,6 +1,9 @@
-//! One MAVLink port of the rig: a thread that reads, and one that writes. The simulation waits for neither.
+//! One port of the rig: a thread that reads, and one that writes. The simulation waits for neither.
 
 use super::address::Address;
+use embassy_time::{Instant, Timer};
+use embedded_io_async::ErrorType;
+use std::convert::Infallible;
 use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -9,29 +12,50 @@ use std::time::Duration;
 
 /// Pieces that may wait for a writer that does not move.
 const WAITING: usize = 16;
+/// Time between two looks at a port, in the simulation's time.
+const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(10);
 /// Time between two attempts to connect.
 const AGAIN: Duration = Duration::from_millis(500);
 
 /// The writing end of the connection, while there is one.
 type Outgoing = Arc<Mutex<Option<Box<dyn Write + Send>>>>;
 
+/// Format of a byte on a serial port.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Format {
+    /// 8 data bits, no parity, one stop bit.
+    N1,
+    /// 8 data bits, even parity, two stop bits.
+    E2,
+}
+
+/// Why a port was not opened.
+#[derive(Debug)]
+pub struct OpenError(Address, io::Error);
+
+impl core::fmt::Display for OpenError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "cannot open {}: {}", self.0, self.1)
+    }
+}
+
+impl core::error::Error for OpenError {}
+
 /// A port.
 #[derive(Debug)]
 pub struct Link {
     incoming: Receiver<Vec<u8>>,
     outgoing: SyncSender<Vec<u8>>,
-    /// What the writer had no place for.
-    pending: Option<Vec<u8>>,
 }
 
 impl Link {
     /// Opens a port. What can be wrong from the start is an error; a peer that is not there yet is waited for.
-    pub fn open(address: &Address) -> Result<Self, String> {
+    pub fn open(address: &Address, format: Format) -> Result<Self, OpenError> {
         let (to_simulation, incoming) = channel();
         let (outgoing, to_peer) = sync_channel::<Vec<u8>>(WAITING);
         let writer: Outgoing = Arc::default();
         let reader = Reader { to_simulation, writer: writer.clone() };
-        let cannot = |error: io::Error| format!("--mavlink: cannot open {address:?}: {error}");
+        let cannot = |error: io::Error| OpenError(address.clone(), error);
         match address {
             Address::TcpIn(at) => {
                 let listener = TcpListener::bind(at).map_err(cannot)?;
@@ -63,10 +87,10 @@ impl Link {
             }
             Address::Serial(device, baud) => {
                 let (device, baud) = (device.clone(), *baud);
-                serial::open(&device, baud).map_err(cannot)?;
+                serial::open(&device, baud, format).map_err(cannot)?;
                 std::thread::spawn(move || {
                     loop {
-                        if let Ok(port) = serial::open(&device, baud)
+                        if let Ok(port) = serial::open(&device, baud, format)
                             && let Ok(other) = port.try_clone()
                         {
                             reader.serve(port, other);
@@ -87,27 +111,78 @@ impl Link {
                 }
             }
         });
-        Ok(Self { incoming, outgoing, pending: None })
+        Ok(Self { incoming, outgoing })
     }
 
-    /// Bytes that have arrived.
-    pub fn receive(&mut self) -> Option<Vec<u8>> {
-        self.incoming.try_recv().ok()
+    /// Its receiving half for a node that has just started.
+    pub const fn rx(&self) -> Rx<'_> {
+        Rx { incoming: &self.incoming, bytes: Vec::new() }
     }
 
-    /// Whether there is a place for bytes.
-    pub fn is_ready(&mut self) -> bool {
-        if let Some(bytes) = self.pending.take() {
-            self.send(bytes);
+    /// Its two halves for a node that has just started. It sends as fast as a port of this rate, in bytes per second.
+    pub fn halves(&self, bytes_per_second: u32) -> (Rx<'_>, Tx<'_>) {
+        let tx =
+            Tx { outgoing: &self.outgoing, bytes_per_second: bytes_per_second.into(), sent: Instant::MIN };
+        (self.rx(), tx)
+    }
+}
+
+/// Reads from a port, in the simulation's time.
+#[derive(Debug)]
+pub struct Rx<'a> {
+    incoming: &'a Receiver<Vec<u8>>,
+    /// What has arrived and has not been read.
+    bytes: Vec<u8>,
+}
+
+impl ErrorType for Rx<'_> {
+    type Error = Infallible;
+}
+
+impl embedded_io_async::Read for Rx<'_> {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        while self.bytes.is_empty() {
+            match self.incoming.try_recv() {
+                Ok(bytes) => self.bytes = bytes,
+                Err(_) => Timer::after(TICK).await,
+            }
         }
-        self.pending.is_none()
+        let count = self.bytes.len().min(buffer.len());
+        self.bytes.drain(..count).zip(buffer).for_each(|(byte, slot)| *slot = byte);
+        Ok(count)
+    }
+}
+
+/// Writes to a port, in the simulation's time.
+#[derive(Debug)]
+pub struct Tx<'a> {
+    outgoing: &'a SyncSender<Vec<u8>>,
+    bytes_per_second: u64,
+    /// When the port has sent everything.
+    sent: Instant,
+}
+
+impl ErrorType for Tx<'_> {
+    type Error = Infallible;
+}
+
+impl embedded_io_async::Write for Tx<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let mut piece = bytes.to_vec();
+        while let Err(TrySendError::Full(again)) = self.outgoing.try_send(piece) {
+            piece = again;
+            Timer::after(TICK).await;
+        }
+        let time =
+            embassy_time::Duration::from_micros(bytes.len() as u64 * 1_000_000 / self.bytes_per_second);
+        self.sent = self.sent.max(Instant::now()) + time;
+        Ok(bytes.len())
     }
 
-    /// Sends bytes.
-    pub fn send(&mut self, bytes: Vec<u8>) {
-        if let Err(TrySendError::Full(bytes)) = self.outgoing.try_send(bytes) {
-            self.pending = Some(bytes);
-        }
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        // No more than one look ahead.
+        Timer::at(self.sent.checked_sub(TICK).unwrap_or(Instant::MIN)).await;
+        Ok(())
     }
 }
 
@@ -184,15 +259,20 @@ impl Write for Datagrams {
 
 #[cfg(unix)]
 mod serial {
-    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+    use super::Format;
+    use rustix::termios::{ControlModes, InputModes, OptionalActions, tcgetattr, tcsetattr};
     use std::fs::File;
     use std::io;
 
-    /// Opens a serial port: raw, 8 data bits, no parity.
-    pub fn open(device: &str, baud: u32) -> io::Result<File> {
+    /// Opens a serial port: raw, 8 data bits. A byte with wrong parity arrives as 0.
+    pub fn open(device: &str, baud: u32, format: Format) -> io::Result<File> {
         let file = File::options().read(true).write(true).open(device)?;
         let mut settings = tcgetattr(&file)?;
         settings.make_raw();
+        let even = format == Format::E2;
+        settings.control_modes.set(ControlModes::PARENB | ControlModes::CSTOPB, even);
+        settings.control_modes.remove(ControlModes::PARODD);
+        settings.input_modes.set(InputModes::INPCK, even);
         settings.set_speed(baud)?;
         tcsetattr(&file, OptionalActions::Now, &settings)?;
         Ok(file)
@@ -201,10 +281,11 @@ mod serial {
 
 #[cfg(not(unix))]
 mod serial {
+    use super::Format;
     use std::fs::File;
     use std::io;
 
-    pub fn open(_: &str, _: u32) -> io::Result<File> {
+    pub fn open(_: &str, _: u32, _: Format) -> io::Result<File> {
         Err(io::Error::new(
             io::ErrorKind::Unsupported,
             "serial ports need Linux or macOS here: use tcpout or udpin",

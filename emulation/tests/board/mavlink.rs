@@ -1,0 +1,423 @@
+//! MAVLink on the telemetry port: an autopilot and a ground station at the other end of the wire list parameters, set some, start
+//! an engine, give it throttle and stop it.
+//!
+//! Their frames are built and read here, from the description of MAVLink, and not with the code of the firmware.
+
+use crate::support::{on_all_boards, on_each_board, others_are_well};
+use emulation::board::Part;
+use emulation::{Board, Image, Report, Run};
+use sim::amt::AmtEcu;
+use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
+use sim::line::Line;
+use std::collections::BTreeMap;
+
+const LINE: Line = Line::n1(57_600);
+const VEHICLE: u8 = 7;
+const AUTOPILOT: (u8, u8) = (VEHICLE, 1);
+const GROUND: (u8, u8) = (255, 190);
+const NODE: u8 = 25;
+/// Component of the engine "left".
+const LEFT: u8 = 26;
+
+/// A message: number, checksum seed and length of the payload without extensions.
+type Kind = (u32, u8, usize);
+const HEARTBEAT: Kind = (0, 50, 9);
+const PARAM_REQUEST_LIST: Kind = (21, 159, 2);
+const PARAM_VALUE: Kind = (22, 220, 25);
+const PARAM_SET: Kind = (23, 168, 23);
+const SERVO_OUTPUT_RAW: Kind = (36, 222, 21);
+const COMMAND_LONG: Kind = (76, 152, 33);
+const COMMAND_ACK: Kind = (77, 143, 3);
+const EFI_STATUS: Kind = (225, 208, 65);
+const NAMED_VALUE_FLOAT: Kind = (251, 170, 18);
+const STATUSTEXT: Kind = (253, 83, 51);
+/// What the node may send.
+const KINDS: [Kind; 7] =
+    [HEARTBEAT, PARAM_VALUE, COMMAND_LONG, COMMAND_ACK, EFI_STATUS, NAMED_VALUE_FLOAT, STATUSTEXT];
+
+const START: u16 = 223;
+const ACCEPTED: u8 = 0;
+const TEMPORARILY_REJECTED: u8 = 1;
+
+/// The checksum of MAVLink (CRC-16/MCRF4XX) over a frame without its first byte, and the seed.
+fn checksum(bytes: &[u8], seed: u8) -> u16 {
+    bytes.iter().chain([&seed]).fold(0xFFFF, |mut crc: u16, &byte| {
+        crc ^= u16::from(byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 { crc >> 1 ^ 0x8408 } else { crc >> 1 };
+        }
+        crc
+    })
+}
+
+/// A frame of MAVLink 2, without the truncation of zeros that the node uses.
+fn frame(from: (u8, u8), (number, seed, length): Kind, payload: &[u8]) -> Vec<u8> {
+    assert_eq!(payload.len(), length, "message {number}");
+    let number = number.to_le_bytes();
+    let mut frame = vec![0xFD, length as u8, 0, 0, 0, from.0, from.1, number[0], number[1], number[2]];
+    frame.extend(payload);
+    let crc = checksum(&frame[1..], seed);
+    frame.extend(crc.to_le_bytes());
+    frame
+}
+
+fn heartbeat(from: (u8, u8), kind: u8, autopilot: u8, armed: bool) -> Vec<u8> {
+    frame(from, HEARTBEAT, &[0, 0, 0, 0, kind, autopilot, u8::from(armed) << 7, 4, 3])
+}
+
+fn servos(now: Nanos, pulse: u16) -> Vec<u8> {
+    let mut payload = ((now / 1000) as u32).to_le_bytes().to_vec();
+    (0..8).for_each(|_| payload.extend(pulse.to_le_bytes()));
+    payload.push(0);
+    frame(AUTOPILOT, SERVO_OUTPUT_RAW, &payload)
+}
+
+fn command(component: u8, number: u16, first: f32) -> Vec<u8> {
+    let mut payload: Vec<u8> =
+        [first, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].iter().flat_map(|p| p.to_le_bytes()).collect();
+    payload.extend(number.to_le_bytes());
+    payload.extend([VEHICLE, component, 0]);
+    frame(GROUND, COMMAND_LONG, &payload)
+}
+
+fn set(component: u8, name: &str, value: f32) -> Vec<u8> {
+    let mut payload = value.to_le_bytes().to_vec();
+    payload.extend([VEHICLE, component]);
+    payload.extend(name.bytes().chain([0; 16]).take(16));
+    payload.push(9);
+    frame(GROUND, PARAM_SET, &payload)
+}
+
+fn list(component: u8) -> Vec<u8> {
+    frame(GROUND, PARAM_REQUEST_LIST, &[VEHICLE, component])
+}
+
+/// A frame of the node. Its payload is padded with the zeros that were cut off.
+#[derive(Clone, Debug)]
+struct Frame {
+    at: Nanos,
+    sequence: u8,
+    system: u8,
+    component: u8,
+    number: u32,
+    payload: Vec<u8>,
+}
+
+impl Frame {
+    fn float(&self, at: usize) -> f32 {
+        f32::from_le_bytes(self.payload[at..at + 4].try_into().expect("four bytes"))
+    }
+
+    fn half(&self, at: usize) -> u16 {
+        u16::from_le_bytes([self.payload[at], self.payload[at + 1]])
+    }
+
+    fn text(&self, at: usize, length: usize) -> String {
+        let bytes = self.payload[at..at + length].iter().take_while(|&&byte| byte != 0);
+        bytes.map(|&byte| char::from(byte)).collect()
+    }
+}
+
+/// The autopilot and the ground station.
+#[derive(Debug, Default)]
+struct Client {
+    next: Nanos,
+    /// What the ground station sends, and when.
+    script: Vec<(Nanos, Vec<u8>)>,
+    armed_from: Option<Nanos>,
+    /// Pulse widths from these times on; before, idle.
+    throttle: Vec<(Nanos, u16)>,
+    /// Only the script is sent then.
+    quiet: Option<(Nanos, Nanos)>,
+    /// Parameters and garbage, as much as the line carries.
+    flood: bool,
+    drawn: u32,
+    received: Vec<u8>,
+    /// Bytes that belong to no frame.
+    strays: usize,
+    /// Frames with a wrong checksum.
+    damaged: Vec<(Nanos, u32)>,
+    frames: Vec<Frame>,
+}
+
+const TICK: Nanos = 50 * MILLIS;
+
+impl Client {
+    fn of(&self, component: u8, kind: Kind) -> impl DoubleEndedIterator<Item = &Frame> {
+        self.frames.iter().filter(move |frame| frame.component == component && frame.number == kind.0)
+    }
+
+    /// The last value of a parameter that the node has sent.
+    fn value(&self, component: u8, name: &str) -> Option<f32> {
+        let mut values = self.of(component, PARAM_VALUE).rev();
+        values.find(|value| value.text(8, 16) == name).map(|value| value.float(0))
+    }
+
+    /// The answers to a command from `after` on.
+    fn answers(&self, component: u8, after: Nanos) -> Vec<(u16, u8)> {
+        let acks = self.of(component, COMMAND_ACK).filter(|ack| ack.at >= after);
+        acks.map(|ack| (ack.half(0), ack.payload[2])).collect()
+    }
+
+    fn texts(&self) -> Vec<String> {
+        let texts = self.frames.iter().filter(|frame| frame.number == STATUSTEXT.0);
+        texts.map(|frame| frame.text(1, 50)).collect()
+    }
+
+    /// The state of an engine at a time, from its heartbeat.
+    fn state(&self, component: u8, at: Nanos) -> u8 {
+        let last = self.of(component, HEARTBEAT).take_while(|frame| frame.at <= at).last();
+        last.expect("a heartbeat").payload[0]
+    }
+
+    fn parse(&mut self, at: Nanos) {
+        while let Some(&first) = self.received.first() {
+            if first != 0xFD {
+                self.strays += 1;
+                self.received.remove(0);
+                continue;
+            }
+            let Some(length) = self.received.get(1).map(|&length| usize::from(length)) else { return };
+            if self.received.len() < length + 12 {
+                return;
+            }
+            let bytes: Vec<u8> = self.received.drain(..length + 12).collect();
+            let number = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
+            let kind = KINDS.into_iter().find(|kind| kind.0 == number);
+            let (_, seed, full) = kind.unwrap_or((number, 0, 0));
+            let crc = u16::from_le_bytes([bytes[length + 10], bytes[length + 11]]);
+            if checksum(&bytes[1..length + 10], seed) != crc {
+                self.damaged.push((at, number));
+                continue;
+            }
+            assert_eq!((bytes[2], bytes[3]), (0, 0), "no flags");
+            let mut payload = bytes[10..10 + length].to_vec();
+            payload.resize(full.max(length), 0);
+            let frame =
+                Frame { at, sequence: bytes[4], system: bytes[5], component: bytes[6], number, payload };
+            self.frames.push(frame);
+        }
+    }
+
+    /// Knuth's generator.
+    fn draw(&mut self) -> u32 {
+        self.drawn = self.drawn.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        self.drawn >> 8
+    }
+}
+
+impl Ecu for Client {
+    fn next_wake(&self) -> Nanos {
+        self.next
+    }
+
+    fn advance(&mut self, now: Nanos, out: &mut Vec<u8>) {
+        while self.next <= now {
+            let begun = out.len();
+            let at = self.next;
+            self.next += TICK;
+            let quiet = self.quiet.is_some_and(|(from, to)| (from..to).contains(&at));
+            if at.is_multiple_of(SECOND) && !quiet {
+                let armed = self.armed_from.is_some_and(|from| at >= from);
+                out.extend(heartbeat(AUTOPILOT, 1, 3, armed));
+                out.extend(heartbeat(GROUND, 6, 8, false));
+            }
+            let pulse = self.throttle.iter().rev().find(|&&(from, _)| at >= from);
+            if !quiet {
+                out.extend(servos(at, pulse.map_or(1100, |&(_, pulse)| pulse)));
+            }
+            self.script.retain(|(due, bytes)| {
+                if *due <= at {
+                    out.extend(bytes);
+                }
+                *due > at
+            });
+            // Nearly all that the line carries.
+            while self.flood && at >= 8 * SECOND && out.len() - begun < 240 {
+                match self.draw() % 3 {
+                    0 => out.extend((0..self.draw() % 40).map(|i| (i * 37) as u8)),
+                    _ => {
+                        let value = 900 + self.draw() % 100;
+                        out.extend(set(LEFT, "SRC_MAV_TOUT", value as f32));
+                    }
+                }
+            }
+        }
+    }
+
+    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+        self.received.extend(byte.ok());
+        self.parse(now);
+    }
+
+    fn power(&mut self, _: Nanos, _: bool) {}
+}
+
+/// Nothing was wrong on the wire: no byte outside of frames, none lost, and all of one system.
+fn nothing_was_lost(client: &Client) {
+    assert_eq!((client.strays, &client.damaged), (0, &Vec::new()), "bytes outside of frames, damaged frames");
+    let mut last = BTreeMap::new();
+    for frame in &client.frames {
+        assert_eq!(frame.system, VEHICLE);
+        let expected = last.insert(frame.component, frame.sequence).map(|before: u8| before.wrapping_add(1));
+        assert_eq!(expected.unwrap_or(frame.sequence), frame.sequence, "{frame:?}");
+    }
+}
+
+fn run(board: &'static Board, client: Client, until: Nanos) -> Report {
+    let port = board.telemetry.name;
+    Run::new(board, Image::Release).quick_engines().ecu(port, LINE, client).until(until).go()
+}
+
+#[test]
+fn a_ground_station_sets_up_and_flies_an_engine_over_the_telemetry_port() {
+    on_each_board(|board| {
+        let s = |seconds: f64| (seconds * 1e9) as Nanos;
+        let client = Client {
+            script: vec![
+                (s(8.0), list(0)),
+                (s(24.0), set(NODE, "MAV_GCS_2", 9.0)),
+                (s(24.2), set(NODE, "MAV_COMP_BASE", 200.0)),
+                (s(25.0), command(LEFT, START, 1.0)),
+                (s(31.0), command(LEFT, START, 1.0)),
+                (s(50.0), command(LEFT, START, 0.0)),
+            ],
+            armed_from: Some(s(27.0)),
+            throttle: vec![(s(40.0), 1500), (s(49.0), 1100)],
+            ..Client::default()
+        };
+        let report = run(board, client, s(54.0));
+        let client: &Client = report.ecu(board.telemetry.name);
+        let texts = format!("{}: {:#?}", board.name, client.texts());
+        nothing_was_lost(client);
+        others_are_well(&report, &[]);
+
+        // The node is silent until it knows its vehicle; then each component sends a heartbeat once a second.
+        let first = client.frames.first().expect("frames").at;
+        assert!((s(5.0)..s(7.5)).contains(&first), "{first}");
+        for component in NODE..=NODE + 4 {
+            let beats: Vec<_> = client.of(component, HEARTBEAT).collect();
+            assert!((45..=50).contains(&beats.len()), "{component}: {}", beats.len());
+            // Generic, no autopilot, not armed.
+            assert!(beats.iter().all(|beat| beat.payload[4..7] == [0, 8, 1]), "{beats:?}");
+        }
+        // All parameters, each once.
+        for component in NODE..=NODE + 4 {
+            let listed: Vec<_> =
+                client.of(component, PARAM_VALUE).filter(|value| value.at < s(23.9)).collect();
+            let count = listed.first().expect("parameters").half(4);
+            let indices: Vec<u16> = listed.iter().map(|value| value.half(6)).collect();
+            assert_eq!(indices, (0..count).collect::<Vec<_>>(), "{component}");
+        }
+        // One is set, one refused: the old value is the answer.
+        assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0));
+        assert_eq!(client.value(NODE, "MAV_COMP_BASE"), Some(25.0));
+        assert!(client.texts().iter().any(|text| text.contains("MAV_COMP_BASE not set")), "{texts}");
+        // Disarmed: no start, and a text reports it.
+        let refused = client.answers(LEFT, s(24.9));
+        assert_eq!(refused.first(), Some(&(START, TEMPORARILY_REJECTED)), "{texts}");
+        assert!(
+            client.texts().iter().any(|text| text.starts_with("left: refused: arm the vehicle")),
+            "{texts}"
+        );
+        assert_eq!(client.state(LEFT, s(30.5)), 3, "standby; {texts}");
+        // Armed: it starts, runs at idle, follows the stream, and stops.
+        assert_eq!(client.answers(LEFT, s(30.9)), [(START, ACCEPTED), (START, ACCEPTED)], "{texts}");
+        assert_eq!(client.state(LEFT, s(39.5)), 7, "running; {texts}");
+        let rpm = |at: Nanos| {
+            let last = client.of(LEFT, EFI_STATUS).take_while(|frame| frame.at <= at).last();
+            last.expect("its telemetry").float(4)
+        };
+        assert!(rpm(s(48.5)) > rpm(s(39.9)) + 10_000.0, "{} {}", rpm(s(39.9)), rpm(s(48.5)));
+        assert_eq!(client.state(LEFT, s(53.9)), 4, "cooling; {texts}");
+        // The other engines got no command.
+        assert!((LEFT + 1..=LEFT + 3).all(|engine| client.state(engine, s(53.9)) == 3), "{texts}");
+    });
+}
+
+#[test]
+fn a_full_telemetry_port_costs_no_reply_window() {
+    on_each_board(|board| {
+        let worst = |flood: bool| {
+            let report = run(board, Client { flood, ..Client::default() }, 20 * SECOND);
+            others_are_well(&report, &[]);
+            let client: &Client = report.ecu(board.telemetry.name);
+            nothing_was_lost(client);
+            let set = client.of(LEFT, PARAM_VALUE).count();
+            let heartbeats = client.of(LEFT, HEARTBEAT).count();
+            let stats = report.ecu::<AmtEcu>(report.board.ports[0].name).stats;
+            let margin = stats.worst_margin.expect("replies");
+            println!(
+                "{}: {set} parameters set, worst margin {} us, the core is busy {:.2} %",
+                board.name,
+                margin / 1000,
+                report.load()
+            );
+            assert!((12..=16).contains(&heartbeats), "{heartbeats}");
+            (set, margin)
+        };
+        let ((none, quiet), (set, flooded)) = (worst(false), worst(true));
+        assert_eq!(none, 0);
+        assert!(set > 500, "{set}");
+        assert!(quiet.abs_diff(flooded) < 200_000, "{quiet} ns, {flooded} ns");
+    });
+}
+
+#[test]
+fn a_setting_stays_over_a_restart_by_command() {
+    on_each_board(|board| {
+        let stays = board.part == Part::H743;
+        let reboot = command(NODE, 246, 1.0);
+        let client = Client {
+            script: vec![
+                (12 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
+                (12 * SECOND + SECOND / 2, set(NODE, "MAV_GCS_2", 9.0)),
+                (14 * SECOND, reboot),
+                // It learns its vehicle anew.
+                (23 * SECOND, list(0)),
+            ],
+            // A byte that a reset cuts has no time of its own.
+            quiet: Some((14 * SECOND, 15 * SECOND)),
+            ..Client::default()
+        };
+        let port = board.telemetry.name;
+        let run = Run::new(board, Image::Release).quick_engines().ecu(port, LINE, client);
+        let report = run.resets(1).until(38 * SECOND).go();
+        let client: &Client = report.ecu(port);
+        let texts = format!("{}: {:#?}", board.name, client.texts());
+        let set =
+            client.of(LEFT, PARAM_VALUE).find(|value| value.text(8, 16) == "LOSS_HOLD").expect("an answer");
+        assert!(set.at < 13 * SECOND && set.float(0) == 2345.0, "{texts}");
+        assert_eq!(client.answers(NODE, 13 * SECOND).first(), Some(&(246, ACCEPTED)), "{texts}");
+        assert!(report.logged("MAVLink: restart by command"));
+        let (hold, ground) = if stays { (2345.0, 9.0) } else { (1000.0, 0.0) };
+        assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(hold), "{texts}");
+        assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(ground), "{texts}");
+        assert_eq!(client.texts().iter().any(|text| text.contains("is not stored")), !stays, "{texts}");
+    });
+}
+
+#[test]
+fn every_board_answers_on_its_telemetry_port() {
+    on_all_boards(|board| {
+        let client = Client { script: vec![(8 * SECOND, list(NODE))], ..Client::default() };
+        let report = run(board, client, 10 * SECOND);
+        let client: &Client = report.ecu(board.telemetry.name);
+        nothing_was_lost(client);
+        assert_eq!(client.value(NODE, "MAV_COMP_BASE"), Some(25.0));
+    });
+}
+
+/// An H743's bootloader erases the whole application where it finds a word that a power cut has torn.
+#[test]
+fn behind_an_ardupilot_bootloader_no_setting_is_stored() {
+    on_each_board(|board| {
+        let client =
+            Client { script: vec![(12 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0))], ..Client::default() };
+        let run = Run::new(board, Image::Ardupilot).quick_engines();
+        let report = run.ecu(board.telemetry.name, LINE, client).until(14 * SECOND).go();
+        let client: &Client = report.ecu(board.telemetry.name);
+        assert!(report.logged("settings: this board stores none"), "{}: {}", board.name, report.log_text());
+        assert!(client.texts().iter().any(|text| text.contains("is not stored")), "{:?}", client.texts());
+    });
+}

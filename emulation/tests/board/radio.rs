@@ -1,0 +1,248 @@
+//! A receiver of radio control on its port: line settings, an AMT and a ZK turbine by stick and switch, and what a receiver that is
+//! lost, unplugged or plugged in at full throttle does.
+
+use crate::support::on_each_board;
+use emulation::board::Part;
+use emulation::receiver::{Position, Protocol, Receiver};
+use emulation::{Board, Image, Report, Run, turnaround};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::line::Line;
+use sim::turbine::Phase;
+use sim::zk::{Sw, ZkCommand, ZkEcu};
+
+/// Both protocols, each with its image.
+const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::RadioSbus), (Protocol::Crsf, Image::RadioCrsf)];
+
+/// Ports of an AMT engine, "left", and of a ZK engine, "booster".
+const AMT: &str = "SERIAL2";
+const ZK: &str = "SERIAL5";
+
+/// An order that an ECU obeyed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    Stop,
+    Standby,
+    /// With this demand in 0.1 %.
+    Run(u16),
+}
+
+/// Orders on both ports, with their times.
+fn orders(report: &Report) -> [Vec<(Nanos, Order)>; 2] {
+    let amt = report.ecu::<AmtEcu>(AMT).commands.iter().map(|(at, command)| {
+        let order = match command.ops {
+            Ops::EmergencyStop => Order::Stop,
+            Ops::AutoStop => Order::Standby,
+            Ops::Run => Order::Run(5 * u16::from(command.throttle_half_percent)),
+            Ops::Ctf => panic!("{command:?}"),
+        };
+        (*at, order)
+    });
+    let zk = report.ecu::<ZkEcu>(ZK).commands.iter().filter_map(|(at, command)| {
+        let order = match command {
+            ZkCommand::Control { sw: Sw::Stop, .. } => Order::Stop,
+            ZkCommand::Control { sw: Sw::Standby, .. } => Order::Standby,
+            ZkCommand::Control { sw: Sw::Run, throttle } => Order::Run(*throttle),
+            _ => return None,
+        };
+        Some((*at, order))
+    });
+    [amt.collect(), zk.collect()]
+}
+
+/// The last order until then.
+fn order_at(orders: &[(Nanos, Order)], at: Nanos) -> Order {
+    orders.iter().rfind(|(each, _)| *each < at).expect("orders").1
+}
+
+fn phases(report: &Report) -> [Phase; 2] {
+    [report.ecu::<AmtEcu>(AMT).turbine().phase(), report.ecu::<ZkEcu>(ZK).turbine().phase()]
+}
+
+/// Both engines, at rest, and a receiver.
+fn run(board: &'static Board, (protocol, image): (Protocol, Image)) -> Run {
+    Run::new(board, image).quick_engines().only(&[AMT, ZK]).radio(Receiver::new(protocol))
+}
+
+/// The same, both running at 50 % from 30 s on.
+fn flying(board: &'static Board, which: (Protocol, Image)) -> Run {
+    run(board, which)
+        .at(3 * SECOND, |bench| bench.radio().switch = Position::Standby)
+        .at(5 * SECOND, |bench| bench.radio().switch = Position::Run)
+        .at(26 * SECOND, |bench| bench.radio().stick = 50)
+}
+
+/// 50.0 %, as far as both protocols have it.
+fn is_half(order: Order) -> bool {
+    matches!(order, Order::Run(495..=505))
+}
+
+#[test]
+fn stick_and_switch_start_throttle_and_stop_two_turbines() {
+    on_each_board(|board| {
+        for which in BOTH {
+            const STOP: Nanos = 32 * SECOND;
+            let report = flying(board, which)
+                .at(STOP, |bench| bench.radio().switch = Position::Stop)
+                .until(36 * SECOND)
+                .go();
+            let which = format!("{}, {:?}", board.name, which.0);
+            for (name, orders) in ["left", "booster"].into_iter().zip(orders(&report)) {
+                let before = orders.iter().filter(|(at, _)| *at < 5 * SECOND);
+                assert!(before.clone().all(|(_, order)| !matches!(order, Order::Run(_))), "{which}, {name}");
+                let running = report.when(&format!("{name}: ECU reports running"));
+                println!("{which}, {name}: runs at {:.1} s", running as f64 / 1e9);
+                assert!(is_half(order_at(&orders, STOP)), "{which}, {name}: {:?}", order_at(&orders, STOP));
+                let (at, _) =
+                    orders.iter().find(|(at, order)| *at > STOP && *order == Order::Stop).expect("stop");
+                println!("{which}, {name}: stop {:.1} ms after the switch", (at - STOP) as f64 / 1e6);
+                // Two frames have to agree; then an AMT ECU is told in the next reply, at its eight frames a second.
+                assert!(at - STOP < 200 * MILLIS, "{which}, {name}: {} ms", (at - STOP) / MILLIS);
+                assert!(orders.iter().filter(|(each, _)| each > at).all(|(_, order)| *order == Order::Stop));
+            }
+            assert!(phases(&report).iter().all(|phase| *phase != Phase::Running), "{:?}", phases(&report));
+        }
+    });
+}
+
+/// The transmitter goes off, comes back with the stick where it was, and the receiver is unplugged.
+#[test]
+fn a_lost_receiver_is_silence_and_its_return_is_no_jump() {
+    on_each_board(|board| {
+        for which in BOTH {
+            const OFF: Nanos = 28 * SECOND;
+            const BACK: Nanos = 31_500 * MILLIS;
+            const AT_IDLE: Nanos = 33_500 * MILLIS;
+            const UP: Nanos = 34_500 * MILLIS;
+            const UNPLUGGED: Nanos = 36 * SECOND;
+            let radio = board.radio;
+            let report = flying(board, which)
+                .at(OFF, |bench| bench.radio().transmitter = false)
+                .at(BACK, |bench| bench.radio().transmitter = true)
+                .at(AT_IDLE, |bench| bench.radio().stick = 0)
+                .at(UP, |bench| bench.radio().stick = 50)
+                .at(UNPLUGGED, move |bench| bench.power(radio, false))
+                .until(39_500 * MILLIS)
+                .go();
+            let which = format!("{}, {:?}", board.name, which.0);
+            for (name, orders) in ["left", "booster"].into_iter().zip(orders(&report)) {
+                let after = |from, to| orders.iter().filter(move |(at, _)| (from..to).contains(at));
+                // The source timeout of 0.5 s and the hold of 1 s, then down to idle at 50 % a second.
+                assert!(after(OFF, OFF + 1400 * MILLIS).all(|(_, order)| is_half(*order)), "{which}, {name}");
+                assert_eq!(order_at(&orders, BACK), Order::Run(0), "{which}, {name}");
+                // The stick has to come to where the demand is.
+                let idle = after(BACK, AT_IDLE).all(|(_, order)| *order == Order::Run(0));
+                assert!(idle, "{which}, {name}: {:?}", after(BACK, AT_IDLE).collect::<Vec<_>>());
+                assert!(is_half(order_at(&orders, UNPLUGGED)), "{which}, {name}: in control again");
+                assert_eq!(order_at(&orders, report.at), Order::Run(0), "{which}, {name}");
+            }
+            assert_eq!(phases(&report), [Phase::Running; 2], "{which}");
+            println!("{which}: seen");
+        }
+    });
+}
+
+/// Full throttle with the switch at run allowed: at power-up, when it is plugged in, and when it is moved from stop past standby.
+#[test]
+fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
+    on_each_board(|board| {
+        for which in BOTH {
+            let radio = board.radio;
+            let report = run(board, which)
+                .at(0, |bench| {
+                    let radio = bench.radio();
+                    (radio.stick, radio.switch) = (100, Position::Run);
+                })
+                .at(4 * SECOND, move |bench| bench.power(radio, false))
+                .at(6 * SECOND, move |bench| bench.power(radio, true))
+                .at(9 * SECOND, |bench| bench.radio().switch = Position::Stop)
+                .at(10 * SECOND, |bench| bench.radio().switch = Position::Standby)
+                .at(12 * SECOND, |bench| bench.radio().switch = Position::Run)
+                // The stick comes to idle afterwards.
+                .at(14 * SECOND, |bench| bench.radio().stick = 0)
+                .until(16 * SECOND)
+                .go();
+            assert!(report.logged("radio control: frames are received"));
+            for orders in orders(&report) {
+                assert!(orders.iter().all(|(_, order)| !matches!(order, Order::Run(_))), "{}", board.name);
+                // The stop of 9 s arrived: the switch is at work.
+                assert!(orders.iter().any(|(_, order)| *order == Order::Stop), "{}", board.name);
+            }
+        }
+    });
+}
+
+/// The emulated UART carries words, whatever parity and level: so the registers are looked at. The byte times are checked at every
+/// run, with parity and both stop bits.
+#[test]
+fn the_port_of_a_receiver_has_its_line_settings() {
+    on_each_board(|board| {
+        for which in BOTH {
+            let port = *board.port(board.radio);
+            let is_sbus = which.0 == Protocol::Sbus;
+            let report = run(board, which).until(SECOND).at(SECOND / 2, move |bench| {
+                let control = port.registers() + board.control_register;
+                let [cr1, cr2] = [0, 4].map(|offset| bench.register(control + offset).expect("a UART"));
+                // PCE, PS and M or M0; STOP (RM0090, 30.6; RM0433, 48.8).
+                assert_eq!(cr1 >> 9 & 0b1011, if is_sbus { 0b1010 } else { 0 }, "{}: {cr1:#x}", board.name);
+                assert_eq!(cr2 >> 12 & 0b11, if is_sbus { 0b10 } else { 0 }, "{}: {cr2:#x}", board.name);
+                // RXINV; PUPDR of RX: down where the idle level is low.
+                let inverted = is_sbus && board.inverts;
+                assert_eq!(board.inverts, board.part == Part::H743);
+                if board.inverts {
+                    assert_eq!(cr2 >> 16 & 0b11, if inverted { 1 } else { 0 }, "{}: {cr2:#x}", board.name);
+                }
+                let gpio = board.gpio + 0x400 * u64::from(port.rx.port as u8 - b'A');
+                let pulls = bench.register(gpio + 0x0C).expect("GPIO");
+                let pull = pulls >> (2 * port.rx.number) & 0b11;
+                assert_eq!(pull, if inverted { 0b10 } else { 0b01 }, "{}: {pulls:#x}", board.name);
+            });
+            let report = report.go();
+            let wire = report.wire(board.radio);
+            assert!(!wire.rx.is_empty() && wire.tx.is_empty(), "{}", board.name);
+        }
+    });
+}
+
+/// How long a reply takes beside a receiver: with none, at its usual pace, and with a line that is full.
+#[test]
+fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
+    on_each_board(|board| {
+        for (protocol, image) in BOTH {
+            for load in ["no receiver", "usual pace", "line full"] {
+                let receiver = Receiver::new(protocol);
+                let frame = receiver.frame();
+                let line = Line::n1(2400);
+                // An odd period, so that the frames come to lie against everything else in every way.
+                let config =
+                    AmtConfig { period: 61_003_000, ..AmtConfig::new(EngineModel::Olympus) }.on(line);
+                let mut run = Run::new(board, image).engines().ecu(AMT, line, AmtEcu::new(config)).tap(AMT);
+                if load != "no receiver" {
+                    run = run.radio(receiver);
+                }
+                if load == "line full" {
+                    let radio = board.radio;
+                    run = run.at(SECOND, move |bench| bench.babble(radio, Some(&frame)));
+                }
+                let report = run.until(20 * SECOND).go();
+                let stats = report.ecu::<AmtEcu>(AMT).stats;
+                // The set-up frame is longer than this period, so the next frame comes into the reply to it.
+                let in_order = stats.late == 0 && stats.none <= 1 && stats.unsolicited <= 1;
+                assert!(in_order, "{stats:?}");
+                let all = turnaround::of(&report, AMT);
+                let worst = all.iter().filter(|each| each.frame_end > SECOND).max_by_key(|each| each.ns);
+                let worst = worst.expect("a reply");
+                println!(
+                    "| {} | {} | {protocol:?}, {load} | {:.1} % | {} | {} | {} |",
+                    board.name,
+                    report.instructions_per_second / 1_000_000,
+                    report.load(),
+                    all.len(),
+                    worst.ns,
+                    worst.slots
+                );
+                assert!(worst.ns < MILLIS, "{}, {load}: {} ns", board.name, worst.ns);
+            }
+        }
+    });
+}

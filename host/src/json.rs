@@ -1,0 +1,147 @@
+//! One JSON object a line, written without an allocation per field.
+
+use std::io::Write;
+
+/// The number nearest to this number of tenths, as one would write it.
+pub fn tenths(value: impl Into<f64>) -> f64 {
+    value.into() / 10.0
+}
+
+/// The number nearest to this number of thousandths, as one would write it.
+pub fn thousandths(value: u32) -> f64 {
+    f64::from(value) / 1000.0
+}
+
+/// One line of output, with room that is used again for the next.
+///
+/// Written by hand and not through `serde_json::Value`: that would allocate some twenty times a frame, and
+/// print whole numbers among the decimals as `51.0`. Writing to a `Vec` does not fail.
+#[derive(Default, Debug)]
+pub struct Record(Vec<u8>);
+
+impl Record {
+    /// Begins the record of a frame that ends at this offset of the input.
+    pub fn begin(&mut self, end: u64, protocol: &'static str, frame: &'static str, raw: &[u8]) {
+        self.0.clear();
+        self.field("offset", end - raw.len() as u64);
+        self.field("protocol", protocol);
+        self.field("frame", frame);
+        self.key("raw");
+        self.0.push(b'"');
+        for byte in raw {
+            for digit in [byte >> 4, byte & 0x0F] {
+                self.0.push(b"0123456789abcdef"[usize::from(digit)]);
+            }
+        }
+        self.0.push(b'"');
+    }
+
+    /// `key` must need no escapes; all of ours are literals without any.
+    fn key(&mut self, key: &str) {
+        self.0.push(if self.0.is_empty() { b'{' } else { b',' });
+        self.0.push(b'"');
+        self.0.extend_from_slice(key.as_bytes());
+        self.0.extend_from_slice(b"\":");
+    }
+
+    /// Adds a field.
+    pub fn field(&mut self, key: &str, value: impl Json) {
+        self.key(key);
+        value.append_to(&mut self.0);
+    }
+
+    /// Adds an array of texts.
+    pub fn texts(&mut self, key: &str, values: impl Iterator<Item = &'static str>) {
+        self.key(key);
+        self.0.push(b'[');
+        for (i, value) in values.enumerate() {
+            if i > 0 {
+                self.0.push(b',');
+            }
+            value.append_to(&mut self.0);
+        }
+        self.0.push(b']');
+    }
+
+    /// The line, with its end.
+    pub fn line(&mut self) -> &[u8] {
+        self.0.extend_from_slice(b"}\n");
+        &self.0
+    }
+}
+
+/// A value of a field.
+pub trait Json {
+    /// Appends it as JSON.
+    fn append_to(&self, json: &mut Vec<u8>);
+}
+
+macro_rules! json_as_displayed {
+    ($($type:ty),+) => {
+        $(impl Json for $type {
+            fn append_to(&self, json: &mut Vec<u8>) {
+                let _ = write!(json, "{self}");
+            }
+        })+
+    };
+}
+// What Rust displays is JSON: for f64 the shortest decimals that read back the same, without exponent, whole
+// numbers without point. All of ours are finite, and none is -0.
+json_as_displayed!(bool, u8, u32, u64, i32, f64);
+
+/// A literal of this program or of the codecs: none needs an escape.
+impl Json for &'static str {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        json.push(b'"');
+        json.extend_from_slice(self.as_bytes());
+        json.push(b'"');
+    }
+}
+
+/// A text from the wire, which may hold anything.
+pub struct Escaped<'a>(pub &'a str);
+
+impl Json for Escaped<'_> {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        let _ = serde_json::to_writer(json, self.0);
+    }
+}
+
+impl<T: Json> Json for Option<T> {
+    fn append_to(&self, json: &mut Vec<u8>) {
+        match self {
+            Some(value) => value.append_to(json),
+            None => json.extend_from_slice(b"null"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_as_people_write_them() {
+        let mut json = Vec::new();
+        for value in [0.0, -50.0, 51.0, 12.3, tenths(-3), thousandths(1_638_300), 131_070.0, 6.25 / 255.0] {
+            value.append_to(&mut json);
+            json.push(b' ');
+        }
+        assert_eq!(
+            String::from_utf8(json).unwrap(),
+            "0 -50 51 12.3 -0.3 1638.3 131070 0.024509803921568627 "
+        );
+    }
+
+    /// Every step of a ZK value is printed with no more digits than the step has.
+    #[test]
+    fn no_step_shows_binary_dust() {
+        for thousand in (0..=3_276_700).step_by(10) {
+            let text = thousandths(thousand).to_string();
+            assert!(
+                text.split_once('.').is_none_or(|(_, decimals)| decimals.len() <= 2),
+                "{thousand}: {text}"
+            );
+        }
+    }
+}

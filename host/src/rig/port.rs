@@ -1,0 +1,7 @@
+//! Ports of the rig to the world outside: TCP, UDP and serial ones.
+
+mod address;
+mod link;
+
+pub use self::address::{Address, AddressError};
+pub use self::link::{Format, Link, OpenError};

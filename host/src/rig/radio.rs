@@ -1,0 +1,121 @@
+//! Radio control of the rig: the decoders and the pilots of `jetlink-rc` with a receiver on a port, or with a simulated
+//! transmitter that the keys and script files move. It commands the engines in place of the pilots.
+
+mod choice;
+mod transmitter;
+
+pub use self::choice::{Choice, RadioError};
+pub use self::transmitter::{Position, Transmitter};
+
+use self::choice::Kind;
+use self::transmitter::Air;
+use super::context::{EngineContext, PilotInput};
+use super::node::Node;
+use super::port::{Format, Link};
+use embassy_time::Instant;
+use jetlink::channel::Channel;
+use jetlink::command::{Command, Order, Origin};
+use jetlink::runner::LineErrors;
+use jetlink_rc::crsf::Crsf;
+use jetlink_rc::input::Input;
+use jetlink_rc::pilot::{Outcome, Pilot};
+use jetlink_rc::runner;
+use jetlink_rc::sbus::Sbus;
+use jetlink_rc::service::Service;
+use jetlink_rc::settings::EngineSettings;
+use sim::clock;
+use std::cell::RefCell;
+
+/// Most engines: as many as the rig has.
+const MOST_ENGINES: usize = 8;
+
+/// Where the frames come from.
+#[derive(Debug)]
+enum From {
+    Transmitter(Transmitter),
+    Port(Link),
+}
+
+/// Radio control of a run. It continues when the node is reset.
+#[derive(Debug)]
+pub struct Radio {
+    kind: Kind,
+    from: From,
+}
+
+impl Radio {
+    /// Opens the port, or takes the transmitter up: its stick at idle, its switch at stop.
+    pub fn open(choice: &Choice) -> Result<Self, RadioError> {
+        let from = match &choice.address {
+            None => From::Transmitter(Transmitter::new()),
+            Some(address) => {
+                let format = if choice.kind == Kind::Sbus { Format::E2 } else { Format::N1 };
+                From::Port(Link::open(address, format).map_err(RadioError::Open)?)
+            }
+        };
+        Ok(Self { kind: choice.kind, from })
+    }
+
+    /// The transmitter, if it is simulated.
+    pub const fn transmitter(&self) -> Option<&Transmitter> {
+        match &self.from {
+            From::Transmitter(transmitter) => Some(transmitter),
+            From::Port(_) => None,
+        }
+    }
+
+    /// Serves the receiver of a node that has just started, until it is reset.
+    pub async fn serve(&self, node: &Node<'_>, channels: &[Channel], contexts: &[EngineContext<'_>]) {
+        let mut pilots = Vec::new();
+        for (i, channel) in channels.iter().enumerate() {
+            let Ok(source) = channel.handle_in(channels).source(Origin::Rc) else { continue };
+            // The defaults are right.
+            pilots.extend(Pilot::new(source, &node.config(i), EngineSettings::DEFAULT).ok());
+        }
+        let input = match self.kind {
+            Kind::Sbus => Input::Sbus(Sbus::new()),
+            Kind::Crsf => Input::Crsf(Crsf::new()),
+        };
+        let service = RefCell::new(Service::<'_, MOST_ENGINES>::new(input, pilots));
+        // Neither the network nor the simulated transmitter damages a byte.
+        let errors = LineErrors::new();
+        let after = |_: Instant, engine: usize, outcome| {
+            if let Some(context) = contexts.get(engine) {
+                note(context, outcome);
+            }
+        };
+        match &self.from {
+            From::Transmitter(transmitter) => {
+                runner::run(&service, Air::new(transmitter, self.kind), &errors, after).await
+            }
+            From::Port(link) => runner::run(&service, link.rx(), &errors, after).await,
+        }
+    }
+}
+
+/// Notes what radio control commands, for the audit and the views.
+fn note(context: &EngineContext<'_>, outcome: Outcome) {
+    if context.played.get() {
+        // Somebody at the keyboard has taken the engine.
+        return;
+    }
+    if let Outcome::Commanded(command, answer) = outcome {
+        let order = match command {
+            Command::Run(demand) => Some(Order::Run(demand)),
+            Command::Standby | Command::ReleaseStop => Some(Order::Standby),
+            Command::EmergencyStop => Some(Order::EmergencyStop),
+            _ => None,
+        };
+        if let Some(order) = order {
+            context.judge(clock::now_ns(), order, Origin::Rc, answer);
+        }
+    }
+    match outcome {
+        Outcome::Commanded(Command::Run(demand), Ok(_)) => context.input.set(PilotInput::Run(demand)),
+        Outcome::Commanded(Command::Standby | Command::EmergencyStop, Ok(_)) => {
+            context.input.set(PilotInput::Standby);
+        }
+        Outcome::NotSteady => context.note("no start: the stick was not at idle, or not for 0.5 s"),
+        Outcome::Commanded(..) | Outcome::Ignored(_) => {}
+    }
+}

@@ -1,0 +1,184 @@
+//! The telemetry of a ZK ECU. Status ID 6 reports the protocol version (ZK-6), which gives voltages their scale.
+
+use super::decoder::Telemetry;
+use crate::json::{Record, tenths, thousandths};
+use clap::builder::{RangedI64ValueParser, TypedValueParser};
+use jetlink::ecu::zk::codec as zk;
+
+/// Settings of `jetlink decode`, until the stream reports them.
+#[derive(clap::Args, Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct ZkHint {
+    /// ZK: the ECU's protocol version, 0 to 63, until the stream reports it.
+    ///
+    /// It gives voltages their scale. A ZK ECU reports its version in status-6. What the stream reports wins.
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = RangedI64ValueParser::<u8>::new().range(0..=63).try_map(zk::Version::new)
+    )]
+    pub zk_version: Option<zk::Version>,
+}
+
+/// The telemetry of a ZK ECU.
+#[derive(Debug)]
+pub struct Zk {
+    decoder: zk::Decoder,
+    version: Option<zk::Version>,
+}
+
+impl Zk {
+    /// Nothing received yet.
+    pub const fn new(hint: ZkHint) -> Self {
+        Self { decoder: zk::Decoder::new(), version: hint.zk_version }
+    }
+
+    /// A field that ECUs carry from a version on (ZK-7): nothing if the version is known to be lower. While
+    /// it is not known the field is given as it came, since its scale does not depend on the version.
+    fn since<T>(&self, since: zk::Version, value: T) -> Option<T> {
+        (zk::Version::knows(self.version, since) != Some(false)).then_some(value)
+    }
+}
+
+impl Telemetry for Zk {
+    type Frame = zk::StatusFrame;
+
+    fn name(&self) -> &'static str {
+        "zk"
+    }
+
+    fn len(frame: &Self::Frame) -> usize {
+        frame.raw().len()
+    }
+
+    fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
+        self.decoder.feed(bytes)
+    }
+
+    fn text(&self, frame: &Self::Frame) -> String {
+        let rpm = frame.rpm().get();
+        let what = match frame.status() {
+            zk::Status::Engine { state, error, egt, switch } => format!(
+                "{}, {}, fault {}, EGT {} °C",
+                switch.name(),
+                state.name(),
+                error.name(),
+                egt.tenths() / 10
+            ),
+            zk::Status::Throttle { percent, pressure } => {
+                format!("throttle {percent} %, {} Pa", pressure.get())
+            }
+            zk::Status::Voltages { .. } => "voltages".to_owned(),
+            zk::Status::Load { current, thrust } => {
+                format!("{} mA, thrust {} g", current.get(), thrust.get())
+            }
+            zk::Status::Settings { .. } => "settings".to_owned(),
+            zk::Status::Identity { max_rpm, version, .. } => {
+                format!("maximum {} rpm, protocol version {}", max_rpm.get(), version.get())
+            }
+            zk::Status::Fuel { .. } => "fuel".to_owned(),
+            zk::Status::Idle { idle_rpm, .. } => format!("idle {} rpm", idle_rpm.get()),
+            zk::Status::Temperature { ecu } => format!("ECU {} °C", ecu.tenths() / 10),
+            zk::Status::Unknown => "unknown".to_owned(),
+        };
+        format!("status {}: {rpm} rpm, {what}", frame.id())
+    }
+
+    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str {
+        let name = zk_name(frame.id());
+        record.begin(end, "zk", name, frame.raw());
+        record.field("rpm", frame.rpm().get());
+        match frame.status() {
+            zk::Status::Engine { state, error, egt, switch } => {
+                record.field("state_code", state.code());
+                record.field("state", state.name());
+                record.field("error_code", error.code());
+                record.field("error", error.name());
+                record.field("switch_code", switch.code());
+                record.field("switch", switch.name());
+                record.field("egt_c", tenths(egt.tenths()));
+            }
+            zk::Status::Voltages { radio, power, pump } => {
+                for (key, byte) in [("radio_v", radio), ("power_v", power), ("pump_v", pump)] {
+                    record.field(key, zk_volts(byte, self.version));
+                }
+            }
+            zk::Status::Throttle { percent, pressure } => {
+                record.field("throttle_pct", percent);
+                record.field("pressure_pa", pressure.get());
+            }
+            zk::Status::Load { current, thrust } => {
+                record.field("current_a", thousandths(current.get()));
+                record.field("thrust_kg", self.since(zk::Status::THRUST_SINCE, thousandths(thrust.get())));
+            }
+            zk::Status::Settings { ignition_pump, increase, decrease } => {
+                record.field("ignition_pump_v", thousandths(ignition_pump.get()));
+                record.field("curve_increase", increase);
+                record.field("curve_decrease", decrease);
+            }
+            zk::Status::Identity { max_rpm, max_pump, version, rate } => {
+                self.version = Some(version);
+                record.field("max_rpm", max_rpm.get());
+                record.field("max_pump_v", zk_volts(max_pump, Some(version)));
+                record.field("protocol_version", version.get());
+                record.field("rate_hz", rate.map(zk::Rate::hz));
+            }
+            zk::Status::Fuel { flow, total } => {
+                record.field("flow_l_min", thousandths(flow.get()));
+                record.field("fuel_l", thousandths(total.get()));
+            }
+            zk::Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+                record.field("idle_rpm", idle_rpm.get());
+                record
+                    .field("pressure_requested", self.since(zk::Status::IDLE_REST_SINCE, pressure_requested));
+                record.field("closed_loop", self.since(zk::Status::IDLE_REST_SINCE, closed_loop));
+                // Twelve bits of 0.1 s.
+                record.field(
+                    "startup_s",
+                    self.since(zk::Status::IDLE_REST_SINCE, thousandths(startup.as_millis() as u32)),
+                );
+            }
+            zk::Status::Temperature { ecu } => record.field("ecu_c", tenths(ecu.tenths())),
+            zk::Status::Unknown => {}
+        }
+        name
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u32)> {
+        let counters = self.decoder.counters();
+        vec![
+            ("unknown frames", counters.unknown_frames),
+            ("CRC failures", counters.crc_failures),
+            ("bytes skipped", counters.bytes_skipped),
+        ]
+    }
+
+    fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+}
+
+/// Name of a frame by its ID, four bits. 15 does not come: 0xFF is the control head (ZK-16).
+fn zk_name(id: u8) -> &'static str {
+    match id {
+        0 => "unknown-0",
+        1 => "status-1",
+        2 => "status-2",
+        3 => "status-3",
+        4 => "status-4",
+        5 => "status-5",
+        6 => "status-6",
+        7 => "status-7",
+        8 => "status-8",
+        9 => "status-9",
+        10 => "unknown-10",
+        11 => "unknown-11",
+        12 => "unknown-12",
+        13 => "unknown-13",
+        14 => "unknown-14",
+        _ => "unknown-15",
+    }
+}
+
+fn zk_volts(byte: zk::VoltageByte, version: Option<zk::Version>) -> Option<f64> {
+    byte.millivolts(version).map(|voltage| thousandths(voltage.get()))
+}

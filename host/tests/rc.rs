@@ -1,0 +1,268 @@
+//! `jetlink rig --rc`: a simulated transmitter in script files, and real frames over TCP.
+
+#[path = "support/process.rs"]
+mod process;
+
+use process::Running;
+use sim::receiver::{CHANNELS, crsf, sbus, steps};
+use std::cell::Cell;
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+fn rig(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_jetlink")).arg("rig").args(args).output().expect("it runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A file of this name, with this text.
+fn file(name: &str, text: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+const FLOWN: &str = "\
+5.0 all throttle 30
+6.0 all standby
+9.0 all emergency-stop
+10.0 all throttle 0
+11.0 all standby
+15.0 all throttle 30
+17.0 all start
+20.0 all throttle 0
+22.0 all standby
+24.0 all start
+90.0 all throttle 60
+100.0 all silent
+110.0 all speak
+120.0 all throttle 20
+130.0 all node-reset
+140.0 all emergency-stop
+150.0 end
+";
+
+/// What the CSV has of an engine at a time: engine state, source in control, stage of loss, order, throttle on the wire.
+fn at(rows: &str, engine: &str, seconds: f64) -> [String; 5] {
+    let mut csv = csv::Reader::from_reader(rows.as_bytes());
+    let heads = csv.headers().expect("heads").clone();
+    let place = |head: &str| heads.iter().position(|other| other == head).expect("a column");
+    let columns = ["engine_state", "in_control", "loss", "order", "wire_throttle_pct"].map(place);
+    let (time, name) = (place("t_s"), place("engine"));
+    let rows: Vec<csv::StringRecord> = csv.records().map(|row| row.expect("a row")).collect();
+    let is_it = |row: &&csv::StringRecord| {
+        row[name] == *engine && (row[time].parse::<f64>().expect("seconds") - seconds).abs() < 0.05
+    };
+    let row = rows.iter().find(is_it).expect("a row at this time");
+    columns.map(|column| row[column].to_owned())
+}
+
+#[test]
+fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
+    for kind in ["sbus", "crsf"] {
+        let head = "jetlink rig script, version 0.1.0\nseed 1\nengine name=left\nengine name=right,ecu=zk,baud=115200\n";
+        let script = file(&format!("rc-{kind}.txt"), &format!("{head}rc {kind}\n{FLOWN}"));
+        let rows = script.with_extension("csv");
+        let output = rig(&["--script", script.to_str().unwrap(), "--fast", "--csv", rows.to_str().unwrap()]);
+        let (out, rows) = (text(&output.stdout), std::fs::read_to_string(rows).expect("written"));
+        assert!(output.status.success(), "{out}{}", text(&output.stderr));
+        for engine in ["left", "right"] {
+            let at = |seconds| at(&rows, engine, seconds);
+            let is = |seconds: f64, column: usize, expected: &str| {
+                assert_eq!(
+                    at(seconds)[column],
+                    expected,
+                    "{kind}, {engine} at {seconds} s: {:?}",
+                    at(seconds)
+                );
+            };
+            is(4.0, 3, "stop");
+            // Released with the stick at idle only, and no start with the stick up or by bringing it down.
+            is(8.0, 3, "stop");
+            for seconds in [14.0, 19.0, 21.0, 23.0] {
+                is(seconds, 3, "standby");
+            }
+            for seconds in [23.0, 89.0, 95.0, 99.0] {
+                is(seconds, 1, "rc");
+            }
+            is(89.0, 0, "running");
+            is(89.0, 4, "0.0");
+            is(99.0, 4, "60.0");
+            is(100.4, 2, "none");
+            is(101.0, 2, "hold");
+            is(101.0, 4, "60.0");
+            is(109.0, 2, "fail-safe");
+            is(109.0, 4, "0.0");
+            is(109.0, 0, "running");
+            is(119.0, 2, "none");
+            is(119.0, 4, "60.0");
+            is(139.0, 4, "20.0");
+            is(139.0, 1, "rc");
+            is(141.0, 3, "stop");
+        }
+    }
+}
+
+#[test]
+fn wrong_options_are_refused() {
+    let script = |name: &str, text: &str| {
+        file(name, &format!("jetlink rig script, version 0.1.0\n{text}")).display().to_string()
+    };
+    let endless = script("rc-endless.txt", "rc sbus\n1.0 all start\n");
+    let outside = script("rc-outside.txt", "rc sbus=tcpin:127.0.0.1:1\n1.0 end\n");
+    for (arguments, part) in [
+        (&["--rc", "pwm"][..], "`pwm` is not a receiver"),
+        (&["--rc", "sbus=here"], "`here` is not an address"),
+        (&["--rc", "crsf=udpout:127.0.0.1:1"], "udpout only sends"),
+        (&["--rc", "sbus=tcpin:256.0.0.1:1"], "cannot open tcpin:256.0.0.1:1: "),
+        (
+            &["--rc", "sbus=serial:/dev/nothing-there:100000"],
+            "cannot open serial:/dev/nothing-there:100000: ",
+        ),
+        (&["--rc", "sbus=tcpout:127.0.0.1:1", "--save-script", "x.txt"], "--save-script exclude each other"),
+        (&["--rc", "sbus", "--fast"], "--fast"),
+        (&["--rc", "sbus", "--scenario", "source-loss"], "--scenario"),
+        (&["--script", &endless, "--fast"], "needs `end`"),
+        (&["--script", &outside, "--fast"], "a script file exclude each other"),
+    ] {
+        let output = rig(arguments);
+        let errors = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains(part), "{arguments:?}: {errors}");
+    }
+}
+
+/// Engine time relative to real time.
+const SPEED: u32 = 2;
+
+/// A receiver on a TCP port.
+#[derive(Clone, Copy)]
+struct Sticks {
+    stick: u16,
+    switch: u16,
+    on: bool,
+}
+
+/// The rig with a receiver that listens, and what it says of its engines.
+struct Flight {
+    _rig: Running,
+    sticks: Arc<Mutex<Sticks>>,
+    /// Lines of its CSV, which come a second at once.
+    rows: Arc<Mutex<Vec<String>>>,
+    /// Lines that were looked at.
+    seen: Cell<usize>,
+}
+
+impl Flight {
+    fn begin(kind: &'static str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its number");
+        let sticks = Arc::new(Mutex::new(Sticks { stick: 1100, switch: 1000, on: true }));
+        let moved = sticks.clone();
+        thread::spawn(move || {
+            let (mut to, _) = listener.accept().expect("the rig");
+            to.set_nodelay(true).expect("set");
+            loop {
+                let every = Duration::from_millis(if kind == "sbus" { 14 } else { 7 });
+                thread::sleep(every / SPEED);
+                let Sticks { stick, switch, on } = *moved.lock().unwrap();
+                let mut channels = [992; CHANNELS];
+                (channels[2], channels[4]) = (steps(stick), steps(switch));
+                let frame = match (kind, on) {
+                    ("sbus", on) => sbus(channels, if on { 0 } else { 0x0C }),
+                    (_, true) => crsf(channels),
+                    (_, false) => continue,
+                };
+                if to.write_all(&frame).is_err() {
+                    return;
+                }
+            }
+        });
+        let mut rig = Command::new(env!("CARGO_BIN_EXE_jetlink"))
+            .args(["rig", "--engine", "name=right,ecu=zk,baud=115200", "--csv", "/dev/stdout"])
+            .args(["--rc", &format!("{kind}=tcpout:{address}"), "--speed", &SPEED.to_string()])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("it starts");
+        let (out, rows) = (rig.stdout.take().expect("piped"), Arc::new(Mutex::new(Vec::new())));
+        let read = rows.clone();
+        thread::spawn(move || {
+            for line in BufReader::new(out).lines().map_while(Result::ok) {
+                read.lock().unwrap().push(line);
+            }
+        });
+        Self { _rig: Running(rig), sticks, rows, seen: Cell::new(1) }
+    }
+
+    fn set(&self, change: impl FnOnce(&mut Sticks)) {
+        change(&mut self.sticks.lock().unwrap());
+    }
+
+    /// The next row: engine state, stage of loss, order, throttle on the wire, whether it is armed.
+    fn next(&self) -> Option<[String; 5]> {
+        let rows = self.rows.lock().unwrap();
+        let heads: Vec<&str> = rows.first()?.split(',').collect();
+        let row: Vec<&str> = rows.get(self.seen.get())?.split(',').collect();
+        self.seen.set(self.seen.get() + 1);
+        Some(["engine_state", "loss", "order", "wire_throttle_pct", "armed"].map(|head| {
+            let place = heads.iter().position(|other| *other == head).expect("a column");
+            row[place].to_owned()
+        }))
+    }
+
+    /// Looks at all rows from the last one on until one is so.
+    #[track_caller]
+    fn until(&self, what: &str, seconds: u32, is: impl Fn(&[String; 5]) -> bool) {
+        let end = Instant::now() + Duration::from_secs(seconds.into()) / SPEED + Duration::from_secs(10);
+        let mut last = None;
+        loop {
+            match self.next() {
+                Some(row) if is(&row) => return,
+                Some(row) => last = Some(row),
+                None => thread::sleep(Duration::from_millis(20)),
+            }
+            assert!(Instant::now() < end, "not within {seconds} s: {what}, {last:?}");
+        }
+    }
+
+    fn pass(&self, ms: u64) {
+        thread::sleep(Duration::from_millis(ms) / SPEED);
+    }
+}
+
+#[test]
+#[cfg(unix)]
+#[ignore = "in real time: .ci/mavlink"]
+fn real_frames_over_tcp_start_throttle_lose_and_stop() {
+    for kind in ["sbus", "crsf"] {
+        let flight = Flight::begin(kind);
+        flight.until("stop", 20, |[.., order, _, _]| order == "stop");
+        flight.pass(2000);
+        flight.set(|sticks| sticks.switch = 1500);
+        flight.until("armed", 20, |[state, .., armed]| state == "standby" && armed == "yes");
+        flight.pass(2000);
+        flight.set(|sticks| sticks.switch = 2000);
+        flight.until("running", 120, |[state, ..]| state == "running");
+        flight.pass(8000);
+        flight.set(|sticks| sticks.stick = 1500);
+        flight.until("half throttle", 10, |[.., wire, _]| wire == "50.0");
+        flight.set(|sticks| sticks.on = false);
+        flight.until("the first stage", 3, |[_, loss, _, wire, _]| loss == "hold" && wire == "50.0");
+        flight.until("the second stage", 5, |[_, loss, _, wire, _]| loss == "fail-safe" && wire == "0.0");
+        flight.pass(5000);
+        flight.set(|sticks| sticks.on = true);
+        flight.until("half throttle", 15, |[state, loss, _, wire, _]| {
+            state == "running" && loss == "none" && wire == "50.0"
+        });
+        flight.set(|sticks| sticks.switch = 1000);
+        flight.until("stop", 2, |[.., order, _, armed]| order == "stop" && armed == "no");
+    }
+}

@@ -1,0 +1,146 @@
+//! The retained record, field by field: what is in it in each situation, and what a second reset makes of it.
+
+use super::*;
+use crate::support::scenario::rpm;
+use jetlink::ecu::{Service, zk};
+
+fn record(scenario: &Scenario) -> RetainedState {
+    scenario.bench.machine.record()
+}
+
+/// That an engine failed is retained, for the others of its group, until it runs again.
+#[test]
+fn a_failure_is_retained() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        assert!(!record(&scenario).failed, "{ecu:?}");
+        scenario.silent().fly_us(run(50), Origin::Rc, 2 * SECOND);
+        assert!(record(&scenario).failed, "{ecu:?}");
+        let mut scenario = scenario.reset(ecu.config());
+        assert!(scenario.bench.machine.failed(), "{ecu:?}");
+        scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, SECOND);
+        assert!(!record(&scenario).failed, "{ecu:?}");
+    }
+}
+
+/// A pump that a service may have opened is retained until its last frame to close it.
+#[test]
+fn an_open_pump_is_retained_until_it_is_closed() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    assert!(!record(&scenario).pump_open);
+    scenario
+        .command(Command::Service(Service::Zk(zk::config::Service::Action(zk::codec::Action::OpenPump))))
+        .unwrap();
+    scenario.pass_us(4 * FRAME_PERIOD_US);
+    assert!(record(&scenario).pump_open, "open");
+    scenario.command(Command::EmergencyStop).unwrap();
+    assert!(record(&scenario).pump_open, "the frames that close it have not been sent");
+    scenario.pass_us(5 * SECOND);
+    assert!(!record(&scenario).pump_open, "closed");
+}
+
+/// What is retained of a demand: the one in force. One that was lowered or not reached yet is retained as it is.
+#[test]
+fn the_demand_that_is_retained_is_the_one_in_force() {
+    let table: [(&str, Step, Order); 3] = [
+        ("as commanded", |_| {}, Order::Run(percent(50))),
+        (
+            "a movement of the stick, before it is sent",
+            |s| {
+                s.command(run(90)).unwrap();
+            },
+            Order::Run(percent(50)),
+        ),
+        (
+            "lowered by the loss of its source",
+            |s| {
+                s.pass_us(30 * SECOND);
+            },
+            Order::Run(percent(0)),
+        ),
+    ];
+    for ecu in BOTH {
+        // It has come to 50 %, and no frame has carried that yet.
+        let rising = flying(ecu);
+        let Order::Run(Demand::Throttle(retained)) = record(&rising).order else { panic!("{ecu:?}") };
+        assert!((300..500).contains(&retained.tenths()), "{ecu:?}: {retained:?}");
+        for (name, step, order) in table {
+            let mut scenario = flying(ecu);
+            scenario.reports = Some(Reports::Running);
+            scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
+            step(&mut scenario);
+            assert_eq!(record(&scenario).order, order, "{ecu:?}: {name}");
+        }
+    }
+    // An rpm is retained as an rpm where the ECU holds it.
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(90_000));
+    scenario.reports = Some(Reports::Running);
+    scenario.fly_us(Command::Run(rpm(90_000)), Origin::Rc, 5 * SECOND);
+    assert_eq!(record(&scenario).order, Order::Run(rpm(90_000)));
+    assert_eq!(record(&scenario).origin, Origin::Rc);
+}
+
+/// Where no order is in force, silence and an interrupted start continue over a second reset.
+#[test]
+fn counts_without_an_order_continue_over_a_second_reset() {
+    for ecu in BOTH {
+        let config = ecu.config();
+        let mut scenario = flying(ecu);
+        scenario.reports = Some(Reports::Running);
+        scenario.pass_us(2 * SECOND);
+        let silence = |record: &RetainedState| (record.silent.as_millis(), record.all_silent.as_millis());
+        let mut last = record(&scenario).without_start();
+        for reset in 1..=3 {
+            let before = silence(&last);
+            let mut after = Scenario::after_reset(ecu, config, Some(last));
+            after.silent().pass_us(SECOND);
+            // Anything makes it look at the time.
+            after.bench.act(|engine, now| engine.other_failed(now, true));
+            last = record(&after);
+            let now = silence(&last);
+            assert!(last.ran, "{ecu:?} {reset}");
+            assert!((900..=1200).contains(&(now.0 - before.0)), "{ecu:?} {reset}: {before:?} {now:?}");
+            assert!((900..=1200).contains(&(now.1 - before.1)), "{ecu:?} {reset}: {before:?} {now:?}");
+        }
+    }
+    // A start of 3 s that was interrupted twice, 1 s later each time.
+    let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+    scenario.command(run(0)).unwrap();
+    scenario.reports = Some(Reports::Starting);
+    scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
+    let mut last = record(&scenario);
+    assert!((3..=4).contains(&last.starting), "{last:?}");
+    for reset in 1..=2 {
+        let mut after = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(last));
+        after.silent().pass_us(SECOND);
+        after.bench.act(|engine, now| engine.other_failed(now, true));
+        last = record(&after);
+        assert!((3 + reset..=4 + 2 * reset).contains(&last.starting), "{reset}: {last:?}");
+        assert!(matches!(last.order, Order::Run(_)), "{reset}: {last:?}");
+    }
+}
+
+/// What a source commanded of arming is retained over a loss of power, too: one that commanded "arm" all along has to disarm first after a
+/// stop, whether the stop came before the loss or after it.
+#[test]
+fn a_source_that_was_armed_has_to_disarm_first_after_a_loss_of_power() {
+    for ecu in BOTH {
+        for stop_before in [true, false] {
+            let mut scenario = flying(ecu);
+            if stop_before {
+                scenario.command(Command::EmergencyStop).unwrap();
+            }
+            let record = record(&scenario).without_start();
+            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
+            scenario.introduce();
+            scenario.reports(Reports::Standby).pass_us(2 * SECOND);
+            if !stop_before {
+                scenario.command(Command::EmergencyStop).unwrap();
+            }
+            scenario.command(Command::ReleaseStop).unwrap();
+            assert_eq!(scenario.command(Command::Arm), Err(Rejected::DisarmFirst), "{ecu:?} {stop_before}");
+            scenario.command(Command::Disarm).unwrap();
+            scenario.command(Command::Arm).unwrap();
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Records of settings, as they are stored: the settings of one component by their names, so that another firmware's table may have
+//! others.
+
+use crate::settings::{EngineSettings, NodeSettings, find_row};
+use crate::store::RECORD;
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use heapless::Vec;
+use jetlink::config::EngineConfig;
+
+/// A record.
+pub type Record = Vec<u8, RECORD>;
+
+const NAME: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// Digest of a name. It differs for all names of a component, which a test checks.
+pub(crate) fn hash(name: &str) -> u16 {
+    NAME.checksum(name.as_bytes()) as u16
+}
+
+/// What a record is of, in its first byte.
+const NODE: u8 = 0;
+
+/// An engine's record fits one with the same kind of ECU.
+fn kind(config: &EngineConfig) -> u8 {
+    config.ecu.protocol_number()
+}
+
+fn write(kind: u8, engine: Option<&EngineConfig>, value: &dyn Fn(&str) -> Option<i32>) -> Record {
+    let mut record = Record::new();
+    // There is space for 40 parameters and the kind; a test.
+    let _ = record.push(kind);
+    find_row(engine, &mut |row| {
+        if let Some(value) = value(row.name) {
+            let _ = record.extend_from_slice(&hash(row.name).to_le_bytes());
+            let _ = record.extend_from_slice(&value.to_le_bytes());
+        }
+        false
+    });
+    record
+}
+
+/// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
+fn read(kind: u8, record: &[u8], engine: Option<&EngineConfig>) -> impl Iterator<Item = (&'static str, i32)> {
+    let values = match record.split_first() {
+        Some((&found, values)) if found == kind => values,
+        _ => &[],
+    };
+    let (values, _) = values.as_chunks();
+    values.iter().filter_map(move |&[h0, h1, v0, v1, v2, v3]| {
+        let value = i32::from_le_bytes([v0, v1, v2, v3]);
+        let row = find_row(engine, &mut |row| hash(row.name) == u16::from_le_bytes([h0, h1]))?;
+        row.allows(value).then_some((row.name, value))
+    })
+}
+
+/// The record of the node.
+pub(crate) fn of_node(settings: &NodeSettings) -> Record {
+    write(NODE, None, &|name| settings.number(name))
+}
+
+/// The record of an engine.
+pub(crate) fn of_engine(config: &EngineConfig, settings: &EngineSettings) -> Record {
+    write(kind(config), Some(config), &|name| config.number(name).or_else(|| settings.own(name)))
+}
+
+/// Takes the settings of the node from its record.
+pub fn apply_to_node(settings: &mut NodeSettings, record: &[u8]) {
+    for (name, value) in read(NODE, record, None) {
+        settings.set(name, value);
+    }
+}
+
+/// Takes the settings of an engine from its record. Those that do not fit together stay as they were.
+pub fn apply_to_engine(config: &mut EngineConfig, settings: &mut EngineSettings, record: &[u8]) {
+    let (mut new, mut own) = (*config, *settings);
+    for (name, value) in read(kind(config), record, Some(config)) {
+        if !own.set_own(name, value) {
+            // Its name and its range have been checked.
+            let _ = new.change(name, value);
+        }
+    }
+    if jetlink::config::validate(&[new]).is_ok() {
+        *config = new;
+    }
+    if own.low < own.high {
+        *settings = own;
+    }
+}

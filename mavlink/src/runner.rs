@@ -1,0 +1,185 @@
+//! Moves bytes and time between a service and its ports. Only this file reads the clock, and only this one waits.
+//!
+//! All loops of a node are polled by one task, which can be the least important one: nothing of an engine waits for it.
+
+use crate::service::{Request, Service};
+use crate::store::{AtRest, Flash, NotSaved, Store};
+use core::array::from_fn;
+use core::cell::RefCell;
+use core::fmt;
+use embassy_futures::join::join;
+use embassy_futures::select::select;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{Read, Write};
+
+/// Bytes that are written at once. The buffer of a UART's driver has to have space for them.
+pub const WRITE: usize = 32;
+/// Bytes that are read at once.
+const READ: usize = 64;
+/// Pause after an error of a port, so that one that fails at once does not occupy the processor.
+const PAUSE: Duration = Duration::from_millis(10);
+/// Time between two looks at whether the engines are at rest.
+const LOOK: Duration = Duration::from_millis(50);
+/// Time from a request to its delivery, in which the answers go out.
+const ANSWERED: Duration = Duration::from_millis(200);
+
+/// Runs a service on its ports.
+pub struct Runner<'a, const N: usize, const P: usize> {
+    service: RefCell<Service<'a, N, P>>,
+    /// Something has arrived.
+    arrived: Signal<NoopRawMutex, ()>,
+    /// Something may have to be stored.
+    to_save: Signal<NoopRawMutex, ()>,
+    /// Bytes wait for this port.
+    waiting: [Signal<NoopRawMutex, ()>; P],
+}
+
+impl<const N: usize, const P: usize> fmt::Debug for Runner<'_, N, P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Runner").field("service", &self.service).finish_non_exhaustive()
+    }
+}
+
+impl<'a, const N: usize, const P: usize> Runner<'a, N, P> {
+    /// For this service.
+    pub fn new(service: Service<'a, N, P>) -> Self {
+        Self {
+            service: RefCell::new(service),
+            arrived: Signal::new(),
+            to_save: Signal::new(),
+            waiting: from_fn(|_| Signal::new()),
+        }
+    }
+
+    /// Does what is due, until the node has to do something itself. `after` comes after each step, for what has to be kept.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
+    pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P>)) -> Request {
+        let mut request = None;
+        loop {
+            let now = Instant::now();
+            let next = {
+                let mut service = self.service.borrow_mut();
+                let next = service.poll(now);
+                for (port, waiting) in self.waiting.iter().enumerate() {
+                    if service.is_waiting(port) {
+                        waiting.signal(());
+                    }
+                }
+                after(now, &service);
+                if let Some(new) = service.take_request() {
+                    request.get_or_insert((new, now + ANSWERED));
+                }
+                next
+            };
+            // What is being stored is not torn.
+            if let Some((request, _)) = request.filter(|&(_, due)| now >= due)
+                && self.service.borrow().is_saved()
+            {
+                return request;
+            }
+            select(Timer::at(next), self.arrived.wait()).await;
+        }
+    }
+
+    /// Serves a port, counted from 0, with its two halves.
+    pub async fn serve(&self, port: usize, rx: impl Read, tx: impl Write) {
+        join(self.read(port, rx), self.write(port, tx)).await;
+    }
+
+    /// Stores settings. `at_rest` is what the store checks before it erases. It has to run from the start on, and is not to be
+    /// dropped while something is stored.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
+    pub async fn keep<F: Flash>(&self, store: &mut Store<'_, F>, at_rest: &AtRest) {
+        let watch = async {
+            loop {
+                at_rest.set(self.service.borrow().is_at_rest());
+                Timer::after(LOOK).await;
+            }
+        };
+        let save = async {
+            // There is one save here, as its state is large. After a format all records are saved, these yet.
+            let mut places = 0..0;
+            let mut format = false;
+            // Whether the service waits for the result of the whole.
+            let mut requested = false;
+            loop {
+                format |= self.service.borrow_mut().take_anew();
+                let all = core::mem::take(&mut format);
+                let place = if all { None } else { places.next() };
+                let result = if all {
+                    let result = store.format().await.map_err(|_| NotSaved::Failed);
+                    places = 0..if result.is_ok() { N + 1 } else { 0 };
+                    result
+                } else {
+                    let next = match place {
+                        Some(place) => self.service.borrow().record(place),
+                        None => self.service.borrow().next_save(),
+                    };
+                    match next {
+                        Some((key, record)) => store.save(key, &record).await,
+                        None if place.is_some() => Ok(()),
+                        None => {
+                            self.to_save.wait().await;
+                            continue;
+                        }
+                    }
+                };
+                if place.is_none() && !all {
+                    requested = true;
+                    if result == Err(NotSaved::Failed) {
+                        format = true;
+                        continue;
+                    }
+                }
+                if result.is_err() {
+                    places = 0..0;
+                }
+                // No answer waits for it: a failure is found again at the next start.
+                if places.is_empty() && core::mem::take(&mut requested) {
+                    self.service.borrow_mut().saved(Instant::now(), result);
+                    self.arrived.signal(());
+                }
+            }
+        };
+        select(watch, save).await;
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
+    async fn read(&self, port: usize, mut rx: impl Read) {
+        let mut bytes = [0; READ];
+        loop {
+            match rx.read(&mut bytes).await {
+                Ok(count @ 1..) => {
+                    let bytes = bytes.get(..count).unwrap_or_default();
+                    self.service.borrow_mut().receive(Instant::now(), port, bytes);
+                    self.arrived.signal(());
+                    self.to_save.signal(());
+                }
+                // Line errors damage a frame, which its checksum shows.
+                Ok(0) | Err(_) => Timer::after(PAUSE).await,
+            }
+        }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is what waits")]
+    async fn write(&self, port: usize, mut tx: impl Write) {
+        let mut bytes = [0; WRITE];
+        loop {
+            let count = self.service.borrow_mut().transmit(port, &mut bytes);
+            if count == 0 {
+                match self.waiting.get(port) {
+                    Some(waiting) => waiting.wait().await,
+                    None => return,
+                }
+                continue;
+            }
+            let bytes = bytes.get(..count).unwrap_or_default();
+            // What a port that fails does not take is lost, as on an open wire.
+            if tx.write_all(bytes).await.is_err() || tx.flush().await.is_err() {
+                Timer::after(PAUSE).await;
+            }
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! Settings that stay: a record for each component, appended to a flash memory, which survives a power cut at any moment.
+//!
+//! The map itself is the crate `sequential-storage`. Around it are three things that it does not have:
+//!
+//! - **No erase in flight.** An erase stalls a core that reads the same memory. The crate erases within a save and in its repairs,
+//!   so `Guard` refuses every erase unless [`AtRest`] is set. In flight a record that would need one is refused before anything is
+//!   written.
+//! - **What a power cut tore** may be unreadable: two wrong bits in a word of an STM32H7's flash are an error at each read. Such a word is
+//!   taken for written and wrong.
+//! - **Empty and damaged differ.** Each record has a sequence number and the digest of all newest records, so that a
+//!   newest record that was lost is missed ([`Found::Damaged`]), while a record that a power cut kept from being written is not.
+//!   What is missed stays missed until all is formatted.
+//!
+//! There are two sectors. Whenever the power fails, one of them alone has all newest records: a migration erases the old
+//! sector after it has copied everything. So each sector is looked at alone, whatever the other one looks like, and before the
+//! next save the other one is erased if it is not empty: the crate's own repair could erase the good one.
+
+use core::fmt::Debug;
+use core::sync::atomic::{AtomicBool, Ordering};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use embassy_futures::yield_now;
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use heapless::Vec;
+use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::map::{MapConfig, MapStorage};
+
+/// Largest record.
+pub const RECORD: usize = 256;
+/// Most records: of the node, and of eight engines.
+const KEYS: usize = 9;
+/// Sequence number and digest, in front of each record.
+const HEAD: usize = 8;
+/// With the key, and rounded up to the largest word of a flash memory.
+const BUFFER: usize = (1 + HEAD + RECORD).next_multiple_of(32);
+/// Reads until others have their turn.
+const TURN: u8 = 32;
+/// Largest word.
+const WORD: usize = 32;
+
+/// Slow and small.
+const DIGEST: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// Whether all engines are known to be at rest.
+#[derive(Debug, Default)]
+pub struct AtRest(AtomicBool);
+
+impl AtRest {
+    /// It is not known.
+    pub const fn new() -> Self {
+        Self(AtomicBool::new(false))
+    }
+
+    /// Sets it.
+    pub fn set(&self, at_rest: bool) {
+        self.0.store(at_rest, Ordering::Relaxed);
+    }
+
+    /// Whether they are.
+    pub fn get(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// What was found at the start.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Found {
+    /// Nothing of ours: the settings are the defaults.
+    Empty,
+    /// All records.
+    Whole,
+    /// Records are missing.
+    Damaged,
+}
+
+/// Why a record was not saved.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum NotSaved {
+    /// There is no space without an erase, and an engine may turn.
+    Full,
+    /// The memory does not take it.
+    Failed,
+}
+
+/// A flash memory for [`Store`], two sectors from offset 0 on.
+///
+/// A read may fail where a word is unreadable; then none of its bytes are used.
+pub trait Flash: NorFlash + Debug {}
+
+/// Refuses erases while engines may turn, writes to what is not empty, and reads what is unreadable as zeros.
+#[derive(Debug)]
+struct Guard<'a, F> {
+    flash: F,
+    at_rest: &'a AtRest,
+    /// The other sector reads as empty.
+    only: Option<u32>,
+    /// Reads since others had their turn.
+    reads: u8,
+}
+
+/// What [`Guard`] reports.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct GuardError;
+
+impl NorFlashError for GuardError {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl<F: Flash> ErrorType for Guard<'_, F> {
+    type Error = GuardError;
+}
+
+impl<F: Flash> ReadNorFlash for Guard<'_, F> {
+    const READ_SIZE: usize = F::READ_SIZE;
+
+    async fn read(&mut self, at: u32, bytes: &mut [u8]) -> Result<(), GuardError> {
+        // A read waits for nothing, and a migration is some 100 000 of them: others have their turn in between.
+        self.reads += 1;
+        if self.reads == TURN {
+            self.reads = 0;
+            yield_now().await;
+        }
+        if self.only.is_some_and(|only| at / Self::ERASE_SIZE as u32 != only) {
+            bytes.fill(0xFF);
+        } else if self.flash.read(at, bytes).await.is_err() {
+            bytes.fill(0);
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl<F: Flash> NorFlash for Guard<'_, F> {
+    const WRITE_SIZE: usize = F::WRITE_SIZE;
+    const ERASE_SIZE: usize = F::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), GuardError> {
+        if !self.at_rest.get() {
+            return Err(GuardError);
+        }
+        self.flash.erase(from, to).await.map_err(|_| GuardError)
+    }
+
+    async fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), GuardError> {
+        const { assert!(F::WRITE_SIZE <= WORD) };
+        let mut address = at;
+        for word in bytes.chunks(F::WRITE_SIZE) {
+            let mut found = [0; WORD];
+            let found = found.get_mut(..word.len()).ok_or(GuardError)?;
+            self.read(address, found).await?;
+            if found.iter().any(|&byte| byte != 0xFF) {
+                return Err(GuardError);
+            }
+            self.flash.write(address, word).await.map_err(|_| GuardError)?;
+            self.read(address, found).await?;
+            if found != word {
+                return Err(GuardError);
+            }
+            address = address.checked_add(F::WRITE_SIZE as u32).ok_or(GuardError)?;
+        }
+        Ok(())
+    }
+}
+
+type Map<'a, F> = MapStorage<u8, Guard<'a, F>, Cache<Uncached, Uncached, Uncached, u8>>;
+
+/// One newest record.
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    key: u8,
+    sequence: u32,
+    /// Of all newest records, this one among them.
+    digest: u32,
+    own: u32,
+}
+
+/// Records by key: 0 is the node, the others are engines.
+pub struct Store<'a, F: Flash> {
+    map: Map<'a, F>,
+    at_rest: &'a AtRest,
+    newest: Vec<Newest, KEYS>,
+    /// The sector that has all newest records.
+    sector: u32,
+    /// Bytes at its end that are empty.
+    free: u32,
+    /// The other sector is not empty.
+    dirty: bool,
+}
+
+impl<F: Flash> Debug for Store<'_, F> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Store").field("newest", &self.newest).finish_non_exhaustive()
+    }
+}
+
+impl<'a, F: Flash> Store<'a, F> {
+    const SECTOR: u32 = F::ERASE_SIZE as u32;
+    const CONFIG: MapConfig<Guard<'a, F>> = MapConfig::new(0..2 * Self::SECTOR);
+
+    /// Reads the memory; `each` gets the newest record of each key. Nothing is written or erased.
+    pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
+        let guard = Guard { flash, at_rest, only: None, reads: 0 };
+        let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
+        let mut store = Self { map, at_rest, newest: Vec::new(), sector: 0, free: 0, dirty: false };
+        let found = store.survey().await;
+        let newest = store.newest.clone();
+        store
+            .scan(store.sector, &mut |found, record| {
+                let own = newest.iter().find(|newest| newest.key == found.key);
+                if own.is_some_and(|own| own.sequence == found.sequence) {
+                    each(found.key, record);
+                }
+            })
+            .await;
+        (store, found)
+    }
+
+    /// Finds the sector that has all newest records, and what is wrong with it.
+    async fn survey(&mut self) -> Found {
+        let mut sectors: [Vec<Newest, KEYS>; 2] = Default::default();
+        for (sector, newest) in (0..).zip(&mut sectors) {
+            self.scan(sector, &mut |found, _| {
+                match newest.iter_mut().find(|newest| newest.key == found.key) {
+                    Some(newest) if newest.sequence < found.sequence => *newest = found,
+                    Some(_) => {}
+                    // What is one key too many is somebody else's.
+                    None => drop(newest.push(found)),
+                }
+            })
+            .await;
+        }
+        let last = |newest: &Vec<Newest, KEYS>| newest.iter().map(|newest| newest.sequence).max();
+        let whole = |newest: &Vec<Newest, KEYS>| {
+            let last = newest.iter().max_by_key(|newest| newest.sequence);
+            last.is_some_and(|last| last.digest == digest(newest))
+        };
+        let [first, second] = &sectors;
+        // Where both have all, the one with less in it is the copy, and the other one may be half erased.
+        let empty = [self.empty_at_end(0).await, self.empty_at_end(1).await];
+        let second_is_it = (last(second), whole(second), empty[1]) > (last(first), whole(first), empty[0]);
+        self.sector = second_is_it.into();
+        let newest = if second_is_it { second } else { first };
+        let found = match newest.is_empty() {
+            true => Found::Empty,
+            false if whole(newest) => Found::Whole,
+            false => Found::Damaged,
+        };
+        self.newest = newest.clone();
+        let [free, other] = if second_is_it { [empty[1], empty[0]] } else { empty };
+        self.free = free;
+        self.dirty = other < Self::SECTOR;
+        found
+    }
+
+    /// Bytes at the end of a sector that are empty, but for the mark that closes it.
+    async fn empty_at_end(&mut self, sector: u32) -> u32 {
+        let word = F::WRITE_SIZE as u32;
+        let mut used = Self::SECTOR;
+        while used > 0 {
+            let mut bytes = [0; WORD];
+            let Some(bytes) = bytes.get_mut(..F::WRITE_SIZE) else { break };
+            // What is unreadable reads as 0.
+            let at = sector * Self::SECTOR + used - word;
+            if self.map.flash().read(at, bytes).await.is_err() || bytes.iter().any(|&byte| byte != 0xFF) {
+                break;
+            }
+            used -= word;
+        }
+        Self::SECTOR - used
+    }
+
+    /// Shows every record of a sector, the older ones of a key, too.
+    async fn scan(&mut self, sector: u32, each: &mut dyn FnMut(Newest, &[u8])) {
+        self.map.flash().only = Some(sector);
+        let mut buffer = [0; BUFFER];
+        if let Ok(mut records) = self.map.fetch_all_items(&mut buffer).await {
+            while let Ok(Some((key, bytes))) = records.next::<&[u8]>(&mut buffer).await {
+                let Some((&[s0, s1, s2, s3, d0, d1, d2, d3], record)) = bytes.split_first_chunk() else {
+                    continue;
+                };
+                let found = Newest {
+                    key,
+                    sequence: u32::from_le_bytes([s0, s1, s2, s3]),
+                    digest: u32::from_le_bytes([d0, d1, d2, d3]),
+                    own: own_digest(key, record),
+                };
+                each(found, record);
+            }
+        }
+        self.map.flash().only = None;
+    }
+
+    /// Saves a record. One that is the newest of its key already is not written again.
+    ///
+    /// # Errors
+    /// [`NotSaved`]: the newest record of this key is as before.
+    pub async fn save(&mut self, key: u8, record: &[u8]) -> Result<(), NotSaved> {
+        let own = own_digest(key, record);
+        let before = self.newest.iter().find(|newest| newest.key == key).map(|newest| newest.own);
+        if before == Some(own) {
+            return Ok(());
+        }
+        let last = self.newest.iter().max_by_key(|newest| newest.sequence);
+        let sequence = last.map_or(1, |last| last.sequence.wrapping_add(1));
+        // From the last one's digest: what is missed now is missed with this record, too.
+        let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
+        let mut bytes: Vec<u8, { HEAD + RECORD }> = Vec::new();
+        let whole = [&sequence.to_le_bytes()[..], &digest.to_le_bytes(), record]
+            .into_iter()
+            .all(|part| bytes.extend_from_slice(part).is_ok());
+        if !whole || before.is_none() && self.newest.is_full() {
+            return Err(NotSaved::Failed);
+        }
+        // The mark that closes the sector has its place; in an empty sector there is one that opens it, too.
+        let word = F::WRITE_SIZE as u32;
+        let opening = if self.free == Self::SECTOR { word } else { 0 };
+        let length = (1 + bytes.len() as u32).next_multiple_of(word);
+        let needed = opening + Map::<F>::item_overhead_size() + length;
+        let fits = needed + word <= self.free;
+        if !fits || self.dirty {
+            if !self.at_rest.get() {
+                return Err(NotSaved::Full);
+            }
+            self.clean().await?;
+        }
+        let mut buffer = [0; BUFFER];
+        let stored = self.map.store_item(&mut buffer, &key, &bytes.as_slice()).await;
+        if stored.is_ok() && fits {
+            let newest = Newest { key, sequence, digest, own };
+            match self.newest.iter_mut().find(|newest| newest.key == key) {
+                Some(slot) => *slot = newest,
+                None => drop(self.newest.push(newest)),
+            }
+            self.free = self.free.saturating_sub(needed);
+        } else {
+            // Where it failed, some of it may be there.
+            self.survey().await;
+        }
+        stored.map_err(|_| NotSaved::Failed)
+    }
+
+    /// Erases the sector that has not all newest records, if it is not empty.
+    async fn clean(&mut self) -> Result<(), NotSaved> {
+        if self.dirty {
+            let other = (1 - self.sector) * Self::SECTOR;
+            self.map.flash().erase(other, other + Self::SECTOR).await.map_err(|_| NotSaved::Failed)?;
+            self.dirty = false;
+        }
+        Ok(())
+    }
+
+    /// Erases all, for a memory that takes nothing any more or has somebody else's data. Every record has to be saved again.
+    ///
+    /// # Errors
+    /// [`NotSaved`].
+    pub async fn format(&mut self) -> Result<(), NotSaved> {
+        if !self.at_rest.get() {
+            return Err(NotSaved::Full);
+        }
+        let erased = self.map.erase_all().await;
+        self.survey().await;
+        erased.map_err(|_| NotSaved::Failed)
+    }
+
+    /// Gives the memory back.
+    pub fn into_flash(self) -> F {
+        self.map.destroy().0.flash
+    }
+}
+
+/// Of all newest records.
+fn digest(newest: &[Newest]) -> u32 {
+    newest.iter().fold(0, |digest, newest| digest ^ newest.own)
+}
+
+fn own_digest(key: u8, record: &[u8]) -> u32 {
+    let mut digest = DIGEST.digest();
+    digest.update(&[key]);
+    digest.update(record);
+    digest.finalize()
+}

@@ -1,0 +1,469 @@
+//! Records on a mock of an STM32H7's flash: words of 32 bytes, which are written once between two erases and which are unreadable
+//! when a power cut tears them.
+
+use super::world::*;
+use crate::record;
+use crate::service::Keeping;
+use crate::settings::{EngineSettings, NodeSettings, engine_rows};
+use crate::store::{AtRest, Flash, Found, NotSaved, Store};
+use embassy_futures::block_on;
+use embassy_time::Instant;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use fastrand::Rng;
+use jetlink::config::{EngineConfig, validate};
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::line::Line;
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::string::String;
+use std::vec::Vec;
+
+const WORD: usize = 32;
+const SECTOR: usize = 1024;
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Word {
+    Holds([u8; WORD]),
+    /// Two wrong bits: every read is an error.
+    Torn,
+}
+
+const EMPTY: Word = Word::Holds([0xFF; WORD]);
+
+#[derive(Clone, Debug)]
+struct Mock<'a> {
+    words: Vec<Word>,
+    /// Writes and erases until the power fails; it tears the last one.
+    left: Option<usize>,
+    /// Writes and erases so far.
+    done: usize,
+    erases: usize,
+    /// Writes, or erases, do nothing and report that all is well.
+    takes_no_write: bool,
+    takes_no_erase: bool,
+    /// Erases are an error.
+    refuses_erase: Rc<Cell<bool>>,
+    rng: Rng,
+    at_rest: &'a AtRest,
+}
+
+impl<'a> Mock<'a> {
+    fn new(at_rest: &'a AtRest) -> Self {
+        let words = std::vec![EMPTY; 2 * SECTOR / WORD];
+        Self {
+            words,
+            left: None,
+            done: 0,
+            erases: 0,
+            takes_no_write: false,
+            takes_no_erase: false,
+            refuses_erase: Rc::default(),
+            rng: Rng::with_seed(1),
+            at_rest,
+        }
+    }
+
+    /// What a cut makes of a word that would have become `new`.
+    fn tear(&mut self, old: Word, new: Word) -> Word {
+        match self.rng.u8(0..4) {
+            0 => old,
+            1 => new,
+            2 => Word::Torn,
+            // Some of its bits, and by chance readable.
+            _ => match (old, new) {
+                (Word::Holds(old), Word::Holds(new)) => {
+                    let mask: u8 = self.rng.u8(..);
+                    Word::Holds(std::array::from_fn(|i| old[i] & mask | new[i] & !mask))
+                }
+                _ => Word::Torn,
+            },
+        }
+    }
+
+    /// Whether the power fails in this operation; an error if it has failed before.
+    fn cut(&mut self) -> Result<bool, NorFlashErrorKind> {
+        match &mut self.left {
+            Some(0) => Err(NorFlashErrorKind::Other),
+            Some(left) => {
+                *left -= 1;
+                Ok(*left == 0)
+            }
+            None => {
+                self.done += 1;
+                Ok(false)
+            }
+        }
+    }
+}
+
+impl ErrorType for Mock<'_> {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Mock<'_> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, at: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        for (byte, at) in bytes.iter_mut().zip(at as usize..) {
+            match self.words[at / WORD] {
+                Word::Holds(word) => *byte = word[at % WORD],
+                Word::Torn => return Err(NorFlashErrorKind::Other),
+            }
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        2 * SECTOR
+    }
+}
+
+impl NorFlash for Mock<'_> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = SECTOR;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        assert!(self.at_rest.get(), "an erase in flight");
+        if self.refuses_erase.get() {
+            return Err(NorFlashErrorKind::Other);
+        }
+        self.erases += 1;
+        let cut = self.cut()?;
+        if self.takes_no_erase {
+            return Ok(());
+        }
+        for word in from as usize / WORD..to as usize / WORD {
+            self.words[word] = if cut { self.tear(self.words[word], EMPTY) } else { EMPTY };
+        }
+        if cut { Err(NorFlashErrorKind::Other) } else { Ok(()) }
+    }
+
+    async fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        for (chunk, word) in bytes.chunks(WORD).zip(at as usize / WORD..) {
+            assert_eq!(self.words[word], EMPTY, "a word is written once");
+            let cut = self.cut()?;
+            if self.takes_no_write {
+                return Ok(());
+            }
+            let new = Word::Holds(chunk.try_into().unwrap());
+            self.words[word] = if cut { self.tear(EMPTY, new) } else { new };
+            if cut {
+                return Err(NorFlashErrorKind::Other);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Flash for Mock<'_> {}
+
+type Records = BTreeMap<u8, Vec<u8>>;
+
+fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Found, Records) {
+    let mut records = Records::new();
+    let (store, found) = block_on(Store::load(mock, at_rest, &mut |key, record| {
+        assert!(records.insert(key, record.to_vec()).is_none(), "twice");
+    }));
+    (store, found, records)
+}
+
+/// A user's changes: key and record.
+fn changes(count: usize) -> Vec<(u8, Vec<u8>)> {
+    let mut rng = Rng::with_seed(7);
+    (0..count).map(|i| (rng.u8(0..5), (0..rng.usize(1..100)).map(|j| (i * 7 + j) as u8).collect())).collect()
+}
+
+#[test]
+fn after_a_power_cut_at_any_write_or_erase_no_record_is_lost_or_old() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let changes = changes(40);
+    // Without a cut, for the number of operations.
+    let (mut store, found, _) = load(Mock::new(&at_rest), &at_rest);
+    assert_eq!(found, Found::Empty);
+    for (key, record) in &changes {
+        block_on(store.save(*key, record)).unwrap();
+    }
+    let whole = store.into_flash();
+    assert!(whole.erases >= 5, "{} migrations", whole.erases);
+    std::println!("{} writes and erases, {} erases", whole.done, whole.erases);
+
+    for (cut, seed) in (1..=whole.done).flat_map(|cut| (0..2).map(move |seed| (cut, seed))) {
+        let mock = Mock { left: Some(cut), rng: Rng::with_seed(seed), ..Mock::new(&at_rest) };
+        let (mut store, _, _) = load(mock, &at_rest);
+        let mut before = Records::new();
+        let mut after = Records::new();
+        for (key, record) in &changes {
+            after.insert(*key, record.clone());
+            if block_on(store.save(*key, record)).is_err() {
+                break;
+            }
+            before.insert(*key, record.clone());
+        }
+        let case = std::format!("cut at operation {cut}, seed {seed}");
+        let mock = Mock { left: None, ..store.into_flash() };
+        // In flight it is read, and nothing is erased: the mock would report it.
+        at_rest.set(false);
+        let (store, found, records) = load(mock, &at_rest);
+        assert!(records == before || records == after, "{case}: {records:?}");
+        let expected = if records.is_empty() { Found::Empty } else { Found::Whole };
+        assert_eq!(found, expected, "{case}");
+        // And at rest it continues, over a whole sector.
+        at_rest.set(true);
+        let (mut store, _, mut records) = load(store.into_flash(), &at_rest);
+        for (key, record) in changes.iter().take(20) {
+            if block_on(store.save(*key, record)).is_err() {
+                // A word that looks empty to the crate and is not.
+                block_on(store.format()).unwrap();
+                records.iter().for_each(|(key, record)| block_on(store.save(*key, record)).unwrap());
+                block_on(store.save(*key, record)).unwrap();
+            }
+            records.insert(*key, record.clone());
+        }
+        let (_, found, now) = load(store.into_flash(), &at_rest);
+        assert_eq!((found, now), (Found::Whole, records), "{case}");
+    }
+}
+
+#[test]
+fn a_full_store_refuses_in_flight_and_takes_it_at_rest() {
+    let at_rest = AtRest::new();
+    let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+    let mut expected = Records::new();
+    let mut refused = 0;
+    for (key, record) in changes(40) {
+        match block_on(store.save(key, &record)) {
+            Ok(()) => drop(expected.insert(key, record)),
+            Err(why) => {
+                assert_eq!(why, NotSaved::Full);
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 10, "{refused}");
+    let (mut store, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, &records), (Found::Whole, &expected));
+    at_rest.set(true);
+    for (key, record) in changes(40) {
+        block_on(store.save(key, &record)).unwrap();
+        expected.insert(key, record);
+    }
+    let (_, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, expected));
+}
+
+#[test]
+fn what_is_saved_already_is_not_written_again() {
+    let at_rest = AtRest::new();
+    let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+    block_on(store.save(3, b"one")).unwrap();
+    let mock = store.into_flash();
+    let done = mock.done;
+    let (mut store, _, _) = load(mock, &at_rest);
+    block_on(store.save(3, b"one")).unwrap();
+    assert_eq!(store.into_flash().done, done);
+}
+
+#[test]
+fn empty_and_damaged_differ() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+    for key in 0..5 {
+        block_on(store.save(key, &[key; 40])).unwrap();
+    }
+    let mock = store.into_flash();
+    let used = mock.words.iter().rposition(|&word| word != EMPTY).unwrap();
+    // A mark, and three words for each record. Each word but the mark and those of the last record is missed.
+    for word in 1..used - 2 {
+        for damage in [Word::Torn, Word::Holds([0x5A; WORD])] {
+            let mut mock = mock.clone();
+            mock.words[word] = damage;
+            let (_, found, records) = load(mock, &at_rest);
+            assert_eq!((found, records.len()), (Found::Damaged, 4), "word {word}");
+        }
+    }
+    // Data of another program is not a record of ours, and is overwritten when it may be.
+    let mut rng = Rng::with_seed(3);
+    for _ in 0..200 {
+        let mut mock = Mock::new(&at_rest);
+        mock.words.iter_mut().for_each(|word| *word = Word::Holds(std::array::from_fn(|_| rng.u8(..))));
+        let (mut store, found, records) = load(mock, &at_rest);
+        assert_eq!((found, records.len()), (Found::Empty, 0));
+        at_rest.set(false);
+        assert_eq!(block_on(store.save(0, b"mine")), Err(NotSaved::Full));
+        assert_eq!(block_on(store.format()), Err(NotSaved::Full));
+        at_rest.set(true);
+        if block_on(store.save(0, b"mine")).is_err() {
+            block_on(store.format()).unwrap();
+            block_on(store.save(0, b"mine")).unwrap();
+        }
+        assert_eq!(load(store.into_flash(), &at_rest).1, Found::Whole);
+    }
+}
+
+#[test]
+fn what_is_damaged_stays_damaged_until_it_is_formatted() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+    for key in 0..3 {
+        block_on(store.save(key, &[key; 40])).unwrap();
+    }
+    let mut mock = store.into_flash();
+    // The first word is a mark, the next one begins the first record.
+    mock.words[1] = Word::Torn;
+    let (mut store, found, _) = load(mock, &at_rest);
+    assert_eq!(found, Found::Damaged);
+    // Far enough for a move to the other sector and back: a save, even of the record that was lost, makes nothing whole.
+    for i in 0..40 {
+        block_on(store.save(i % 3, &[i; 40])).unwrap();
+        let (again, found, _) = load(store.into_flash(), &at_rest);
+        assert_eq!(found, Found::Damaged, "after {i}");
+        store = again;
+    }
+    block_on(store.format()).unwrap();
+    block_on(store.save(1, b"new")).unwrap();
+    let (store, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, Records::from([(1, b"new".to_vec())])));
+    assert!(store.into_flash().erases >= 4, "moves, and the format");
+}
+
+#[test]
+fn an_erase_that_was_refused_is_made_up_for_before_the_next_move() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let mock = Mock::new(&at_rest);
+    let refuses = mock.refuses_erase.clone();
+    refuses.set(true);
+    let (mut store, _, _) = load(mock, &at_rest);
+    let changes = changes(60);
+    // Nothing is taken from the first move on, and nothing is lost.
+    let taken = changes.iter().take_while(|(key, record)| block_on(store.save(*key, record)).is_ok()).count();
+    assert!((5..changes.len()).contains(&taken), "{taken}");
+    let (mut store, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, changes[..taken].iter().cloned().collect()));
+    refuses.set(false);
+    for (key, record) in &changes[taken..] {
+        assert_eq!(block_on(store.save(*key, record)), Ok(()));
+    }
+    let (_, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, changes.into_iter().collect()));
+}
+
+#[test]
+fn a_memory_that_takes_nothing_and_reports_no_error_is_found_out() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+    let mut expected = Records::new();
+    for (key, record) in changes(5) {
+        block_on(store.save(key, &record)).unwrap();
+        expected.insert(key, record);
+    }
+    let good = store.into_flash();
+    assert_eq!(good.erases, 0);
+    let (mut store, _, _) = load(Mock { takes_no_write: true, ..good.clone() }, &at_rest);
+    assert_eq!(block_on(store.save(0, b"new")), Err(NotSaved::Failed));
+    let (_, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, &records), (Found::Whole, &expected));
+    // Somebody else's data is in the other sector, and stays there: nothing is written over it.
+    let mut mock = Mock { takes_no_erase: true, ..good };
+    mock.words[SECTOR / WORD..].fill(Word::Holds([0x5A; WORD]));
+    let (mut store, _, _) = load(mock, &at_rest);
+    let mut failed = 0;
+    for (key, record) in changes(40) {
+        match block_on(store.save(key, &record)) {
+            Ok(()) => drop(expected.insert(key, record)),
+            Err(why) => {
+                assert_eq!(why, NotSaved::Failed);
+                failed += 1;
+            }
+        }
+    }
+    assert!(failed > 10, "{failed}");
+    let (_, found, records) = load(store.into_flash(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, expected));
+}
+
+#[test]
+fn settings_go_into_a_record_and_come_back() {
+    let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
+    let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
+    for default in [amt, zk] {
+        let (mut config, mut settings) = (default, EngineSettings::DEFAULT);
+        for row in engine_rows(&default) {
+            let value = if row.max > row.min + 1 { row.max - 1 } else { row.max };
+            if row.name != "MAV_THR_MIN" && !settings.set_own(row.name, value) {
+                let mut new = config;
+                if new.change(row.name, value) && validate(&[new]).is_ok() {
+                    config = new;
+                }
+            }
+        }
+        let record = record::of_engine(&config, &settings);
+        assert_eq!(record.len(), 1 + 6 * engine_rows(&default).count(), "all fit");
+        let (mut found, mut own) = (default, EngineSettings::DEFAULT);
+        record::apply_to_engine(&mut found, &mut own, &record);
+        assert_eq!((found, own), (config, settings));
+        assert_ne!((found, own), (default, EngineSettings::DEFAULT));
+        // No two names have the same digest.
+        let mut hashes: Vec<_> = engine_rows(&default).map(|row| record::hash(row.name)).collect();
+        hashes.sort_unstable();
+        hashes.dedup();
+        assert_eq!(hashes.len(), engine_rows(&default).count());
+    }
+    // A record of another ECU, a torn one, or one with values that are out of range changes nothing.
+    let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT });
+    let mut out_of_range = record::of_engine(&amt, &EngineSettings::DEFAULT);
+    out_of_range.chunks_mut(6).for_each(|entry| entry.iter_mut().skip(3).for_each(|byte| *byte = 0x7F));
+    for record in [&of_zk[..], &[], &[1, 2, 3], &out_of_range] {
+        let (mut found, mut own) = (amt, EngineSettings::DEFAULT);
+        record::apply_to_engine(&mut found, &mut own, record);
+        assert_eq!((found, own), (amt, EngineSettings::DEFAULT));
+    }
+    let mut node = NodeSettings::DEFAULT;
+    assert!(node.set("MAV_GCS_2", 77));
+    let mut found = NodeSettings::DEFAULT;
+    record::apply_to_node(&mut found, &record::of_node(&node));
+    assert_eq!(found, node);
+}
+
+#[test]
+fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        for (result, value, why) in [
+            (Ok(()), 2500, ""),
+            (Err(NotSaved::Full), 2500, "LOSS_HOLD not set: the store is full"),
+            (Err(NotSaved::Failed), 2500, "LOSS_HOLD not set: it cannot be stored"),
+        ] {
+            let new = if result.is_ok() { 2500.0 } else { 3000.0 };
+            // Nothing is answered before it is stored.
+            assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", new).await, (None, String::new()));
+            let (key, record) = world.service.borrow().next_save().unwrap();
+            assert_eq!(key, 2);
+            let mut stored = *world.service.borrow().engine_settings().nth(1).unwrap().0;
+            record::apply_to_engine(&mut stored, &mut EngineSettings::DEFAULT.clone(), &record);
+            assert_eq!(stored.number("LOSS_HOLD"), Some(new as i32));
+            let at = world.frames.borrow().len();
+            world.service.borrow_mut().saved(Instant::now(), result);
+            world.pass(0.2).await;
+            let (echo, text) = world.answers(at);
+            assert_eq!(echo, Some(value as f32));
+            assert!(text.contains(why), "{text}");
+            let service = world.service.borrow();
+            assert_eq!(service.engine_settings().nth(1).unwrap().0.number("LOSS_HOLD"), Some(value));
+            assert!(service.is_saved());
+        }
+        world.service.borrow_mut().set_keeping(Keeping::Lost);
+        let (echo, text) = world.set(NODE, "MAV_GCS_2", 9.0).await;
+        assert!(echo == Some(9.0) && text.contains("is not stored"), "{text}");
+        // At rest, and not at rest.
+        assert!(world.service.borrow().is_at_rest());
+        world.start(1).await;
+        assert!(!world.service.borrow().is_at_rest());
+    });
+}

@@ -1,0 +1,48 @@
+//! Radio control of a turbine node: what a receiver sends becomes commands, and the state of an engine becomes the levels of
+//! its fuel valve and of the power of its starter and ignition.
+//!
+//! Everything but the runner is sans IO, as the links of the library are: bytes, pulse widths and the time in, commands and
+//! levels out. `docs/rc.md` of the repository has the rules, the settings and what is missing.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`channels`], `confirm` | channels of a receiver; when a value counts |
+//! | [`sbus`], [`crsf`], [`pwm`], [`input`] | the three inputs, and one type for all |
+//! | [`settings`], [`config`] | settings of an engine and of its outputs; the receiver of a node |
+//! | `position` | positions of a switch, debounced |
+//! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
+//! | [`service`], [`runner`] | one receiver and its engines; the UART that it is on |
+//! | [`outputs`] | fuel valve, power of starter and ignition |
+//!
+//! **A value counts when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
+//! a switch, with or without a checksum.
+//!
+//! The decoders are our own. The package `sbus-rs` 0.1.3 has no time and takes every 0x0F for a beginning: a stream that it
+//! enters in the middle of a frame can keep it beside the frames for ever, with wrong values that it reports as good. `crsf`
+//! 2.0.1 panics on a short frame with a right checksum, and drops what follows a frame in its buffer.
+//!
+//! **Nothing here has run on hardware yet.**
+#![no_std]
+#![forbid(unsafe_code)]
+#![deny(missing_docs, missing_debug_implementations)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod calibration;
+pub mod channels;
+pub mod config;
+mod confirm;
+mod count;
+pub mod crsf;
+pub mod input;
+pub mod outputs;
+pub mod pilot;
+mod position;
+pub mod pwm;
+pub mod runner;
+pub mod sbus;
+pub mod service;
+pub mod settings;
+#[cfg(test)]
+mod tests;

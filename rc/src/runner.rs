@@ -1,0 +1,44 @@
+//! Moves bytes and time from a UART into a service. Only this file reads the clock, and only this one waits.
+
+use crate::pilot::Outcome;
+use crate::service::Service;
+use core::cell::RefCell;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::Read;
+use jetlink::runner::LineErrors;
+
+/// Bytes that are read at once: two frames of SBUS, one of CRSF.
+const READ: usize = 64;
+/// Pause after an error of a port, so that one that fails at once does not occupy the processor.
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// Serves the UART of a receiver. The service is borrowed for the time of a call only, so that others can configure it. `errors` are counted by
+/// the UART's interrupt. `after` gets what came of each frame that counts, for each engine by its place.
+///
+/// Its reader has to wake at each byte, not when its buffer is half full: an SBUS frame is known by the pause before it. Nothing
+/// of an engine's link waits for it, but a stop of the transmitter passes through it.
+#[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
+pub async fn run<const N: usize>(
+    service: &RefCell<Service<'_, N>>,
+    mut rx: impl Read,
+    errors: &LineErrors,
+    mut after: impl FnMut(Instant, usize, Outcome),
+) -> ! {
+    let mut bytes = [0; READ];
+    // A port that failed has lost bytes.
+    let mut failed = false;
+    loop {
+        let result = rx.read(&mut bytes).await;
+        let mut fault = failed;
+        errors.drain(|_| fault = true);
+        let Ok(count @ 1..) = result else {
+            failed = true;
+            Timer::after(PAUSE).await;
+            continue;
+        };
+        failed = false;
+        let now = Instant::now();
+        let bytes = bytes.get(..count).unwrap_or_default();
+        service.borrow_mut().receive(now, bytes, fault, |engine, outcome| after(now, engine, outcome));
+    }
+}

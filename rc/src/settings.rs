@@ -1,0 +1,193 @@
+//! Settings of radio control: of each engine, and of its outputs.
+
+use jetlink::setting::{Row, Setting, settings};
+
+settings! {
+    /// Settings of an engine.
+    pub struct EngineSettings, "rc.", AtOnce {
+        throttle: number "RC_THR_CH" = 3 in 0..=18, "Channel of the throttle. 0: radio control does not command this engine.";
+        low: pulse "RC_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
+        high: pulse "RC_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle. At least 300 µs above that of idle.";
+        reversed: yes_no "RC_THR_REV" = 0 in 0..=1, "The channel is reversed: the shorter pulse is full throttle.";
+        beyond: pulse "RC_THR_BEYOND" = 150 in 0..=500, "A throttle that is further beyond an end point than this is silence.";
+        switch: number "RC_SW_CH" = 5 in 0..=18, "Channel of the arm/stop switch with three positions: stop, standby, run allowed. 0: there is none; radio control moves the throttle of a running engine, and neither starts nor stops one.";
+        switch_reversed: yes_no "RC_SW_REV" = 0 in 0..=1, "The switch is reversed: the shorter pulse is run allowed.";
+        hand_over: number "RC_HAND_CH" = 0 in 0..=18, "Channel that hands the engine to the lower source, above 1700 µs: radio control is present and commands nothing, but keeps the stop. 0: there is none.";
+        rpm_low: rpm_or_off "RC_RPM_MIN" = -1 in 0..=16_000_000, "Shaft speed of idle, where the stick commands a shaft speed. Off: it commands a throttle.";
+        rpm_high: rpm_or_off "RC_RPM_MAX" = -1 in 0..=16_000_000, "Shaft speed of full throttle. Off: the stick commands a throttle.";
+    }
+}
+
+settings! {
+    /// Settings of the outputs of an engine. An output that is off is not driven.
+    pub struct OutputSettings, "outputs.", AtNextStart {
+        valve: yes_no "OUT_VALVE" = 0 in 0..=1, "The fuel valve is driven. Only where the wiring holds the valve for 5 s while the pin floats.";
+        valve_low: yes_no "OUT_VALVE_LOW" = 0 in 0..=1, "The low level opens the fuel valve, instead of the high one.";
+        power: yes_no "OUT_POWER" = 0 in 0..=1, "The power of starter and ignition is driven.";
+        power_low: yes_no "OUT_POWER_LOW" = 0 in 0..=1, "The low level turns the power of starter and ignition on, instead of the high one.";
+        not_obeyed: ms_or_off "OUT_NOT_OBEYED" = 5000 in 1000..=60_000, "The valve closes when the ECU has not followed an order of standby for this time, beside the 3 s until that is known. Off: it stays open.";
+    }
+}
+
+/// Least distance of the end points in µs.
+pub(crate) const SPAN: u16 = 300;
+
+/// Why settings were not taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// One is outside of its range.
+    OutOfRange(&'static Setting),
+    /// The end points are too close, or in the wrong order.
+    EndPoints,
+    /// The shaft speeds of the end points are in the wrong order, or only one of them is on.
+    ShaftSpeeds,
+    /// Two of its functions have the same channel.
+    SameChannel,
+    /// The engine turns, or is ordered to.
+    EngineTurns,
+}
+
+impl core::fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
+            Self::EndPoints => f.write_str("RC_THR_MAX has to be 300 µs above RC_THR_MIN or more"),
+            Self::ShaftSpeeds => {
+                f.write_str("RC_RPM_MIN and RC_RPM_MAX: set both, the second above the first")
+            }
+            Self::SameChannel => f.write_str("throttle, switch and hand-over need a channel each"),
+            Self::EngineTurns => f.write_str("stop the engine first"),
+        }
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+impl EngineSettings {
+    /// The table without its texts.
+    pub const TABLE_ROWS: &'static [Row] = Self::ROWS;
+
+    /// The number of a setting.
+    pub fn number(&self, name: &str) -> Option<i32> {
+        self.own(name)
+    }
+
+    /// Changes a setting. Check the whole afterwards: [`EngineSettings::check`]. False: there is none of this name, or the number
+    /// is outside of its range.
+    pub fn set(&mut self, name: &str, number: i32) -> bool {
+        let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
+        allowed && self.set_own(name, number)
+    }
+
+    /// Checks each setting and what they are together.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub const fn check(&self) -> Result<(), SettingsError> {
+        if let Err(row) = self.check_own()
+            && (row as usize) < Self::SETTINGS.len()
+        {
+            return Err(SettingsError::OutOfRange(&Self::SETTINGS[row as usize]));
+        }
+        if self.high < self.low.saturating_add(SPAN) {
+            return Err(SettingsError::EndPoints);
+        }
+        match (self.rpm_low, self.rpm_high) {
+            (None, None) => {}
+            (Some(low), Some(high)) if low.get() < high.get() => {}
+            _ => return Err(SettingsError::ShaftSpeeds),
+        }
+        let Self { throttle, switch, hand_over, .. } = *self;
+        if same(throttle, switch) || same(throttle, hand_over) || same(switch, hand_over) {
+            return Err(SettingsError::SameChannel);
+        }
+        Ok(())
+    }
+}
+
+/// Whether two functions have the same channel. 0 is none.
+const fn same(a: u8, b: u8) -> bool {
+    a != 0 && a == b
+}
+
+impl OutputSettings {
+    /// The number of a setting.
+    pub fn number(&self, name: &str) -> Option<i32> {
+        self.own(name)
+    }
+
+    /// Changes a setting, from the next start of the node on. False: there is none of this name, or the number is outside of its
+    /// range.
+    pub fn set(&mut self, name: &str, number: i32) -> bool {
+        let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
+        allowed && self.set_own(name, number)
+    }
+
+    /// Checks each setting.
+    ///
+    /// # Errors
+    /// The first one that is outside of its range.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        match self.check_own() {
+            Ok(()) => Ok(()),
+            Err(row) => Self::SETTINGS
+                .get(usize::from(row))
+                .map_or(Ok(()), |setting| Err(SettingsError::OutOfRange(setting))),
+        }
+    }
+}
+
+const _: () =
+    assert!(EngineSettings::DEFAULT.check_own().is_ok() && OutputSettings::DEFAULT.check_own().is_ok());
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use jetlink::units::Rpm;
+
+    #[test]
+    fn defaults_are_right_and_every_wrong_whole_is_refused() {
+        let good = EngineSettings::DEFAULT;
+        assert_eq!(good.check(), Ok(()));
+        let rpm = |low, high| EngineSettings { rpm_low: low, rpm_high: high, ..good };
+        let of = |rpm| Some(Rpm::new(rpm));
+        assert_eq!(rpm(of(35_000), of(110_000)).check(), Ok(()));
+        for (settings, wrong) in [
+            (EngineSettings { low: 1601, ..good }, SettingsError::EndPoints),
+            (EngineSettings { low: 1900, high: 1100, ..good }, SettingsError::EndPoints),
+            (rpm(of(35_000), None), SettingsError::ShaftSpeeds),
+            (rpm(None, of(35_000)), SettingsError::ShaftSpeeds),
+            (rpm(of(35_000), of(35_000)), SettingsError::ShaftSpeeds),
+            (EngineSettings { switch: 3, ..good }, SettingsError::SameChannel),
+            (EngineSettings { hand_over: 5, ..good }, SettingsError::SameChannel),
+        ] {
+            assert_eq!(settings.check(), Err(wrong));
+        }
+        let outside = EngineSettings { switch: 19, ..good }.check();
+        assert!(
+            matches!(outside, Err(SettingsError::OutOfRange(row)) if row.name == "RC_SW_CH"),
+            "{outside:?}"
+        );
+        let none = EngineSettings { throttle: 0, switch: 0, hand_over: 0, ..good };
+        assert_eq!(none.check(), Ok(()));
+    }
+
+    #[test]
+    fn every_setting_has_its_number() {
+        let mut settings = EngineSettings::DEFAULT;
+        for row in EngineSettings::SETTINGS {
+            assert_eq!(settings.number(row.name), Some(row.default), "{}", row.name);
+            assert!(settings.set(row.name, row.max) && !settings.set(row.name, row.max + 1), "{}", row.name);
+            assert_eq!(settings.number(row.name), Some(row.max), "{}", row.name);
+        }
+        let mut outputs = OutputSettings::DEFAULT;
+        for row in OutputSettings::SETTINGS {
+            assert_eq!(outputs.number(row.name), Some(row.default), "{}", row.name);
+            assert!(outputs.set(row.name, row.max) && !outputs.set(row.name, row.max + 1), "{}", row.name);
+            assert_eq!((outputs.number(row.name), outputs.check()), (Some(row.max), Ok(())), "{}", row.name);
+        }
+        assert!(!settings.set("RC_NOTHING", 0) && settings.number("RC_NOTHING").is_none());
+    }
+}

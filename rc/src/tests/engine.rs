@@ -1,0 +1,624 @@
+//! Radio control of a whole engine: what starts it, what stops it, and what never does either.
+
+use super::world::*;
+use crate::calibration::CalibrationError;
+use crate::outputs::Valve;
+use crate::pilot::{Ignored, Outcome};
+use crate::settings::{EngineSettings, SettingsError};
+use embassy_time::{Duration, Instant};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::engine::retained::Reset;
+use jetlink::engine::state::EngineState;
+use jetlink::event::LossStage;
+use jetlink::units::Rpm;
+use std::vec::Vec;
+
+fn each(scenario: impl AsyncFn(&World<'_>)) {
+    for kind in Kind::ALL {
+        run(kind, async |world| scenario(world).await);
+    }
+}
+
+#[test]
+fn switch_arms_starts_throttles_and_shuts_down() {
+    each(async |world| {
+        world.start().await;
+        assert_eq!((world.ordered(), world.ignitions()), (Some(0), 1));
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.radio.stick.set(1900);
+        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
+        world.radio.stick.set(IDLE);
+        world.until("idle", 5, || world.ordered() == Some(0)).await;
+        world.radio.switch.set(STANDBY);
+        world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
+        assert_eq!(world.telemetry().ordered.origin, Origin::Rc);
+        assert!(world.telemetry().armed, "a shut-down does not disarm");
+    });
+}
+
+/// Every position of the switch at power-up, with every stick: nothing starts, whatever the stick does then.
+#[test]
+fn position_at_power_up_starts_nothing() {
+    for kind in Kind::ALL {
+        for switch in [STOP, STANDBY, RUN] {
+            for stick in [IDLE, 1500, 1900] {
+                run(kind, async |world| {
+                    world.radio.switch.set(switch);
+                    world.radio.stick.set(stick);
+                    world.pass(20.0).await;
+                    world.radio.stick.set(IDLE);
+                    world.pass(5.0).await;
+                    world.radio.stick.set(1900);
+                    world.pass(5.0).await;
+                    assert_eq!(world.ignitions(), 0);
+                    assert!(!world.telemetry().armed && world.ordered().is_none());
+                    assert_eq!(world.telemetry().stop_latched, switch == STOP);
+                });
+            }
+        }
+    }
+}
+
+/// Beside the next two: the same moves with the receiver in sight do start.
+#[test]
+fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
+    each(async |world| {
+        world.arm().await;
+        for stick in [1500, 1900, 1140] {
+            world.radio.stick.set(stick);
+            world.pass(2.0).await;
+            world.switch(RUN).await;
+            assert!(world.outcomes.borrow().iter().any(|(_, o)| *o == Outcome::NotSteady), "{stick}");
+            world.pass(3.0).await;
+            // Bringing the stick to idle afterwards is no start.
+            world.radio.stick.set(IDLE);
+            world.pass(3.0).await;
+            assert_eq!((world.ignitions(), world.ordered()), (0, None), "{stick}");
+            world.switch(STANDBY).await;
+            world.outcomes.borrow_mut().clear();
+        }
+        // Moved down 0.2 s before the switch: not steady.
+        world.radio.stick.set(1500);
+        world.pass(1.0).await;
+        world.radio.stick.set(IDLE);
+        world.pass(0.2).await;
+        world.switch(RUN).await;
+        world.pass(3.0).await;
+        assert_eq!(world.ordered(), None);
+        assert!(world.pilot.borrow().counters().starts_refused >= 4);
+        world.switch(STANDBY).await;
+        world.switch(RUN).await;
+        assert_eq!(world.ordered(), Some(0));
+    });
+}
+
+#[test]
+fn receiver_plugged_in_with_full_throttle_neither_starts_nor_jumps() {
+    each(async |world| {
+        world.radio.plugged.set(false);
+        world.radio.switch.set(RUN);
+        world.radio.stick.set(1900);
+        world.pass(30.0).await;
+        world.radio.plugged.set(true);
+        world.pass(30.0).await;
+        assert_eq!((world.ignitions(), world.ordered()), (0, None));
+        // The same in flight.
+        world.start().await;
+        world.radio.stick.set(1300);
+        world.until("25 %", 5, || world.ordered() == Some(250)).await;
+        world.radio.plugged.set(false);
+        world.pass(1.2).await;
+        assert_eq!((world.telemetry().loss, world.ordered()), (LossStage::Hold, Some(250)));
+        world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
+        world.radio.stick.set(1900);
+        world.pass(20.0).await;
+        assert_eq!((world.telemetry().loss, world.state()), (LossStage::FailSafe, EngineState::Running));
+        world.radio.plugged.set(true);
+        world.rises_to(1000).await;
+        assert_eq!((world.telemetry().loss, world.ignitions()), (LossStage::None, 1));
+    });
+}
+
+#[test]
+fn transmitter_that_is_off_is_silence() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1900);
+        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
+        world.radio.on.set(false);
+        let off = Instant::now();
+        // What the receiver sends in its fail-safe has other values, too.
+        world.radio.switch.set(STOP);
+        world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
+        let after = Instant::now() - off;
+        assert!(after >= Duration::from_millis(480) && after < Duration::from_millis(560), "{after:?}");
+        world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
+        world.pass(60.0).await;
+        assert_eq!(world.state(), EngineState::Running, "at idle until its fuel is used up");
+        world.radio.switch.set(RUN);
+        world.radio.on.set(true);
+        world.rises_to(1000).await;
+    });
+}
+
+/// After a gap nothing but a held stop counts as a position.
+#[test]
+fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
+    each(async |world| {
+        world.start().await;
+        world.radio.on.set(false);
+        world.pass(3.0).await;
+        world.radio.switch.set(STANDBY);
+        world.radio.on.set(true);
+        world.pass(5.0).await;
+        assert_eq!(world.commanded(), Some(Command::Present));
+        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(0)));
+        // The pilot moves it, and it counts.
+        world.switch(RUN).await;
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        // Stop for 0.2 s behind a gap, as a receiver that starts may send it: no stop.
+        world.radio.on.set(false);
+        world.pass(1.0).await;
+        world.radio.switch.set(STOP);
+        world.radio.on.set(true);
+        world.pass(0.25).await;
+        world.radio.switch.set(RUN);
+        world.pass(5.0).await;
+        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(500)));
+        // Held, it is one.
+        world.radio.on.set(false);
+        world.pass(1.0).await;
+        world.radio.switch.set(STOP);
+        world.radio.on.set(true);
+        world.until("stop", 1, || world.telemetry().stop_latched).await;
+    });
+}
+
+#[test]
+fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.radio.switch.set(STOP);
+        let stop = Instant::now();
+        world.until("stop", 1, || world.telemetry().stop_latched).await;
+        let (at, valve) = *world.valve.borrow().last().unwrap();
+        assert_eq!(valve, Valve::Closed);
+        // The second frame with it, which is the median of three.
+        assert!(at - stop <= Duration::from_millis(45), "{:?}", at - stop);
+        assert!(!world.telemetry().armed && world.outputs.borrow().power(), "the starter cools it");
+        // Standby with the stick up releases nothing; nor does run.
+        world.switch(STANDBY).await;
+        world.pass(5.0).await;
+        assert!(world.telemetry().stop_latched);
+        world.switch(STOP).await;
+        world.pass(60.0).await;
+        world.switch(RUN).await;
+        world.radio.stick.set(IDLE);
+        world.pass(5.0).await;
+        assert!(world.telemetry().stop_latched);
+        // From run to standby is no release.
+        world.switch(STANDBY).await;
+        world.pass(5.0).await;
+        assert!(world.telemetry().stop_latched);
+        world.switch(STOP).await;
+        world.radio.switch.set(STANDBY);
+        world
+            .until("released and armed", 60, || !world.telemetry().stop_latched && world.telemetry().armed)
+            .await;
+        world.pass(60.0).await;
+        assert_eq!((world.ignitions(), world.ordered()), (1, None));
+        // And it can be started again.
+        world
+            .until("cold", 400, || {
+                let telemetry = world.telemetry();
+                let egt = telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
+                telemetry.state == EngineState::Standby && egt
+            })
+            .await;
+        world.pass(15.0).await;
+        world.switch(RUN).await;
+        world.until("running", 120, || world.state() == EngineState::Running).await;
+        assert_eq!(world.ignitions(), 2);
+    });
+}
+
+#[test]
+fn stop_of_another_source_stays_until_the_switch_was_at_stop() {
+    each(async |world| {
+        world.start().await;
+        world.lower.set(Some(Command::EmergencyStop));
+        world.pass(0.2).await;
+        world.lower.set(None);
+        world.pass(60.0).await;
+        world.switch(STANDBY).await;
+        world.pass(5.0).await;
+        world.switch(RUN).await;
+        assert!(world.telemetry().stop_latched);
+        world.arm().await;
+        assert!(!world.telemetry().stop_latched);
+    });
+}
+
+#[test]
+fn start_without_arming_is_refused_and_never_follows_later() {
+    each(async |world| {
+        world.radio.switch.set(STANDBY);
+        world.until("standby", 60, || world.state() == EngineState::Standby).await;
+        world.pass(5.0).await;
+        world.radio.switch.set(RUN);
+        world.pass(1.0).await;
+        let refused = Outcome::Commanded(run_at(0), Err(Rejected::Start(Interlock::NotArmed)));
+        assert!(world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == refused));
+        // Another source arms: what was refused stays refused.
+        world.lower.set(Some(Command::Arm));
+        world.pass(20.0).await;
+        assert!(world.telemetry().armed);
+        assert_eq!((world.ignitions(), world.ordered()), (0, None));
+        world.switch(STANDBY).await;
+        world.switch(RUN).await;
+        assert_eq!(world.ordered(), Some(0));
+    });
+}
+
+#[test]
+fn implausible_values_are_silence() {
+    for kind in Kind::ALL {
+        for (stick, switch, why) in [
+            (900, RUN, Ignored::Throttle),
+            (2100, RUN, Ignored::Throttle),
+            (1500, 1350, Ignored::BetweenPositions),
+            (1500, 1650, Ignored::BetweenPositions),
+        ] {
+            run(kind, async |world| {
+                world.start().await;
+                world.radio.stick.set(1500);
+                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.radio.stick.set(stick);
+                world.radio.switch.set(switch);
+                world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
+                assert_eq!(world.outcomes.borrow().last().map(|(_, o)| *o), Some(Outcome::Ignored(why)));
+                assert_eq!(world.ordered(), Some(500));
+                world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
+                assert_eq!(world.state(), EngineState::Running);
+                world.radio.stick.set(1500);
+                world.radio.switch.set(RUN);
+                world.rises_to(500).await;
+            });
+        }
+    }
+}
+
+#[test]
+fn a_wire_of_pulses_that_breaks_is_silence() {
+    for wire in [1, 2, 3] {
+        run(Kind::Pwm, async |world| {
+            world.start().await;
+            world.radio.stick.set(1500);
+            world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+            world.radio.cut.set(wire);
+            world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
+            assert_eq!(world.telemetry().loss, LossStage::FailSafe);
+            assert!(world.pilot.borrow().counters().silent > 10);
+            world.radio.cut.set(0);
+            world.rises_to(500).await;
+        });
+    }
+}
+
+#[test]
+fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1900);
+        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
+        world.lower.set(Some(run_at(300)));
+        world.pass(2.0).await;
+        assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(1000)));
+        world.radio.hand_over.set(2000);
+        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
+        world.until("its throttle", 10, || world.ordered() == Some(300)).await;
+        assert_eq!(world.commanded(), Some(Command::Present));
+        // The stick, and the switch from run to standby, are nothing while it is handed over.
+        world.radio.stick.set(IDLE);
+        world.switch(STANDBY).await;
+        world.pass(5.0).await;
+        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
+        world.switch(RUN).await;
+        world.radio.stick.set(1900);
+        world.pass(1.0).await;
+        world.radio.hand_over.set(1000);
+        world.rises_to(1000).await;
+        assert_eq!(world.telemetry().active_source, Origin::Rc);
+        world.radio.hand_over.set(2000);
+        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
+        world.radio.switch.set(STOP);
+        world.until("stop", 1, || world.telemetry().stop_latched).await;
+        assert_eq!(world.telemetry().ordered.origin, Origin::Rc);
+    });
+}
+
+#[test]
+fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
+    each(async |world| {
+        world.arm().await;
+        world.lower.set(Some(Command::Standby));
+        world.pass(1.0).await;
+        world.lower.set(Some(run_at(0)));
+        world.pass(3.0).await;
+        assert_eq!(world.ordered(), None, "radio control is in control");
+        world.radio.hand_over.set(2000);
+        world.switch(RUN).await;
+        world.pass(3.0).await;
+        assert_eq!(world.ordered(), None, "no start of radio control");
+        world.lower.set(Some(Command::Standby));
+        world.pass(2.0).await;
+        world.lower.set(Some(run_at(0)));
+        world.until("running", 120, || world.state() == EngineState::Running).await;
+        assert_eq!(world.telemetry().active_source, Origin::Mavlink);
+    });
+}
+
+/// A reset of the node in flight cuts a frame of the receiver; then the engine continues, whatever the switch was.
+#[test]
+fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
+    for kind in Kind::ALL {
+        for reset in [Reset::Warm, Reset::PowerLost] {
+            begin(kind, async |radio, plug, halves| {
+                let memory = memory();
+                let with =
+                    |reset| Life { radio, plug, memory: Some((memory, reset)), settings: kind.settings() };
+                life(&with(Reset::PowerLost), halves, async |world| {
+                    world.start().await;
+                    world.radio.stick.set(1500);
+                    world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                    world.pass(5.0).await;
+                })
+                .await;
+                let halves = plug.reset_node();
+                life(&with(reset), halves, async |world| {
+                    assert_eq!(world.outputs.borrow().valve(), Valve::Open, "before anything else");
+                    assert_eq!(world.outputs.borrow().levels().valve, Some(true));
+                    // The rest of a frame that began before the reset.
+                    world.bytes(Instant::now(), &[0xFF, 0x0F, 0x00, 0xC8, 0x18, 0x16, 0x0F]);
+                    world.until("found running", 10, || world.ordered().is_some()).await;
+                    world.until("its throttle", 10, || world.ordered() == Some(500)).await;
+                    world.pass(5.0).await;
+                    assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
+                    assert!(world.valve.borrow().is_empty(), "{:?}", world.valve.borrow());
+                })
+                .await;
+            });
+        }
+    }
+}
+
+#[test]
+fn reset_while_stopped_keeps_the_valve_closed() {
+    begin(Kind::Sbus, async |radio, plug, halves| {
+        let memory = memory();
+        let with =
+            |reset| Life { radio, plug, memory: Some((memory, reset)), settings: radio.kind.settings() };
+        life(&with(Reset::PowerLost), halves, async |world| {
+            world.start().await;
+            world.switch(STOP).await;
+            world.pass(1.0).await;
+        })
+        .await;
+        for reset in [Reset::Warm, Reset::PowerLost] {
+            radio.plugged.set(false);
+            life(&with(reset), plug.reset_node(), async |world| {
+                assert_eq!(world.outputs.borrow().valve(), Valve::Closed);
+                assert!(world.outputs.borrow().power(), "its starter cools the turbine");
+                world.pass(20.0).await;
+                assert!(world.telemetry().stop_latched && world.valve.borrow().is_empty());
+            })
+            .await;
+        }
+    });
+}
+
+/// ZK version 5 with a broken wire keeps running whatever is sent: the valve is what stops it.
+#[test]
+fn valve_closes_when_standby_is_not_obeyed_and_never_before() {
+    each(async |world| {
+        world.start().await;
+        world.plug.cut_one(sim::wire::Direction::ToEcu, true);
+        world.radio.stick.set(1500);
+        world.pass(30.0).await;
+        assert!(!world.telemetry().obeyed, "a demand is not obeyed");
+        assert_eq!(world.outputs.borrow().valve(), Valve::Open, "which closes nothing");
+        world.radio.stick.set(IDLE);
+        let ordered = Instant::now();
+        world.radio.switch.set(STANDBY);
+        world.until("closed", 20, || world.outputs.borrow().valve() == Valve::Closed).await;
+        let after = Instant::now() - ordered;
+        assert!(after >= Duration::from_secs(5) && after <= Duration::from_secs(9), "{after:?}");
+        assert_eq!(world.state(), EngineState::Running, "the ECU received nothing");
+    });
+}
+
+#[test]
+fn shut_down_closes_the_valve_at_rest_and_power_ends_when_it_is_cold() {
+    run(Kind::Crsf, async |world| {
+        world.start().await;
+        world.radio.switch.set(STANDBY);
+        world.until("closed", 60, || world.outputs.borrow().valve() == Valve::Closed).await;
+        assert!(world.plug.ecu(|ecu| ecu.turbine().fuel_flow()) == 0.0);
+        assert_eq!(world.telemetry().shaft_turns(), Some(false));
+        assert!(world.outputs.borrow().power(), "armed");
+        world
+            .until("cold", 400, || {
+                let telemetry = world.telemetry();
+                let egt = telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
+                telemetry.state == EngineState::Standby && egt
+            })
+            .await;
+        assert!(world.outputs.borrow().power());
+        world.switch(STOP).await;
+        world.until("power off", 5, || !world.outputs.borrow().power()).await;
+    });
+}
+
+#[test]
+fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
+    each(async |world| {
+        let calibrate = |pulses: &'static [u16]| async move {
+            world.pilot.borrow_mut().begin_calibration().unwrap();
+            for &pulse in pulses {
+                world.radio.stick.set(pulse);
+                world.pass(0.3).await;
+            }
+            let result = world.pilot.borrow_mut().end_calibration();
+            world.radio.stick.set(IDLE);
+            world.pass(1.0).await;
+            result
+        };
+        assert_eq!(world.pilot.borrow_mut().end_calibration(), Err(CalibrationError::NotBegun));
+        world.radio.switch.set(STANDBY);
+        world.until("standby", 60, || world.state() == EngineState::Standby).await;
+        assert_eq!(calibrate(&[IDLE, 1300]).await, Err(CalibrationError::TooShort));
+        assert_eq!(world.pilot.borrow().settings().high, 1900);
+        let (low, high) = calibrate(&[1050, 1500, 1950, 1050]).await.unwrap();
+        // SBUS and CRSF have steps of 5/8 µs.
+        assert!(low.abs_diff(1050) <= 1 && high.abs_diff(1950) <= 1, "{low} to {high}");
+        // A switch that moves meanwhile starts nothing, but stop stops.
+        world.radio.stick.set(1050);
+        world.pilot.borrow_mut().begin_calibration().unwrap();
+        world.switch(RUN).await;
+        assert_eq!(world.commanded(), Some(Command::Present));
+        world.switch(STOP).await;
+        assert!(world.telemetry().stop_latched);
+        assert_eq!(world.pilot.borrow_mut().end_calibration(), Err(CalibrationError::TooShort));
+        world.radio.switch.set(STANDBY);
+        world.radio.stick.set(1050);
+        world.until("armed", 30, || world.telemetry().armed).await;
+        world.pass(2.0).await;
+        world.radio.switch.set(RUN);
+        world.until("ordered to run", 5, || world.ordered() == Some(0)).await;
+        let mut pilot = world.pilot.borrow_mut();
+        assert_eq!(pilot.begin_calibration(), Err(CalibrationError::EngineTurns));
+        assert_eq!(pilot.configure(EngineSettings::DEFAULT), Err(SettingsError::EngineTurns));
+    });
+}
+
+#[test]
+fn without_a_switch_radio_control_moves_the_throttle_and_neither_starts_nor_stops() {
+    begin(Kind::Sbus, async |radio, plug, halves| {
+        let settings = EngineSettings { switch: 0, hand_over: 0, ..radio.kind.settings() };
+        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+            for switch in [STOP, STANDBY, RUN] {
+                world.switch(switch).await;
+                world.pass(10.0).await;
+                assert!(world.ordered().is_none() && !world.telemetry().stop_latched);
+            }
+            world.lower.set(Some(Command::Arm));
+            world.pass(0.2).await;
+            world.lower.set(Some(Command::Standby));
+            world.pass(2.0).await;
+            world.lower.set(Some(run_at(0)));
+            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.radio.stick.set(1500);
+            world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+            world.switch(STOP).await;
+            assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(500)));
+        })
+        .await;
+    });
+}
+
+#[test]
+fn stick_may_command_a_shaft_speed() {
+    begin(Kind::Crsf, async |radio, plug, halves| {
+        let of = |rpm| Some(Rpm::new(rpm));
+        let settings = EngineSettings { rpm_low: of(30_000), rpm_high: of(90_000), ..radio.kind.settings() };
+        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+            world.arm().await;
+            world.pass(20.0).await;
+            world.radio.switch.set(RUN);
+            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.radio.stick.set(1500);
+            let half = Order::Run(Demand::Rpm(Rpm::new(60_000)));
+            world
+                .until("half", 15, || world.telemetry().commanded == Some(Demand::Rpm(Rpm::new(60_000))))
+                .await;
+            world.until("ordered", 15, || world.telemetry().ordered.order == half).await;
+        })
+        .await;
+    });
+}
+
+#[test]
+fn reversed_stick_and_switch() {
+    begin(Kind::Sbus, async |radio, plug, halves| {
+        let settings = EngineSettings { reversed: true, switch_reversed: true, ..radio.kind.settings() };
+        radio.stick.set(1900);
+        radio.switch.set(2000);
+        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+            world.until("stop", 10, || world.telemetry().stop_latched).await;
+            world.pass(2.0).await;
+            world.radio.switch.set(1500);
+            world.until("armed", 30, || world.telemetry().armed).await;
+            world.until("standby", 60, || world.state() == EngineState::Standby).await;
+            world.pass(2.0).await;
+            world.radio.switch.set(1000);
+            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.radio.stick.set(1300);
+            world.until("75 %", 10, || world.ordered() == Some(750)).await;
+        })
+        .await;
+    });
+}
+
+/// Sticks, switches and gaps at random for 15 minutes each: never a start but by the move, from
+/// standby with the stick at idle.
+#[test]
+fn random_pilots_never_start_but_by_the_move() {
+    for seed in 0..6 {
+        let kind = Kind::ALL[seed as usize % 3];
+        run(kind, async |world| {
+            let mut random = fastrand::Rng::with_seed(seed);
+            let mut starts = 0;
+            let mut before = (world.radio.switch.get(), None);
+            for _ in 0..300 {
+                match random.u8(0..10) {
+                    0..4 => {
+                        world.radio.switch.set([STOP, STANDBY, RUN, 1350, STANDBY, RUN][random.usize(0..6)])
+                    }
+                    4..7 => world.radio.stick.set([IDLE, IDLE, 1500, 1900, 900][random.usize(0..5)]),
+                    7 => world.radio.on.set(!world.radio.on.get() || random.bool()),
+                    8 => world.radio.plugged.set(!world.radio.plugged.get() || random.bool()),
+                    _ => world.radio.hand_over.set(if random.u8(0..4) == 0 { 2000 } else { 1000 }),
+                }
+                world.pass(random.f64() * 6.0).await;
+                let ordered = world.ordered();
+                if ordered.is_some() && before.1.is_none() {
+                    starts += 1;
+                    // Only a frame that was accepted as a start orders it: from the stick at idle.
+                    let accepted: Vec<_> = world
+                        .outcomes
+                        .borrow()
+                        .iter()
+                        .filter(|(_, o)| {
+                            matches!(o, Outcome::Commanded(Command::Run(_), Ok(Accepted::InForce)))
+                        })
+                        .map(|(_, outcome)| *outcome)
+                        .take(1)
+                        .collect();
+                    assert_eq!(
+                        accepted,
+                        [Outcome::Commanded(run_at(0), Ok(Accepted::InForce))],
+                        "seed {seed}"
+                    );
+                    assert_eq!(before.0, STANDBY, "seed {seed}");
+                }
+                before = (world.radio.switch.get(), ordered);
+                world.outcomes.borrow_mut().clear();
+            }
+            assert!(world.ignitions() <= starts, "seed {seed}: {starts} starts");
+        });
+    }
+}

@@ -1,0 +1,11 @@
+//! The inputs with every damage to their bytes; the pilot with whole engines behind it, in virtual time; the outputs.
+#![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
+
+mod crsf;
+mod engine;
+mod frames;
+mod outputs;
+mod pwm;
+mod runner;
+mod sbus;
+mod world;

@@ -1,0 +1,267 @@
+//! The valve and the power, for each state of an engine: a snapshot of a real one, changed.
+
+use crate::outputs::{Levels, Outputs, Valve};
+use crate::settings::OutputSettings;
+use embassy_time::{Duration, Instant};
+use jetlink::channel::Channel;
+use jetlink::command::{Demand, Order, Ordered, Origin};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::retained::RetainedState;
+use jetlink::line::Line;
+use jetlink::report::{LinkState, Phase, Timed};
+use jetlink::telemetry::Telemetry;
+use jetlink::units::{Celsius, Rpm, Throttle};
+
+const CONFIG: EngineConfig = EngineConfig::zk("left", 0, Line::new(9600), Rate::Hz20);
+const RUN: Order = Order::Run(Demand::Throttle(Throttle::IDLE));
+const DOUBT: Order = Order::Doubt(Demand::Throttle(Throttle::IDLE));
+const PHASES: [Phase; 7] = [
+    Phase::Stopped,
+    Phase::Standby,
+    Phase::Cooling,
+    Phase::Starting,
+    Phase::Running,
+    Phase::Service,
+    Phase::Unknown,
+];
+const T0: Instant = Instant::from_secs(100);
+
+/// A snapshot: order and what the ECU reports.
+fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
+    let channel = Channel::new(&CONFIG, None);
+    let mut telemetry = channel.handle().telemetry();
+    telemetry.at = T0;
+    telemetry.ordered = Ordered { order, origin: Origin::Rc };
+    telemetry.stop_latched = order == Order::EmergencyStop;
+    telemetry.link = LinkState::Up;
+    telemetry.report.phase = phase.map(|phase| Timed::new(phase, T0));
+    telemetry.report.rpm = rpm.map(|rpm| Timed::new(Rpm::new(rpm), T0));
+    telemetry
+}
+
+fn outputs(valve: Valve) -> Outputs {
+    let settings = OutputSettings { valve: true, power: true, ..OutputSettings::DEFAULT };
+    let record = RetainedState::new(RUN, Origin::Rc);
+    Outputs::new(settings, (valve == Valve::Open).then_some(record))
+}
+
+/// What an update makes of a valve that was closed, and of one that was open.
+fn of(telemetry: &Telemetry) -> (Valve, Valve) {
+    let after = |valve| {
+        let mut outputs = outputs(valve);
+        assert_eq!(outputs.valve(), valve);
+        outputs.update(telemetry);
+        outputs.valve()
+    };
+    (after(Valve::Closed), after(Valve::Open))
+}
+
+const CLOSES: (Valve, Valve) = (Valve::Closed, Valve::Closed);
+const OPENS: (Valve, Valve) = (Valve::Open, Valve::Open);
+const STAYS: (Valve, Valve) = (Valve::Closed, Valve::Open);
+
+/// Every order with every phase, turning and not, with a link and without.
+#[test]
+fn valve_in_every_state() {
+    for order in [Order::EmergencyStop, Order::Standby, RUN, Order::Pwm, Order::Listen, DOUBT] {
+        for phase in PHASES.map(Some).into_iter().chain([None]) {
+            for rpm in [None, Some(0), Some(999), Some(1000), Some(60_000)] {
+                for link in [LinkState::Up, LinkState::Lost, LinkState::Silent] {
+                    let mut telemetry = snapshot(order, phase, rpm);
+                    telemetry.link = link;
+                    let turns = rpm.map(|rpm| rpm >= 1000);
+                    let up = link == LinkState::Up;
+                    let at_rest = matches!(phase, Some(Phase::Stopped | Phase::Standby | Phase::Cooling));
+                    let expected = match order {
+                        Order::EmergencyStop => CLOSES,
+                        Order::Run(_) | Order::Pwm => OPENS,
+                        Order::Standby if up && at_rest && turns != Some(true) => CLOSES,
+                        Order::Listen | Order::Doubt(_)
+                            if up && phase == Some(Phase::Running) && turns != Some(false) =>
+                        {
+                            OPENS
+                        }
+                        _ => STAYS,
+                    };
+                    assert_eq!(of(&telemetry), expected, "{order}, {phase:?}, {rpm:?} rpm, {link}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn old_report_decides_nothing() {
+    for (order, phase, rpm, fresh) in [
+        (Order::Standby, Phase::Standby, 0, CLOSES),
+        (Order::Listen, Phase::Running, 60_000, OPENS),
+        (DOUBT, Phase::Running, 60_000, OPENS),
+    ] {
+        let mut telemetry = snapshot(order, Some(phase), Some(rpm));
+        telemetry.at = T0 + Duration::from_secs(3);
+        assert_eq!(of(&telemetry), fresh, "{order}");
+        telemetry.at = T0 + Duration::from_millis(3001);
+        assert_eq!(of(&telemetry), STAYS, "{order}");
+    }
+}
+
+#[test]
+fn permitted_service_opens_and_a_stop_closes_it() {
+    let mut telemetry = snapshot(Order::Standby, Some(Phase::Standby), Some(0));
+    assert_eq!(of(&telemetry), CLOSES, "without one");
+    telemetry.fuel_service = true;
+    assert_eq!(of(&telemetry), OPENS);
+    telemetry.stop_latched = true;
+    assert_eq!(of(&telemetry), CLOSES);
+    // A test that another host has begun is none of ours.
+    assert_eq!(of(&snapshot(Order::Standby, Some(Phase::Service), Some(0))), STAYS);
+}
+
+/// Time in ms until an open valve is closed by this snapshot, of 20 s.
+fn closes_after(settings: OutputSettings, telemetry: &Telemetry) -> Option<u64> {
+    let mut outputs = outputs(Valve::Open);
+    outputs.settings = settings;
+    let mut telemetry = *telemetry;
+    (0..200).map(|tenth| tenth * 100).find(|ms| {
+        telemetry.at = T0 + Duration::from_millis(*ms);
+        let phase = telemetry.report.phase.map(|phase| phase.value);
+        telemetry.report.phase = phase.map(|phase| Timed::new(phase, telemetry.at));
+        telemetry.report.rpm = telemetry.report.rpm.map(|rpm| Timed::new(rpm.value, telemetry.at));
+        outputs.update(&telemetry);
+        outputs.valve() == Valve::Closed
+    })
+}
+
+#[test]
+fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
+    let settings = OutputSettings { valve: true, ..OutputSettings::DEFAULT };
+    let with = |order, origin, obeyed, link| {
+        let mut telemetry = snapshot(order, Some(Phase::Running), Some(60_000));
+        telemetry.ordered.origin = origin;
+        (telemetry.obeyed, telemetry.link) = (obeyed, link);
+        telemetry
+    };
+    let after = |order, origin, obeyed, link| closes_after(settings, &with(order, origin, obeyed, link));
+    let (up, lost) = (LinkState::Up, LinkState::Lost);
+    assert_eq!(after(Order::Standby, Origin::Rc, false, up), Some(5000));
+    assert_eq!(after(Order::Standby, Origin::Node, false, up), Some(5000));
+    // It is followed, the engine is on its way down.
+    assert_eq!(after(Order::Standby, Origin::Rc, true, up), None);
+    // Nothing is received: what a person ordered counts, what the node did in doubt does not.
+    assert_eq!(after(Order::Standby, Origin::Mavlink, true, lost), Some(5000));
+    assert_eq!(after(Order::Standby, Origin::Node, true, lost), None);
+    for order in [RUN, DOUBT, Order::Listen, Order::Pwm] {
+        for link in [up, lost] {
+            assert_eq!(after(order, Origin::Rc, false, link), None, "{order}, {link}");
+        }
+    }
+    // The setting.
+    let not_obeyed = with(Order::Standby, Origin::Rc, false, up);
+    let longer = OutputSettings { not_obeyed: Some(Duration::from_secs(12)), ..settings };
+    assert_eq!(closes_after(longer, &not_obeyed), Some(12_000));
+    assert_eq!(closes_after(OutputSettings { not_obeyed: None, ..settings }, &not_obeyed), None);
+}
+
+#[test]
+fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
+    let mut outputs = outputs(Valve::Open);
+    let mut telemetry = snapshot(Order::Standby, Some(Phase::Running), Some(60_000));
+    for second in 0..60 {
+        telemetry.at = T0 + Duration::from_secs(second);
+        telemetry.obeyed = second % 4 == 3;
+        outputs.update(&telemetry);
+    }
+    assert_eq!(outputs.valve(), Valve::Open);
+    telemetry.obeyed = false;
+    for second in 60..67 {
+        telemetry.at = T0 + Duration::from_secs(second);
+        outputs.update(&telemetry);
+    }
+    assert_eq!(outputs.valve(), Valve::Closed);
+}
+
+/// Every record: with a whole one of an engine that runs the valve is open before anything else, otherwise closed.
+#[test]
+fn valve_after_a_reset() {
+    let settings = OutputSettings { valve: true, power: true, ..OutputSettings::DEFAULT };
+    let after = |record: Option<RetainedState>| {
+        let outputs = Outputs::new(settings, record);
+        (outputs.valve(), outputs.power())
+    };
+    assert_eq!(after(None), (Valve::Closed, false), "no record");
+    for order in [Order::EmergencyStop, Order::Standby, RUN, Order::Pwm, Order::Listen, DOUBT] {
+        for ran in [false, true] {
+            for armed in [false, true] {
+                let record = RetainedState { ran, armed, ..RetainedState::new(order, Origin::Rc) };
+                let going_on = ran && !matches!(order, Order::EmergencyStop | Order::Standby);
+                let valve = if going_on { Valve::Open } else { Valve::Closed };
+                let power = armed || ran || order == Order::EmergencyStop;
+                assert_eq!(after(Some(record)), (valve, power), "{order}, ran {ran}");
+                // What a brown-out leaves of it.
+                let left = record.without_start();
+                let power = ran || order == Order::EmergencyStop;
+                assert_eq!(after(Some(left)), (valve, power), "{order}, ran {ran}, brown-out");
+            }
+        }
+    }
+}
+
+#[test]
+fn power_is_on_from_armed_until_cold_and_at_rest() {
+    let mut outputs = outputs(Valve::Closed);
+    let egt = |telemetry: &mut Telemetry, celsius: i16| {
+        telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(celsius * 10), T0));
+    };
+    let mut cold = snapshot(Order::Standby, Some(Phase::Standby), Some(0));
+    egt(&mut cold, 20);
+    outputs.update(&cold);
+    assert!(!outputs.power(), "not armed");
+    let mut armed = cold;
+    armed.armed = true;
+    outputs.update(&armed);
+    assert!(outputs.power());
+    // An emergency stop disarms; hot, turning, cooling, unknown or silent it stays on.
+    let mut hot = cold;
+    (hot.ordered.order, hot.stop_latched) = (Order::EmergencyStop, true);
+    egt(&mut hot, 101);
+    let mut turning = cold;
+    turning.report.rpm = Some(Timed::new(Rpm::new(3000), T0));
+    let mut cooling = cold;
+    cooling.report.phase = Some(Timed::new(Phase::Cooling, T0));
+    let mut unknown = cold;
+    unknown.report.egt = None;
+    let mut silent = cold;
+    silent.link = LinkState::Lost;
+    let mut old = cold;
+    old.at = T0 + Duration::from_secs(4);
+    for telemetry in [hot, turning, cooling, unknown, silent, old] {
+        outputs.update(&telemetry);
+        assert!(outputs.power(), "{telemetry:?}");
+    }
+    let mut stopped = cold;
+    (stopped.ordered.order, stopped.stop_latched) = (Order::EmergencyStop, true);
+    egt(&mut stopped, 100);
+    outputs.update(&stopped);
+    assert!(!outputs.power());
+}
+
+#[test]
+fn levels_follow_the_polarity_and_an_output_that_is_off_is_not_driven() {
+    let run = RetainedState { armed: true, ..RetainedState::new(RUN, Origin::Rc) };
+    for (record, on) in [(None, false), (Some(run), true)] {
+        for low in [false, true] {
+            let settings = OutputSettings {
+                valve: true,
+                valve_low: low,
+                power: true,
+                power_low: low,
+                ..OutputSettings::DEFAULT
+            };
+            let levels = Outputs::new(settings, record).levels();
+            assert_eq!(levels, Levels { valve: Some(on != low), power: Some(on != low) });
+        }
+        let off = Outputs::new(OutputSettings::DEFAULT, record).levels();
+        assert_eq!(off, Levels { valve: None, power: None }, "by default");
+    }
+}

@@ -1,0 +1,347 @@
+//! The runner: a UART with its faults, one receiver for an AMT and a ZK engine of a group, from the bytes of the receiver to the
+//! turbines.
+
+use super::world::{IDLE, RUN, STANDBY, STOP};
+use crate::crsf::Crsf;
+use crate::input::Input;
+use crate::pilot::{Outcome, Pilot};
+use crate::runner;
+use crate::sbus::Sbus;
+use crate::service::Service;
+use crate::settings::EngineSettings;
+use embassy_futures::join::{join, join3};
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{ErrorKind, ErrorType, Read};
+use jetlink::channel::{Channel, Handle};
+use jetlink::command::{Command, Demand, Order, Origin};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::state::EngineState;
+use jetlink::event::LossStage;
+use jetlink::line::Line;
+use jetlink::line::LineError;
+use jetlink::runner::LineErrors;
+use sim::any::AnyConfig;
+use sim::clock;
+use sim::receiver::{crsf, sbus, steps};
+use sim::zk::ZkConfig;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::task::{Poll, Waker};
+use std::vec::Vec;
+
+/// A UART that receives: its driver keeps what was not read.
+#[derive(Default)]
+struct Uart {
+    bytes: RefCell<VecDeque<u8>>,
+    waker: RefCell<Option<Waker>>,
+    errors: LineErrors,
+    /// The next read fails.
+    fails: Cell<bool>,
+    reads: Cell<u32>,
+}
+
+impl Uart {
+    fn push(&self, byte: u8) {
+        self.bytes.borrow_mut().push_back(byte);
+        self.wake();
+    }
+
+    fn fail(&self) {
+        self.fails.set(true);
+        self.wake();
+    }
+
+    fn wake(&self) {
+        if let Some(waker) = self.waker.take() {
+            waker.wake();
+        }
+    }
+}
+
+struct Rx<'a>(&'a Uart);
+
+impl ErrorType for Rx<'_> {
+    type Error = ErrorKind;
+}
+
+impl Read for Rx<'_> {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
+        poll_fn(|cx| {
+            let mut bytes = self.0.bytes.borrow_mut();
+            if !self.0.fails.get() && bytes.is_empty() {
+                self.0.waker.replace(Some(cx.waker().clone()));
+                return Poll::Pending;
+            }
+            self.0.reads.set(self.0.reads.get() + 1);
+            if self.0.fails.take() {
+                return Poll::Ready(Err(ErrorKind::Other));
+            }
+            let count = bytes.len().min(buffer.len());
+            buffer.iter_mut().zip(bytes.drain(..count)).for_each(|(slot, byte)| *slot = byte);
+            Poll::Ready(Ok(count))
+        })
+        .await
+    }
+}
+
+/// A receiver that sends its frames byte by byte, as its line carries them.
+struct Receiver {
+    crsf: bool,
+    stick: Cell<u16>,
+    switch: Cell<u16>,
+    /// The transmitter is on.
+    on: Cell<bool>,
+    /// The UART reports wrong parity with this byte of each frame.
+    damages: Cell<Option<usize>>,
+}
+
+impl Receiver {
+    const fn new(crsf: bool) -> Self {
+        Self {
+            crsf,
+            stick: Cell::new(IDLE),
+            switch: Cell::new(STOP),
+            on: Cell::new(true),
+            damages: Cell::new(None),
+        }
+    }
+
+    async fn send(&self, uart: &Uart) {
+        let (every, byte) = if self.crsf { (7000, 24) } else { (14_000, 120) };
+        let mut next = Instant::now();
+        loop {
+            next += Duration::from_micros(every);
+            Timer::at(next).await;
+            let mut channels = [992; 16];
+            (channels[2], channels[4]) = (steps(self.stick.get()), steps(self.switch.get()));
+            let frame = match (self.crsf, self.on.get()) {
+                (true, true) => crsf(channels),
+                (true, false) => continue,
+                (false, on) => sbus(channels, if on { 0 } else { 0x0C }),
+            };
+            for (i, &sent) in frame.iter().enumerate() {
+                Timer::after(Duration::from_micros(byte)).await;
+                // The interrupt counts the fault before its byte can be read.
+                if self.damages.get() == Some(i) {
+                    uart.errors.count(LineError::Parity);
+                }
+                uart.push(sent);
+            }
+        }
+    }
+}
+
+struct World<'w, 'c> {
+    receiver: &'w Receiver,
+    uart: &'w Uart,
+    service: &'w RefCell<Service<'c, 2>>,
+    engines: [Handle<'c>; 2],
+    outcomes: &'w RefCell<Vec<(Instant, usize, Outcome)>>,
+}
+
+impl World<'_, '_> {
+    async fn pass(&self, ms: u64) {
+        Timer::after(Duration::from_millis(ms)).await;
+    }
+
+    #[track_caller]
+    fn until(&self, what: &'static str, seconds: u64, done: impl Fn() -> bool) -> impl Future<Output = ()> {
+        let caller = core::panic::Location::caller();
+        async move {
+            let so = clock::until(Duration::from_secs(seconds), Duration::from_millis(5), done).await;
+            assert!(so, "not within {seconds} s: {what} ({caller}), {:?}", self.outcomes.borrow().last());
+        }
+    }
+
+    fn states(&self) -> [EngineState; 2] {
+        self.engines.each_ref().map(|engine| engine.telemetry().state)
+    }
+
+    /// Throttle of the orders, in 0.1 %.
+    fn ordered(&self) -> [Option<u16>; 2] {
+        self.engines.each_ref().map(|engine| match engine.telemetry().ordered.order {
+            Order::Run(Demand::Throttle(throttle)) => Some(throttle.tenths()),
+            _ => None,
+        })
+    }
+
+    fn both(&self, what: impl Fn(&Handle<'_>) -> bool) -> bool {
+        self.engines.iter().all(what)
+    }
+
+    async fn start(&self) {
+        self.pass(2000).await;
+        self.receiver.switch.set(STANDBY);
+        self.until("armed", 30, || self.both(|engine| engine.telemetry().armed)).await;
+        self.until("standby", 60, || self.states() == [EngineState::Standby; 2]).await;
+        self.pass(2000).await;
+        self.receiver.switch.set(RUN);
+        self.until("running", 240, || self.states() == [EngineState::Running; 2]).await;
+        self.pass(5000).await;
+    }
+}
+
+/// A node with an AMT and a ZK engine of a group, and one receiver.
+fn run(crsf: bool, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
+    clock::reset();
+    let configs = [
+        EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
+        EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
+    ];
+    let ecus = [
+        (AnyConfig::amt(sim::amt::EngineModel::Olympus), sim::line::Line::n1(2400)),
+        (AnyConfig::Zk(ZkConfig::new(5)), sim::line::Line::n1(9600)),
+    ];
+    let wires = ecus.map(|(ecu, line)| sim::wire::connect(ecu.on(line).ecu(), line, 1));
+    let channels = configs.each_ref().map(|config| Channel::new(config, None));
+    let engines = channels.each_ref().map(|channel| channel.handle_in(&channels));
+    let input = if crsf { Input::Crsf(Crsf::new()) } else { Input::Sbus(Sbus::new()) };
+    let pilots = engines.iter().zip(&configs).map(|(engine, config)| {
+        Pilot::new(engine.source(Origin::Rc).unwrap(), config, EngineSettings::DEFAULT).unwrap()
+    });
+    let service = RefCell::new(Service::<2>::new(input, pilots));
+    let (uart, receiver) = (Uart::default(), Receiver::new(crsf));
+    let outcomes = RefCell::<Vec<(Instant, usize, Outcome)>>::default();
+    let [(rx_0, tx_0, plug_0), (rx_1, tx_1, plug_1)] = wires;
+    let errors = [LineErrors::new(), LineErrors::new()];
+    let nodes = join(
+        channels[0].runner_in(&channels).run(rx_0, tx_0, &errors[0]),
+        channels[1].runner_in(&channels).run(rx_1, tx_1, &errors[1]),
+    );
+    let note = |at, engine, outcome| outcomes.borrow_mut().push((at, engine, outcome));
+    let radio = join(receiver.send(&uart), runner::run(&service, Rx(&uart), &uart.errors, note));
+    let world = World { receiver: &receiver, uart: &uart, service: &service, engines, outcomes: &outcomes };
+    let work = join3(join(plug_0.run(), plug_1.run()), nodes, radio);
+    clock::run(select(work, scenario(&world)));
+}
+
+fn sbus_counters(world: &World<'_, '_>) -> crate::sbus::SbusCounters {
+    match world.service.borrow().input() {
+        Input::Sbus(sbus) => *sbus.counters(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn one_receiver_starts_throttles_and_stops_two_engines_of_a_group() {
+    for crsf in [false, true] {
+        run(crsf, async |world| {
+            world.start().await;
+            assert_eq!(world.ordered(), [Some(0); 2]);
+            // The second one waited, and its start needed no other move.
+            let waited = |engine| {
+                let outcomes = world.outcomes.borrow();
+                let waits = |(_, of, outcome): &&(Instant, usize, Outcome)| {
+                    *of == engine
+                        && matches!(
+                            outcome,
+                            Outcome::Commanded(_, Ok(jetlink::command::Accepted::StartWaits))
+                        )
+                };
+                outcomes.iter().filter(waits).count()
+            };
+            assert!(waited(0) == 0 && waited(1) > 100, "{} and {}", waited(0), waited(1));
+            for (stick, tenths) in [(1500, 500), (1900, 1000), (1300, 250)] {
+                world.receiver.stick.set(stick);
+                world.until("the throttle", 15, || world.ordered() == [Some(tenths); 2]).await;
+            }
+            world.receiver.switch.set(STOP);
+            let stop = Instant::now();
+            world.until("stop", 1, || world.both(|engine| engine.telemetry().stop_latched)).await;
+            assert!(Instant::now() - stop <= Duration::from_millis(if crsf { 25 } else { 45 }));
+            assert!(world.both(|engine| !engine.telemetry().armed));
+        });
+    }
+}
+
+#[test]
+fn transmitter_off_is_each_stage_of_loss_for_both_engines() {
+    for crsf in [false, true] {
+        run(crsf, async |world| {
+            world.start().await;
+            world.receiver.stick.set(1900);
+            world.until("full throttle", 15, || world.ordered() == [Some(1000); 2]).await;
+            world.receiver.on.set(false);
+            let lost = |stage| move |engine: &Handle<'_>| engine.telemetry().loss == stage;
+            world.until("the first stage", 1, || world.both(lost(LossStage::Hold))).await;
+            assert_eq!(world.ordered(), [Some(1000); 2]);
+            world.until("the second stage", 3, || world.both(lost(LossStage::FailSafe))).await;
+            world.until("idle", 5, || world.ordered() == [Some(0); 2]).await;
+            world.pass(10_000).await;
+            assert_eq!(world.states(), [EngineState::Running; 2]);
+            world.receiver.on.set(true);
+            world.until("full throttle", 15, || world.ordered() == [Some(1000); 2]).await;
+        });
+    }
+}
+
+/// The UART reports wrong parity with one byte of each frame: none counts, whichever byte it is. Without the reports all do.
+#[test]
+fn frame_with_a_fault_of_the_uart_does_not_count() {
+    for damaged in [0, 1, 12, 23, 24] {
+        run(false, async |world| {
+            world.pass(1000).await;
+            let before = (sbus_counters(world), world.outcomes.borrow().len());
+            world.receiver.damages.set(Some(damaged));
+            world.pass(1400).await;
+            let now = (sbus_counters(world), world.outcomes.borrow().len());
+            let damaged_frames = now.0.line_errors - before.0.line_errors;
+            assert!((99..=100).contains(&damaged_frames), "byte {damaged}: {now:?}");
+            assert!(now.1 - before.1 <= 2, "byte {damaged}: {} outcomes", now.1 - before.1);
+            world.receiver.damages.set(None);
+            world.pass(1400).await;
+            assert!(world.outcomes.borrow().len() - now.1 >= 2 * 95, "byte {damaged}");
+        });
+    }
+}
+
+#[test]
+fn port_that_fails_is_read_again_after_a_pause() {
+    run(false, async |world| {
+        world.pass(1000).await;
+        let (reads, before) = (world.uart.reads.get(), sbus_counters(world));
+        world.uart.fail();
+        world.pass(5).await;
+        assert!(world.uart.reads.get() <= reads + 1, "no read within the pause");
+        world.pass(100).await;
+        let now = sbus_counters(world);
+        assert!(now.line_errors == before.line_errors + 1 && now.frames >= before.frames + 5, "{now:?}");
+    });
+}
+
+#[test]
+fn service_takes_engines_in_their_order() {
+    run(false, async |world| {
+        world.pass(500).await;
+        let outcomes = world.outcomes.borrow();
+        let engines: Vec<usize> = outcomes.iter().map(|(_, engine, _)| *engine).collect();
+        assert!(engines.len() > 20 && engines.chunks(2).all(|pair| pair == [0, 1]), "{engines:?}");
+        let stop = |(.., outcome): &(Instant, usize, Outcome)| {
+            matches!(outcome, Outcome::Commanded(Command::EmergencyStop, _))
+        };
+        assert!(outcomes.iter().any(stop), "{outcomes:?}");
+        assert_eq!(world.service.borrow().pilots().len(), 2);
+    });
+}
+
+/// A fault that is seen when the last byte of a frame is read may belong to the first byte of the next one, not read yet.
+#[test]
+fn fault_damages_the_frame_that_is_read_and_the_next_one() {
+    let mut service = Service::<0>::new(Input::Sbus(Sbus::new()), []);
+    let frame = sbus([992; 16], 0);
+    let mut good = Vec::new();
+    for i in 0..8_u64 {
+        let now = Instant::from_millis(1000 + 14 * i);
+        let (head, last) = frame.split_at(24);
+        service.receive(now, head, false, |_, _| ());
+        // The last byte of the fourth frame.
+        service.receive(now + Duration::from_micros(120), last, i == 3, |_, _| ());
+        let Input::Sbus(sbus) = service.input() else { unreachable!() };
+        good.push((sbus.counters().frames, sbus.counters().bad_frames));
+    }
+    assert_eq!(good[1..], [(1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (5, 2)]);
+}

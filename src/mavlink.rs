@@ -1,0 +1,137 @@
+//! MAVLink on the telemetry port, and the settings that it changes. It is served in thread mode, so that no engine's task waits for
+//! it.
+#![cfg_attr(
+    feature = "count",
+    allow(dead_code, reason = "with `count` it is not served: its instructions would be counted, too")
+)]
+
+use crate::board::{self, EcuPort, Storage};
+use embassy_futures::block_on;
+use embassy_futures::select::{Either, select};
+use jetlink::command::Origin;
+use jetlink::config::{EngineConfig, validate};
+use jetlink::node::Node;
+use jetlink_fw::config::{ENGINES, TELEMETRY};
+use jetlink_mavlink::port::PortConfig;
+use jetlink_mavlink::record::{apply_to_engine, apply_to_node};
+use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
+use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
+use jetlink_mavlink::signing::SigningState;
+use jetlink_mavlink::store::{AtRest, Found, Store};
+use static_cell::StaticCell;
+
+/// Number of engines of this node.
+const N: usize = ENGINES.len();
+
+/// Runs the service of this node on its one port.
+pub type Runner = jetlink_mavlink::runner::Runner<'static, N, 1>;
+
+/// Whether all engines are known to be at rest: what the store checks before it erases.
+static AT_REST: AtRest = AtRest::new();
+
+/// The settings that the node starts with, and where they are stored.
+pub struct Settings {
+    node: NodeSettings,
+    /// Of each engine, with what is stored.
+    pub engines: [EngineConfig; N],
+    own: [EngineSettings; N],
+    store: Option<&'static mut Store<'static, Storage>>,
+    found: Found,
+}
+
+impl Settings {
+    /// As in `src/config.rs`, and none are stored.
+    pub const fn new() -> Self {
+        Self {
+            node: NodeSettings::DEFAULT,
+            engines: ENGINES,
+            own: [EngineSettings::DEFAULT; N],
+            store: None,
+            found: Found::Empty,
+        }
+    }
+}
+
+/// Reads the stored settings. Not inlined: reading takes much stack.
+#[inline(never)]
+pub fn load(settings: &mut Settings) {
+    static STORE: StaticCell<Store<'static, Storage>> = StaticCell::new();
+    let Some(storage) = board::storage() else {
+        defmt::info!("settings: this board stores none");
+        return;
+    };
+    // It waits for nothing: only writes and erases do.
+    let (store, found) = block_on(Store::load(storage, &AT_REST, &mut |key, record| {
+        let Some(engine) = usize::from(key).checked_sub(1) else {
+            return apply_to_node(&mut settings.node, record);
+        };
+        if let (Some(config), Some(own)) = (settings.engines.get_mut(engine), settings.own.get_mut(engine)) {
+            apply_to_engine(config, own, record);
+        }
+    }));
+    // Damaged: what is left of them may not be what anybody has chosen.
+    if found == Found::Damaged || validate(&settings.engines).is_err() {
+        *settings = Settings::new();
+    }
+    match found {
+        Found::Empty => defmt::info!("settings: none are stored"),
+        Found::Whole => defmt::info!("settings: as stored"),
+        Found::Damaged => defmt::error!("settings: DAMAGED, the defaults count and no start is granted"),
+    }
+    settings.store = Some(STORE.init(store));
+    settings.found = found;
+}
+
+/// The service and what it stores with.
+pub struct Mavlink {
+    runner: &'static Runner,
+    store: Option<&'static mut Store<'static, Storage>>,
+}
+
+/// Builds the service. Not inlined: it is built on the stack, and `main` never returns its stack.
+#[inline(never)]
+#[expect(clippy::disallowed_methods, reason = "the service begins now")]
+pub fn build(node: &'static Node<N>, settings: Settings) -> Mavlink {
+    static RUNNER: StaticCell<Runner> = StaticCell::new();
+    let Settings { node: of_node, engines, own, store, found } = settings;
+    let sources = node.sources(Origin::Mavlink).into_iter();
+    let engines = sources.zip(engines).zip(own).map(|((source, config), settings)| EngineParts {
+        source: defmt::unwrap!(source),
+        config,
+        settings,
+    });
+    let ports = [PortConfig::uart(TELEMETRY.baud)];
+    let now = embassy_time::Instant::now();
+    let runner = RUNNER.init_with(|| {
+        let mut service = Service::new(now, of_node, SigningState::NONE, engines, ports);
+        service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
+        service.set_damaged(found == Found::Damaged);
+        Runner::new(service)
+    });
+    Mavlink { runner, store }
+}
+
+/// Serves the port, until a restart is commanded.
+pub async fn serve(mavlink: Mavlink, port: EcuPort) {
+    let Mavlink { runner, store } = mavlink;
+    let mut system = None;
+    let time = runner.keep_time(|_, service| {
+        if service.system_id() != system {
+            system = service.system_id();
+            if let Some(system) = system {
+                defmt::info!("MAVLink: the vehicle is system {=u8}", system);
+            }
+        }
+    });
+    let keep = async {
+        match store {
+            Some(store) => runner.keep(store, &AT_REST).await,
+            None => core::future::pending().await,
+        }
+    };
+    let work = select(runner.serve(0, port.rx, port.tx), keep);
+    if let Either::First(Request::Reboot) = select(time, work).await {
+        defmt::info!("MAVLink: restart by command");
+        board::restart();
+    }
+}
