@@ -26,7 +26,8 @@ impl RetainedWord {
         (self.inverse.load(Ordering::Relaxed) == !word).then_some(word)
     }
 
-    /// Writes a word, so that a reset right after this finds it.
+    /// Writes a word, so that a reset right after this finds it. A reset during this leaves neither the old word nor the new:
+    /// what has to survive that needs two words, written in turn.
     pub fn set(&self, word: u32) {
         // Three stores in this order, each completed before the next: a reset in between leaves no valid pair.
         self.word.store(word, Ordering::SeqCst);
