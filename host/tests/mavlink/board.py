@@ -1,0 +1,158 @@
+"""A pilot written from the MAVLink documents, against the release image on an emulated board: a ground station and an autopilot at
+the telemetry UART, which carries both. In real time; the engine flown is the first, an AMT ECU."""
+
+import sys
+
+from peers import *
+
+STANDBY, RUNNING = 3, 7
+CENTRE, BOOSTER = 28, 29
+COMPONENTS = (NODE, LEFT, RIGHT, CENTRE, BOOSTER)
+
+
+class Line(Ground):
+    """The far end of the UART: the ground station's frames, and those of the autopilot that relays them."""
+
+    def __init__(self, port):
+        self.autopilot = mav.MAVLink(self, srcSystem=VEHICLE, srcComponent=1)
+        self.armed, self.pulse = False, 1100
+        self.requests = []
+        self.started = time.monotonic()
+        super().__init__(port)
+        self.repeat(1, self._beat)
+        self.repeat(0.04, self._outputs)
+
+    def _send(self, message):
+        with self.lock:
+            self.autopilot.send(message)
+
+    def _beat(self):
+        self._send(mav.MAVLink_heartbeat_message(1, 3, 129 if self.armed else 1, 0, 4, 3))
+
+    def _outputs(self):
+        if self.requests:
+            usec = int((time.monotonic() - self.started) * 1e6) & 0xFFFFFFFF
+            self._send(mav.MAVLink_servo_output_raw_message(usec, 0, 0, 0, self.pulse, 0, 0, 0, 0, 0))
+
+    def on(self, message):
+        if message.get_type() == "COMMAND_LONG" and message.command == INTERVAL:
+            self.requests.append(message.param2)
+            back = message.get_srcSystem(), message.get_srcComponent()
+            self._send(mav.MAVLink_command_ack_message(INTERVAL, 0, 0, 0, *back))
+
+
+def discovery(line):
+    for component in COMPONENTS:
+        beat = until("a heartbeat", 20, lambda: line.last("HEARTBEAT", component))
+        assert beat.get_srcSystem() == VEHICLE
+        assert (beat.type, beat.autopilot, beat.base_mode, beat.mavlink_version) == (0, 8, 1, 3), beat
+    until("standby", 30, lambda: all(line.state(component) == STANDBY for component in COMPONENTS[1:]))
+    until("the outputs are requested", 10, lambda: line.requests)
+    efi = {message.get_srcComponent() for message in line.since(0, "EFI_STATUS")}
+    assert efi == {LEFT}, f"the autopilot's port carries one engine: {efi}"
+
+
+def parameters(line):
+    mark = len(line.received)
+    line.say(mav.MAVLink_param_request_list_message(VEHICLE, 0))
+
+    def all_listed():
+        values = line.since(mark, "PARAM_VALUE")
+        counts = {value.get_srcComponent(): value.param_count for value in values}
+        return values if len(counts) == len(COMPONENTS) and len(values) >= sum(counts.values()) else None
+
+    listed = {}
+    for value in until("all parameters", 60, all_listed):
+        assert value.param_type == 9 and value.get_srcSystem() == VEHICLE
+        listed.setdefault(value.get_srcComponent(), []).append((value.param_index, value.param_id))
+    for component, of_component in listed.items():
+        assert [index for index, _ in of_component] == list(range(len(of_component))), component
+        assert len({name for _, name in of_component}) == len(of_component)
+        print(f"component {component}: {len(of_component)} parameters")
+    assert line.read(LEFT, "LOSS_THR") == 0
+    assert line.set(LEFT, "LOSS_THR", 100) == 100
+    # A busy computer is no lost source.
+    assert line.set(LEFT, "SRC_MAV_TOUT", 20_000) == 20_000
+    for wrong in (5000, 0.5, float("nan")):
+        assert line.set(LEFT, "LOSS_THR", wrong) == 100, wrong
+    assert line.read(LEFT, "LOSS_THR") == 100
+
+
+def restart(line):
+    """Parameters are retained over a restart of the node by command."""
+    mark = len(line.received)
+    assert line.command(NODE, REBOOT, 1)[0] == ACCEPTED
+    until("a heartbeat", 30, lambda: len(line.since(mark, "HEARTBEAT", LEFT)) > 2)
+    assert line.read(LEFT, "LOSS_THR") == 100
+    until("standby", 30, lambda: line.state(LEFT) == STANDBY)
+
+
+def refusals(line):
+    answer, text = line.command(LEFT, START, 1)
+    assert answer == NOT_NOW and "arm the vehicle" in text, (answer, text)
+    line.armed = True
+    wait(5)
+    assert line.state(LEFT) == STANDBY, "arming starts nothing"
+    assert line.command(LEFT, START, 1, 0, 5)[0] == DENIED, "a height delay"
+    assert line.command(LEFT, START, float("nan"))[0] == DENIED
+    assert line.command(LEFT, 400, 1)[0] == UNSUPPORTED
+    for system, component in ((VEHICLE, 0), (0, LEFT), (7, LEFT), (VEHICLE, 99)):
+        assert line.command(component, START, 1, system=system, answered=False)[0] is None, (system, component)
+    with line.lock:
+        line.write(b"\xfd\x20\x00\x00\x01\xff\xbe\x4c\x00\x00\x00\x00")
+        line.write(bytes(range(256)) * 2)
+    wait(4)
+    assert line.state(LEFT) == STANDBY
+
+
+def flight(line):
+    answer, text = line.command(LEFT, START, 1)
+    assert answer == ACCEPTED and "refused" not in text, (answer, text)
+    assert line.command(LEFT, START, 1)[0] == ACCEPTED, "a repeat within 5 s"
+    until("running", 90, lambda: line.state(LEFT) == RUNNING)
+    wait(3)
+    idle = line.last("EFI_STATUS", LEFT)
+    line.pulse = 1500
+    until("half throttle", 15, lambda: line.last("EFI_STATUS", LEFT).throttle_out == 50)
+    wait(8)
+    half = line.last("EFI_STATUS", LEFT)
+    assert half.rpm > idle.rpm + 10_000 and half.health == 1 and half.ecu_index == 0, (idle, half)
+    assert half.exhaust_gas_temperature == half.cylinder_head_temperature > 300, half
+    print(f"idle {idle.rpm:.0f} rpm, half throttle {half.rpm:.0f} rpm, {half.exhaust_gas_temperature:.1f} C")
+    assert line.set(LEFT, "MAV_THR_OUT", 7) == 3, "refused while it turns"
+    assert line.command(NODE, REBOOT, 1)[0] == NOT_NOW
+    assert [line.state(component) for component in (RIGHT, CENTRE, BOOSTER)] == [STANDBY] * 3
+    # A ground station's stop acts against the stream.
+    assert line.command(LEFT, START, 0)[0] == ACCEPTED
+    until("no throttle", 2, lambda: line.last("EFI_STATUS", LEFT).throttle_out == 0)
+    answer, text = line.command(LEFT, START, 1, confirmation=1)
+    assert answer == NOT_NOW and "repeat" in text, (answer, text)
+    line.pulse = 1100
+
+
+def emergency(line):
+    assert line.command(BOOSTER, USER, 1, 0)[0] == DENIED, "without its number"
+    assert line.command(BOOSTER, USER, 1, 21196)[0] == ACCEPTED
+    until("it is shown", 3, lambda: line.last("HEARTBEAT", BOOSTER).system_status == 8)
+    assert line.last("HEARTBEAT", CENTRE).system_status != 8
+    assert line.command(BOOSTER, START, 1)[0] == NOT_NOW
+    assert line.command(BOOSTER, USER, 2, 21196)[0] == ACCEPTED
+    until("released", 4, lambda: line.last("HEARTBEAT", BOOSTER).system_status != 8)
+
+
+def main():
+    line = Line(int(sys.argv[1]))
+    discovery(line)
+    parameters(line)
+    restart(line)
+    refusals(line)
+    flight(line)
+    emergency(line)
+    # A node that restarts cuts the frame that it was sending.
+    damaged = line.since(0, "BAD_DATA")
+    assert len(damaged) <= 1, damaged
+    print("all as the documents have it")
+
+
+if __name__ == "__main__":
+    main()
