@@ -153,6 +153,35 @@ fn two_options_cannot_name_one_file() {
 }
 
 #[test]
+fn no_output_replaces_the_script_that_is_played() {
+    let script = folder("script-kept").join("run.txt");
+    let text = "jetlink rig script, version 0.1.0\nstandby\n1.0 all disarm\n5.0 end\n";
+    let link = script.with_file_name("link.csv");
+    std::os::unix::fs::symlink(&script, &link).unwrap();
+    for (option, path) in [("--csv", &script), ("--csv", &link), ("--save-script", &script)] {
+        fs::write(&script, text).unwrap();
+        let args = ["--fast", "--script", script.to_str().unwrap(), option, path.to_str().unwrap()];
+        let error = refused(&rig(&args), 2);
+        assert!(error.contains(&format!("--script and {option} name the same file")), "{error}");
+        assert_eq!(fs::read_to_string(&script).unwrap(), text);
+    }
+    let other = script.with_file_name("other.csv");
+    let args = ["--fast", "--script", script.to_str().unwrap(), "--csv", other.to_str().unwrap()];
+    assert_eq!(rig(&args).status.code(), Some(0));
+}
+
+#[test]
+fn two_names_of_one_file_are_one_file() {
+    let folder = folder("hard-link");
+    let (file, other) = (folder.join("a.csv"), folder.join("b.svg"));
+    fs::write(&file, "precious").unwrap();
+    fs::hard_link(&file, &other).unwrap();
+    let args = ["--fast", "--csv", file.to_str().unwrap(), "--plot", other.to_str().unwrap()];
+    assert!(refused(&rig(&args), 2).contains("--csv and --plot name the same file"));
+    assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
+}
+
+#[test]
 fn an_svg_file_has_no_other_ending() {
     let file = folder("ending").join("x.png");
     let output = rig(&["--fast", "--plot", file.to_str().unwrap()]);

@@ -618,6 +618,17 @@ fn scenarios_are_listed_drawn_and_the_same_every_time() {
                 texts.iter().any(|text| text.trim_matches('\n').starts_with('\u{a0}')),
                 "{name}: {texts:?}"
             );
+            // Each line has its name.
+            let marks = |kind: &str, colour: &str| {
+                let of_colour = |node: &roxmltree::Node<'_, '_>| {
+                    node.has_tag_name(kind)
+                        && [node.attribute("stroke"), node.attribute("fill")].contains(&Some(colour))
+                };
+                xml.descendants().filter(of_colour).count()
+            };
+            let lines: usize = ["#7a1f7a", "#d9a0ff"].map(|colour| marks("polyline", colour)).iter().sum();
+            let names: usize = ["#7a1f7a", "#d9a0ff"].map(|colour| marks("text", colour)).iter().sum();
+            assert!(lines == names && lines > 3, "{name}: {lines} lines with {names} names");
             assert!(has("on the wire") && has("event"), "{name}: {texts:?}");
             assert!(
                 has("demand: 100 % = ") && has(if name == "hot-start" { "0 %" } else { "60 %" }),

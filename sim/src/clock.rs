@@ -51,6 +51,8 @@ struct Clock {
     /// Limits the time in [`Pace::RealTime`].
     pacer: Cell<Option<Pacer>>,
     alarms: RefCell<Vec<Alarm>>,
+    /// Polls of the root future and of tasks.
+    polls: Cell<u64>,
     running: Cell<bool>,
     root: Arc<Root>,
 }
@@ -60,6 +62,7 @@ thread_local! {
         now: const { Cell::new(0) },
         pacer: const { Cell::new(None) },
         alarms: const { RefCell::new(Vec::new()) },
+        polls: const { Cell::new(0) },
         running: const { Cell::new(false) },
         root: Root::new(),
     };
@@ -73,6 +76,10 @@ impl Clock {
             self.pacer.set(Some(pacer));
         }
         self.now.set(to);
+    }
+
+    fn count_poll(&self) {
+        self.polls.set(self.polls.get() + 1);
     }
 
     fn next_alarm(&self) -> Option<u64> {
@@ -130,9 +137,15 @@ pub fn reset() {
         assert!(!clock.running.get(), "clock::reset() inside a running future");
         clock.now.set(0);
         clock.pacer.set(None);
+        clock.polls.set(0);
         let forgotten = clock.alarms.take();
         drop(forgotten);
     });
+}
+
+/// Polls of the root future and of tasks on this thread since [`reset`]: the work of a run, counted.
+pub fn polls() -> u64 {
+    CLOCK.with(|clock| clock.polls.get())
 }
 
 /// Changes the pace of this thread's clock; the time continues from its current value.
@@ -198,7 +211,11 @@ pub async fn task<F: Future>(future: F) -> F::Output {
     let mut future = pin!(future);
     poll_fn(|cx| {
         own.inside(cx.waker());
-        if own.take_woken() { future.as_mut().poll(&mut Context::from_waker(&waker)) } else { Poll::Pending }
+        if !own.take_woken() {
+            return Poll::Pending;
+        }
+        CLOCK.with(Clock::count_poll);
+        future.as_mut().poll(&mut Context::from_waker(&waker))
     })
     .await
 }
@@ -232,6 +249,7 @@ fn drive<F: Future>(future: F, end: Option<u64>) -> Option<F::Output> {
     root.wake();
     loop {
         if root.take_woken() {
+            CLOCK.with(Clock::count_poll);
             if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
                 return Some(output);
             }
@@ -332,6 +350,23 @@ mod tests {
         reset();
         run(task(Timer::after_millis(30)));
         assert_eq!(now_ns(), 30_000_000);
+    }
+
+    #[test]
+    fn polls_are_counted() {
+        reset();
+        let timers = || async {
+            for _ in 0..5 {
+                Timer::after_millis(1).await;
+            }
+        };
+        run(timers());
+        assert_eq!(polls(), 6);
+        // Those of a task, too: the future around it is polled as often, or more often.
+        run(task(timers()));
+        assert!(polls() >= 6 + 12, "{}", polls());
+        reset();
+        assert_eq!(polls(), 0);
     }
 
     #[test]

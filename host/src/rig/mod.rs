@@ -57,6 +57,7 @@ use self::options::Order;
 use self::out::{Out, Stream, reader_left};
 use self::outcome::{End, Outcomes};
 use self::output::{Kind, Problem, Wanted};
+use self::play::action::Act;
 use self::play::script;
 use self::plot::Plot;
 use self::report::Report;
@@ -111,13 +112,14 @@ pub fn run(args: &Args) -> ExitCode {
     }
 }
 
-/// The files that are to be written.
+/// The files that are to be written, and the script that must not be.
 fn wanted(args: &Args, order: &Order) -> Vec<Wanted> {
     let file = |option, path: &Option<String>, kind| path.clone().map(|path| Wanted { option, path, kind });
     let names: Vec<&str> = order.setup.engines.iter().map(Engine::name).collect();
     let captured = args.capture.iter().flat_map(|folder| Capture::paths(folder, &names));
-    file("--csv", &args.csv, Kind::Direct)
+    file("--script", &args.script, Kind::Read)
         .into_iter()
+        .chain(file("--csv", &args.csv, Kind::Direct))
         .chain(file("--plot", &args.plot, Kind::Whole("svg")))
         .chain(file("--report", &args.report, Kind::Whole("html")))
         .chain(file("--save-script", &args.save_script, Kind::Direct))
@@ -196,6 +198,8 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         Screen::enter(model, theme, requests, end.clone())
     });
     let script = order.script.take();
+    let scripted: Vec<Act> =
+        script.iter().flat_map(|(actions, _)| actions).map(|(_, action)| action.act).collect();
     let (shown, mut control): (Shown, Box<dyn Control>) = match (screen, script) {
         (Some(Ok(screen)), script) => {
             order.setup.details = true;
@@ -247,8 +251,8 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
         _ => Ok(()),
     };
-    let saved = save_script(args, order, &outcomes)?;
-    if let (Some(saved), false) = (saved, args.script.is_some()) {
+    let saved = save_script(args, order, &outcomes, &scripted)?;
+    if let Some(saved) = saved {
         text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved));
     }
     let shown = shown.and_then(|events| reported.map_err(ShowError::File).map(|()| events));
@@ -274,11 +278,20 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     })
 }
 
-/// Writes what was done by hand to the requested file; without one, and if anything was done, to one of its own.
-fn save_script(args: &Args, order: &Order, outcomes: &Outcomes) -> Result<Option<PathBuf>, String> {
+/// Writes what was done to the requested file; without one, and if a key has acted, to one of its own. `scripted`: what the script
+/// file did that was played.
+fn save_script(
+    args: &Args,
+    order: &Order,
+    outcomes: &Outcomes,
+    scripted: &[Act],
+) -> Result<Option<PathBuf>, String> {
+    let done = outcomes.actions.iter().map(|(_, action)| &action.act);
+    let by_key =
+        outcomes.actions.len() > scripted.len() || !done.zip(scripted).all(|(done, act)| done == act);
     let path = match &args.save_script {
         Some(path) => PathBuf::from(path),
-        None if outcomes.is_played() && args.script.is_none() && order.setup.plays_again() => {
+        None if by_key && order.setup.plays_again() => {
             std::env::temp_dir().join(format!("jetlink-rig-{}.txt", std::process::id()))
         }
         None => return Ok(None),

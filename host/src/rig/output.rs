@@ -9,15 +9,17 @@ use std::path::{Path, PathBuf};
 pub struct Wanted {
     /// The option that names it, or its folder.
     pub option: &'static str,
-    /// Where it is to be.
+    /// Where it is, or is to be.
     pub path: String,
-    /// How it is written.
+    /// How it is used.
     pub kind: Kind,
 }
 
-/// How a file is written.
+/// How a file is used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
+    /// Read, and not to be written.
+    Read,
     /// From its beginning, whatever its name.
     Direct,
     /// As a [`Whole`]; its name ends with this.
@@ -50,7 +52,8 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
                 path.with_extension(ending).display()
             )));
         }
-        let same = |other: &&Wanted| place(&other.path) == place(&one.path);
+        let same =
+            |other: &&Wanted| place(&other.path) == place(&one.path) || is_one_file(&other.path, &one.path);
         if let Some(other) = wanted.iter().take(i).find(same) {
             return Err(Problem::Option(format!(
                 "{} and {} name the same file, {}",
@@ -60,6 +63,7 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
     }
     for one in wanted {
         let found = match one.kind {
+            Kind::Read => Ok(()),
             Kind::Direct => can_write(Path::new(&one.path)),
             Kind::Whole(_) => can_write(Path::new(&one.path)).and_then(|()| can_replace(&one.path)),
             // In a folder that is still to be made nothing can be lost.
@@ -97,6 +101,20 @@ fn place(path: &str) -> PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let in_folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
     fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
+}
+
+/// Whether both are names of one regular file, as hard links are.
+#[cfg(unix)]
+fn is_one_file(a: &str, b: &str) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let of = |path: &str| fs::metadata(path).ok().filter(fs::Metadata::is_file);
+    of(a).zip(of(b)).is_some_and(|(a, b)| (a.dev(), a.ino()) == (b.dev(), b.ino()))
+}
+
+/// What a name stands for is all that is known of a file here.
+#[cfg(not(unix))]
+const fn is_one_file(_: &str, _: &str) -> bool {
+    false
 }
 
 fn is_missing(path: &Path) -> bool {

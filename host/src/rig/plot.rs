@@ -62,29 +62,36 @@ impl Picture<'_> {
         let Chronicle { record, subjects, happened, first_mark, .. } = self.chronicle;
         let title = lines(&self.chronicle.title, TITLE_SIZE, WIDTH - 2.0 * TITLE_SIDE);
         let head = HEAD + TITLE_LINE * title.len().saturating_sub(1) as f64;
-        let height = head + panel::HEIGHT * subjects.len() as f64 + FOOT;
-        let mut svg = Svg::new(WIDTH, height, palette.ground);
         // A scenario's way to its first event is not what it is about.
         let begin = first_mark.map_or(0.0, |t| (t - BEFORE_FIRST_MARK).max(0.0));
         let time = Scale::new(begin..self.chronicle.end(), SIDES.0..SIDES.1);
+        let happened: Vec<Vec<Happening>> = (0..subjects.len())
+            .map(|i| {
+                let of_engine = |happening: &&Happening| happening.engine.is_none_or(|engine| engine == i);
+                happened.iter().filter(of_engine).cloned().collect()
+            })
+            .collect();
+        let lanes = happened.iter().map(|of_engine| panel::lanes(of_engine, &time, SIDES)).max().unwrap_or(0);
+        let panel_height = panel::height(lanes);
+        let height = head + panel_height * subjects.len() as f64 + FOOT;
+        let mut svg = Svg::new(WIDTH, height, palette.ground);
 
         let mut each = 1;
-        for (i, subject) in subjects.iter().enumerate() {
+        for (i, (subject, happened)) in subjects.iter().zip(&happened).enumerate() {
             let all = record.since(i, begin);
             let points = thinned(all, MOST_POINTS);
             each = each.max(record.samples_a_point() as usize * all.len().div_ceil(points.len().max(1)));
-            let of_engine = |happening: &&Happening| happening.engine.is_none_or(|engine| engine == i);
-            let happened: Vec<Happening> = happened.iter().filter(of_engine).cloned().collect();
             let panel = Panel {
                 subject,
                 points: &points,
-                happened: &happened,
+                happened,
+                lanes,
                 time: &time,
                 sides: SIDES,
                 bands: points.len() < all.len() || record.samples_a_point() > 1,
                 palette,
             };
-            panel.draw(&mut svg, head + panel::HEIGHT * i as f64);
+            panel.draw(&mut svg, head + panel_height * i as f64);
         }
         self.head(&mut svg, palette, each, &title);
         let y = height - FOOT;

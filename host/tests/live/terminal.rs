@@ -266,6 +266,26 @@ fn a_played_run_is_saved_and_its_command_printed() {
     assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
 }
 
+/// What a key does beside a script file is kept with it.
+#[test]
+fn keys_beside_a_script_are_saved_with_it() {
+    let script = file("beside.txt");
+    std::fs::write(&script, "jetlink rig script, version 0.1.0\nstandby\n0.5 left disarm\n600.0 end\n")
+        .unwrap();
+    let mut terminal = Terminal::start(&["--script", script.to_str().unwrap()]);
+    terminal.is_live();
+    wait_until("the script acts", || terminal.output().contains("played: disarm"));
+    terminal.types(b" ");
+    wait_until("the key acts", || terminal.output().contains("emergency-stop"));
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    let again = text.lines().find_map(|line| line.strip_prefix("To play it again: cargo rig --script "));
+    let saved = again.and_then(|command| command.strip_suffix(" --fast")).expect("a command").to_owned();
+    let saved = std::fs::read_to_string(saved).expect("the script");
+    assert!(saved.contains("0.5 left disarm\n") && saved.contains(" all emergency-stop\n"), "{saved}");
+}
+
 #[test]
 fn a_run_that_is_complete_stays_until_it_is_ended() {
     let mut terminal = Terminal::start(&["--standby", "--duration", "2s"]);

@@ -78,4 +78,26 @@ mod tests {
         assert_eq!(pacer.wait(2_000_000, start + ms(1000)), ms(0), "too late by more than is made up for");
         assert_eq!(pacer.wait(3_000_000, start + ms(1000)), ms(100));
     }
+
+    /// The wall clock is a number here: each step takes the processor this long, and each sleep lasts longer than it was to.
+    #[test]
+    fn sixty_times_as_fast_is_kept_where_the_work_takes_less_than_all_of_the_time() {
+        const STEP: u64 = 87; // µs, a byte at 115 200 baud
+        let takes = |work: Duration, late: Duration| {
+            let start = Instant::now();
+            let (mut pacer, mut now) = (Pacer::new(0, start, 60), start);
+            for step in 1..=60_000_000 / STEP {
+                let sleep = pacer.wait(step * STEP, now);
+                now += work + sleep + if sleep.is_zero() { Duration::ZERO } else { late };
+            }
+            now - start
+        };
+        // 60 s of engine time in 1 s: a step has 1.45 µs.
+        let second = ms(985)..ms(1015);
+        assert!(second.contains(&takes(Duration::from_nanos(100), ms(0))));
+        assert!(second.contains(&takes(Duration::from_nanos(1200), ms(1))), "sleeps are made up for");
+        // Where it takes more, the run is slower, and nothing is left out.
+        let slow = takes(Duration::from_nanos(2900), ms(1));
+        assert!(slow > ms(1990) && slow < ms(2010), "{slow:?}");
+    }
 }

@@ -7,8 +7,8 @@ use super::palette::Palette;
 use super::scale::{Scale, thousands};
 use super::svg::{Anchor, Stroke, Svg, width};
 
-/// Lines of text for what happened.
-const LANES: usize = 4;
+/// Lines of text for what happened: as many as its names need, within these.
+const LANES: (usize, usize) = (4, 8);
 /// Height of such a line.
 const LANE: f64 = 17.0;
 const CAPTION: f64 = 30.0;
@@ -16,14 +16,56 @@ const CURVES: f64 = 200.0;
 const STRIP: f64 = 64.0;
 const RIBBON: f64 = 18.0;
 const BETWEEN: f64 = 16.0;
-/// The whole panel.
-pub const HEIGHT: f64 = CAPTION + LANE * 4.0 + CURVES + BETWEEN + STRIP + BETWEEN + RIBBON + 24.0;
+/// The whole panel without those lines.
+const HEIGHT: f64 = CAPTION + CURVES + BETWEEN + STRIP + BETWEEN + RIBBON + 24.0;
 /// The smallest text.
 const SMALL: u32 = 13;
 /// In pixels.
 const SHORTEST_GAP: f64 = 4.0;
 /// Room above the highest value.
 const HEADROOM: f64 = 1.08;
+
+/// The height of a panel with so many lines of text.
+pub fn height(lanes: usize) -> f64 {
+    HEIGHT + LANE * lanes as f64
+}
+
+/// Something that happened, in the picture.
+struct Mark {
+    x: f64,
+    text: String,
+    /// Its line of text; `None`: there is no room for its name.
+    lane: Option<usize>,
+    /// Its name ends at it.
+    at_end: bool,
+}
+
+/// Where all of it stands.
+fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mark> {
+    let mut free = [sides.0; LANES.1];
+    let seen = happened.iter().filter_map(|happening| {
+        let x = time.at(happening.t);
+        (x >= sides.0 && x <= sides.1).then_some((x, happening))
+    });
+    let mark = |(x, happening): (f64, &Happening)| {
+        let text = format!("\u{a0}{}", happening.text);
+        let wide = width(&text, SMALL) + 6.0;
+        let at_end = x + wide > sides.1;
+        let from = if at_end { x - wide } else { x };
+        let lane = free.iter().position(|free| *free <= from);
+        if let Some(free) = lane.and_then(|lane| free.get_mut(lane)) {
+            *free = if at_end { x } else { x + wide };
+        }
+        Mark { x, text, lane, at_end }
+    };
+    seen.map(mark).collect()
+}
+
+/// The lines of text that this takes.
+pub fn lanes(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> usize {
+    let last = marks(happened, time, sides).iter().filter_map(|mark| mark.lane).max();
+    last.map_or(0, |last| last + 1).max(LANES.0)
+}
 
 /// All that one panel needs.
 #[derive(Debug)]
@@ -34,6 +76,8 @@ pub struct Panel<'a> {
     pub points: &'a [Point],
     /// What happened to it, or to all.
     pub happened: &'a [Happening],
+    /// Lines of text for that.
+    pub lanes: usize,
     /// The time axis.
     pub time: &'a Scale,
     /// The left and the right end of the time axis.
@@ -51,7 +95,7 @@ impl Panel<'_> {
     /// Draws it from this height down.
     pub fn draw(&self, svg: &mut Svg, top: f64) {
         let lanes = top + CAPTION;
-        let curves = lanes + LANE * LANES as f64;
+        let curves = lanes + LANE * self.lanes as f64;
         let strip = curves + CURVES + BETWEEN;
         let ribbon = strip + STRIP + BETWEEN;
         let caption = if self.subject.by_rpm {
@@ -304,24 +348,13 @@ impl Panel<'_> {
         }
     }
 
-    /// What happened: a line through the panel and its name above, in one of a few lines of text.
+    /// What happened: a line through the panel and its name above, in one of the lines of text.
     fn happened(&self, svg: &mut Svg, lanes: f64, bottom: f64) {
-        let mut free = [self.sides.0; LANES];
-        for happening in self.happened {
-            let x = self.time.at(happening.t);
-            if x < self.sides.0 || x > self.sides.1 {
-                continue;
-            }
-            let text = format!("\u{a0}{}", happening.text);
-            let wide = width(&text, SMALL) + 6.0;
-            let at_end = x + wide > self.sides.1;
-            let from = if at_end { x - wide } else { x };
-            let lane = free.iter().position(|free| *free <= from);
-            let y = lanes + LANE * lane.unwrap_or(LANES - 1) as f64;
+        for Mark { x, text, lane, at_end } in marks(self.happened, self.time, self.sides) {
+            let y = lanes + LANE * lane.unwrap_or(self.lanes.saturating_sub(1)) as f64;
             svg.line((x, y + 3.0), (x, bottom), self.palette.mark, 1.0);
             // Without room there is the line alone.
-            if let Some(free) = lane.and_then(|lane| free.get_mut(lane)) {
-                *free = if at_end { x } else { x + wide };
+            if lane.is_some() {
                 let anchor = if at_end { Anchor::End } else { Anchor::Start };
                 svg.text((x, y + 13.0), SMALL, anchor, self.palette.mark, &text);
             }

@@ -196,6 +196,17 @@ fn at_80_by_24_there_is_a_row_for_each_of_eight_engines() {
     assert!(events == 17 && lines[18..23].iter().all(|line| line.contains("a-name-of-")), "{screen}");
 }
 
+/// The work of a second of engine time is counted, whatever this computer is doing: docs/rig.md has what it takes.
+#[test]
+fn eight_engines_at_100_hz_take_little_work() {
+    let engines: String =
+        (1..=8).map(|i| format!("engine name=e{i},ecu=zk,rate=100,baud=115200\n")).collect();
+    let played = play("work", &format!("{HEAD}{engines}standby\nduration 10s\n"), &[], 10.0);
+    let (polls, bytes) = (sim::clock::polls(), played.bytes.len() as u64);
+    assert!(bytes > 8 * 9 * 100 * 7, "{bytes}");
+    assert!(polls < bytes * 3, "{polls} polls for {bytes} bytes");
+}
+
 /// Everything that a panel shows, in its longest texts: on each size, whole or elided where nothing is lost.
 #[test]
 fn long_texts_fit_their_panels() {
