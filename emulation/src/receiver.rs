@@ -2,25 +2,7 @@
 
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
 use sim::line::Line;
-use sim::receiver::{CHANNELS, crsf, sbus, steps};
-
-/// Protocol of a receiver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// SBUS, a frame every 14 ms.
-    Sbus,
-    /// CRSF, a frame every 4 ms.
-    Crsf,
-}
-
-/// Position of the switch, as a pulse width in µs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "as in docs/rc.md")]
-pub enum Position {
-    Stop = 1000,
-    Standby = 1500,
-    Run = 2000,
-}
+pub use sim::receiver::{Position, Protocol};
 
 /// A receiver, which has power with the board.
 #[derive(Debug)]
@@ -28,11 +10,11 @@ pub struct Receiver {
     protocol: Protocol,
     next: Nanos,
     plugged: bool,
-    /// Throttle in percent: channel 3, 1100 to 1900 µs.
+    /// Throttle in percent.
     pub stick: u16,
-    /// Switch: channel 5.
+    /// Switch.
     pub switch: Position,
-    /// The transmitter is on. Without it an SBUS frame says so, and no CRSF frame comes.
+    /// The transmitter is on.
     pub transmitter: bool,
 }
 
@@ -44,10 +26,7 @@ impl Receiver {
 
     /// Its line.
     pub fn line(&self) -> Line {
-        match self.protocol {
-            Protocol::Sbus => Line::e2(100_000),
-            Protocol::Crsf => Line::n1(420_000),
-        }
+        self.protocol.line()
     }
 
     /// Time between two frames.
@@ -60,16 +39,8 @@ impl Receiver {
 
     /// What it sends now.
     pub fn frame(&self) -> Vec<u8> {
-        let mut channels = [steps(1500); CHANNELS];
-        channels[2] = steps(1100 + self.stick * 8);
-        channels[4] = steps(self.switch as u16);
-        match (self.protocol, self.transmitter) {
-            (Protocol::Sbus, true) => sbus(channels, 0),
-            // Frame lost, and fail-safe.
-            (Protocol::Sbus, false) => sbus(channels, 0x0C),
-            (Protocol::Crsf, true) => crsf(channels),
-            (Protocol::Crsf, false) => Vec::new(),
-        }
+        let channels = sim::receiver::channels(self.stick * 10, self.switch);
+        self.protocol.frame(channels, self.transmitter).unwrap_or_default()
     }
 }
 

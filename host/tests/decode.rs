@@ -196,6 +196,140 @@ fn golden_files_hold_what_they_print() {
 }
 
 // ---------------------------------------------------------------------------------------------
+// Every raw value that a field can have
+// ---------------------------------------------------------------------------------------------
+
+/// An integer in units of the last of its decimal places, as a number of the output: text in, text out.
+fn decimal(units: i64, places: usize) -> String {
+    let digits = format!("{:0>width$}", units.unsigned_abs(), width = places + 1);
+    let (whole, rest) = digits.split_at(digits.len() - places);
+    let rest = rest.trim_end_matches('0');
+    let point = if rest.is_empty() { "" } else { "." };
+    format!("{}{whole}{point}{rest}", if units < 0 { "-" } else { "" })
+}
+
+fn zk_status(id: u8, bytes: [u8; 3]) -> [u8; 7] {
+    let [a, b, c] = bytes;
+    let body = [0xF0 | id, 0, 0, a, b, c];
+    let crc = jetlink::ecu::zk::codec::crc8(&body);
+    [body[0], 0, 0, a, b, c, crc]
+}
+
+/// Decodes these frames, each of which ends in one of these texts.
+fn ends_of(args: &[&str], frames: &[(Vec<u8>, String)]) {
+    let input: Vec<u8> = frames.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+    let outcome = decode(args, &input);
+    assert_eq!(outcome.stdout.lines().count(), frames.len(), "{args:?}");
+    for (line, (bytes, end)) in outcome.stdout.lines().zip(frames) {
+        assert!(line.ends_with(&format!("{end}}}")), "{args:?}, {bytes:02x?}: {line}, and not {end}");
+    }
+}
+
+/// ZK-5, ZK-6: the scales as the document gives them, in integers.
+#[test]
+fn each_raw_value_of_zk_is_printed_exactly() {
+    let mut frames = Vec::new();
+    let mut add = |id, bytes, end: String| frames.push((zk_status(id, bytes).to_vec(), end));
+    for raw in 0..=2047_u16 {
+        let [high, low] = raw.to_be_bytes();
+        add(1, [0, high << 2, low], format!(r#""egt_c":{}"#, i64::from(raw) - 50));
+    }
+    for raw in 0..=u16::MAX {
+        let [low, high] = raw.to_le_bytes();
+        add(3, [low, low, high], format!(r#""throttle_pct":{low},"pressure_pa":{}"#, u32::from(raw) * 2));
+    }
+    // Nine bits of 0.1 A, fifteen of 0.1 kg.
+    for raw in 0..=0x7FFF_u16 {
+        let ([high, low], current) = (raw.to_be_bytes(), raw & 0x1FF);
+        let [carry, amps] = current.to_be_bytes();
+        let current = decimal(current.into(), 1);
+        let end = format!(r#""current_a":{current},"thrust_kg":{}"#, decimal(raw.into(), 1));
+        add(4, [amps, high << 1 | carry, low], end);
+    }
+    for raw in 0..=255_u8 {
+        let pump = decimal(i64::from(raw) * 2, 2);
+        let end = format!(r#""ignition_pump_v":{pump},"curve_increase":{raw},"curve_decrease":{raw}"#);
+        add(5, [raw, raw, raw], end);
+        add(9, [raw, 0, 0], format!(r#""ecu_c":{}"#, i64::from(raw) - 50));
+    }
+    // Ten bits of 0.01 L/min, fourteen of 0.1 L.
+    for raw in 0..=0x3FFF_u16 {
+        let flow = raw & 0x3FF;
+        let [flow_high, flow_low] = flow.to_be_bytes();
+        let (flow, total) = (decimal(flow.into(), 2), decimal(raw.into(), 1));
+        let bytes = [flow_low, (raw << 2) as u8 | flow_high, (raw >> 6) as u8];
+        add(7, bytes, format!(r#""flow_l_min":{flow},"fuel_l":{total}"#));
+    }
+    for raw in 0..=0xFFF_u16 {
+        let ([high, low], startup) = (raw.to_be_bytes(), decimal(raw.into(), 1));
+        let end = format!(r#""pressure_requested":false,"closed_loop":false,"startup_s":{startup}"#);
+        add(8, [0, high, low], end);
+    }
+    ends_of(&["--protocol", "zk"], &frames);
+
+    // The version of a status-6 holds for the frame itself and for those after it.
+    for (version, tenths) in [(0_u8, 1), (3, 1), (4, 2), (63, 2)] {
+        let frames: Vec<_> = (0..=255_u8)
+            .flat_map(|raw| {
+                let volts = decimal(i64::from(raw) * tenths, 1);
+                let max = format!(r#""max_pump_v":{volts},"protocol_version":{version},"rate_hz":20"#);
+                let three = format!(r#""radio_v":{volts},"power_v":{volts},"pump_v":{volts}"#);
+                [(6, [0, raw, version << 2], max), (2, [raw; 3], three)]
+            })
+            .map(|(id, bytes, end)| (zk_status(id, bytes).to_vec(), end))
+            .collect();
+        ends_of(&["--protocol", "zk"], &frames);
+    }
+}
+
+/// AMT-6: offset in V and V at a raw 255, of Vout, the battery and the external battery.
+type AmtScales = [Option<(f64, f64)>; 3];
+
+/// AMT-6, AMT-7: the scales as the document gives them. A voltage is its formula in 64-bit numbers.
+#[test]
+fn each_raw_value_of_amt_is_printed_as_the_formula_gives_it() {
+    let small: AmtScales = [Some((0.0, 6.25)), Some((0.0, 10.0)), Some((7.0, 6.25))];
+    let large: AmtScales = [Some((0.0, 8.30)), Some((0.0, 10.0)), Some((7.0, 9.30))];
+    for (engine, id, scales) in [
+        ("mercury", 0x08, small),
+        ("pegasus", 0x10, small),
+        ("olympus", 0x18, large),
+        ("titan", 0x20, large),
+        ("nike", 0x28, [large[0], None, large[2]]),
+        ("lynx", 0x30, [None; 3]),
+        ("orion", 0x38, [None; 3]),
+    ] {
+        let volts = |raw: u8, scale: Option<(f64, f64)>| {
+            let Some((offset, full)) = scale else { return "null".to_owned() };
+            let volts = offset + f64::from(raw) * full / 255.0;
+            // In units of 1/255 mV, which holds each exactly.
+            let exact = (offset * 1000.0) as u32 * 255 + u32::from(raw) * (full * 1000.0).round() as u32;
+            assert!((volts - f64::from(exact) / 255_000.0).abs() < 4e-15, "{engine}, {raw}: {volts}");
+            volts.to_string()
+        };
+        let [vout, battery, external] = scales;
+        let frames: Vec<_> = (0..=254_u8)
+            .flat_map(|raw| {
+                let egt = decimal(i64::from(raw) * 46 - 500, 1);
+                let throttle = decimal(i64::from(raw) * 5, 1);
+                let rest =
+                    format!(r#""egt_c":{egt},"throttle_pct":{throttle},"vout_v":{}"#, volts(raw, vout));
+                let [vout, battery, external] = [vout, battery, external].map(|scale| volts(raw, scale));
+                let four = format!(
+                    r#""engine":"{engine}","idle_v":{vout},"max_v":{vout},"battery_v":{battery},"external_v":{external}"#
+                );
+                [
+                    (vec![0xFF, id, raw, raw, raw, raw], four),
+                    (vec![0xFF, 0x64, raw, raw, raw, raw], rest.clone()),
+                    (vec![0xFF, 0x00, raw, raw, raw, raw], rest),
+                ]
+            })
+            .collect();
+        ends_of(&["--protocol", "amt"], &frames);
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
 // Interface
 // ---------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@
 mod process;
 
 use process::Running;
-use sim::receiver::{CHANNELS, crsf, sbus, steps};
+use sim::receiver::{CHANNELS, Protocol, steps};
 use std::cell::Cell;
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
@@ -175,11 +175,8 @@ impl Flight {
                 let Sticks { stick, switch, on } = *moved.lock().unwrap();
                 let mut channels = [992; CHANNELS];
                 (channels[2], channels[4]) = (steps(stick), steps(switch));
-                let frame = match (kind, on) {
-                    ("sbus", on) => sbus(channels, if on { 0 } else { 0x0C }),
-                    (_, true) => crsf(channels),
-                    (_, false) => continue,
-                };
+                let protocol = if kind == "sbus" { Protocol::Sbus } else { Protocol::Crsf };
+                let Some(frame) = protocol.frame(channels, on) else { continue };
                 if to.write_all(&frame).is_err() {
                     return;
                 }

@@ -21,6 +21,17 @@ pub enum Switch {
     Run,
 }
 
+impl fmt::Display for Switch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pwm => "PWM input",
+            Self::Stop => "emergency stop",
+            Self::Standby => "standby",
+            Self::Run => "run",
+        })
+    }
+}
+
 /// Command in a control frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {

@@ -1,7 +1,84 @@
 //! What receivers of radio control send, written from the public descriptions of SBUS and CRSF and not from the decoders.
 
+use crate::line::Line;
+
 /// Channels of a frame.
 pub const CHANNELS: usize = 16;
+/// Channel of the throttle, from 0.
+const THROTTLE: usize = 2;
+/// Channel of the switch, from 0.
+const SWITCH: usize = 4;
+/// Flags of an SBUS receiver without its transmitter: frame lost, and fail-safe.
+const LOST: u8 = 0x0C;
+
+/// Protocol of a receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// SBUS.
+    Sbus,
+    /// CRSF.
+    Crsf,
+}
+
+impl Protocol {
+    /// Its line.
+    pub const fn line(self) -> Line {
+        match self {
+            Self::Sbus => Line::e2(100_000),
+            Self::Crsf => Line::n1(420_000),
+        }
+    }
+
+    /// What a receiver sends, with its transmitter on or off: an SBUS receiver without one flags its frames, a CRSF receiver
+    /// sends none.
+    pub fn frame(self, channels: [u16; CHANNELS], on: bool) -> Option<Vec<u8>> {
+        match (self, on) {
+            (Self::Sbus, on) => Some(sbus(channels, if on { 0 } else { LOST })),
+            (Self::Crsf, true) => Some(crsf(channels)),
+            (Self::Crsf, false) => None,
+        }
+    }
+}
+
+/// Position of a switch with three positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Position {
+    /// Stop.
+    Stop,
+    /// Standby.
+    Standby,
+    /// Run allowed.
+    Run,
+}
+
+impl Position {
+    /// Pulse width in µs.
+    const fn pulse_us(self) -> u16 {
+        match self {
+            Self::Stop => 1000,
+            Self::Standby => 1500,
+            Self::Run => 2000,
+        }
+    }
+
+    /// Name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Standby => "standby",
+            Self::Run => "run allowed",
+        }
+    }
+}
+
+/// The channels of one stick and one switch: the throttle in 0.1 % on channel 3, from 1100 to 1900 µs, the switch on channel
+/// 5. The others are centred.
+pub fn channels(throttle_tenths: u16, switch: Position) -> [u16; CHANNELS] {
+    let mut channels = [steps(1500); CHANNELS];
+    channels[THROTTLE] = steps(1100 + throttle_tenths * 8 / 10);
+    channels[SWITCH] = steps(switch.pulse_us());
+    channels
+}
 
 /// Sixteen channels of 11 bits, lowest bit first: bit by bit.
 fn packed(channels: [u16; CHANNELS]) -> [u8; 22] {
@@ -57,5 +134,27 @@ mod tests {
         let crsf = crsf([0; CHANNELS]);
         assert_eq!((crsf.len(), &crsf[..3]), (26, &[0xC8, 24, 0x16][..]));
         assert_eq!([1000, 1500, 2000].map(steps), [192, 992, 1792]);
+    }
+
+    #[test]
+    fn stick_and_switch_are_on_channels_3_and_5() {
+        for (throttle, switch, third, fifth) in [
+            (0, Position::Stop, 352, 192),
+            (500, Position::Standby, 992, 992),
+            (1000, Position::Run, 1632, 1792),
+        ] {
+            let mut expected = [992; CHANNELS];
+            (expected[2], expected[4]) = (third, fifth);
+            assert_eq!(channels(throttle, switch), expected, "{switch:?}");
+        }
+    }
+
+    #[test]
+    fn a_receiver_without_its_transmitter_flags_its_frames_or_sends_none() {
+        let channels = [992; CHANNELS];
+        assert_eq!(Protocol::Sbus.frame(channels, true), Some(sbus(channels, 0)));
+        assert_eq!(Protocol::Sbus.frame(channels, false), Some(sbus(channels, 0x0C)));
+        assert_eq!(Protocol::Crsf.frame(channels, true), Some(crsf(channels)));
+        assert_eq!(Protocol::Crsf.frame(channels, false), None);
     }
 }

@@ -80,7 +80,7 @@ impl Seen {
     #[track_caller]
     fn only(&self, from: u64, to: u64, least: usize, allowed: impl Fn(Sent) -> bool) -> &Self {
         if let Some(frame) = self.frames(0, from, to).find(|frame| !allowed(frame.sent)) {
-            panic!("{:?} at {} ms\n{}", frame.sent, frame.at / MS, self.0.report(true));
+            panic!("{} at {} ms\n{}", frame.sent, frame.at / MS, self.0.report(true));
         }
         let count = self.frames(0, from, to).count();
         assert!(count >= least, "{count} frames from {from} ms to {to} ms\n{}", self.0.report(true));
@@ -111,7 +111,8 @@ impl Seen {
     fn demand_is(&self, engine: usize, millis: u64, tenths: u32) -> &Self {
         let last = self.frames(engine, 0, millis).filter_map(|frame| frame.sent.demand()).last();
         let near = matches!(last, Some(Demanded::Throttle(sent)) if sent.abs_diff(tenths) <= 10);
-        assert!(near, "{last:?} at {millis} ms\n{}", self.0.report(true));
+        let shown = last.map_or("no demand".into(), |sent| sent.to_string());
+        assert!(near, "{shown} on the wire at {millis} ms\n{}", self.0.report(true));
         self
     }
 }

@@ -197,7 +197,7 @@ impl EngineContext {
                 Act::Once(source, command) => self.send_command(handle, source, command),
                 Act::Fault(fault, length) => {
                     self.disturber.begin(rng, &self.plug, &mut self.history, fault, at, at + length);
-                    self.note(format!("{fault:?} for {} ms", length / MS));
+                    self.note(format!("{fault} for {} ms", length / MS));
                 }
                 Act::Swap(version, off) => self.swap(rng, version, off),
             }

@@ -2,6 +2,7 @@
 
 use crate::history::{History, MS, SECOND, Spans};
 use crate::pilots::Rng;
+use core::fmt;
 use sim::any::AnyEcu;
 use sim::turbine::{EgtSensor, Phase};
 use sim::wire::{Direction, Faults, FramingAs, Plug};
@@ -35,6 +36,41 @@ pub enum Fault {
     OneWrongFrame,
     /// A signal on the PWM input of a ZK ECU.
     PwmSignal(bool),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let direction = |to_node: &bool, to_ecu: &bool| match (to_node, to_ecu) {
+            (true, true) => "in both directions",
+            (true, false) => "to the node",
+            (false, true) => "to the ECU",
+            (false, false) => "in no direction",
+        };
+        match self {
+            Self::PowerOff => f.write_str("ECU without power"),
+            Self::CutToNode => f.write_str("wire to the node cut"),
+            Self::CutToEcu => f.write_str("wire to the ECU cut"),
+            Self::CutBoth => f.write_str("both wires cut"),
+            Self::Stall => f.write_str("the node's transmitter hangs"),
+            Self::Damage(to_node, to_ecu) => write!(f, "every byte damaged {}", direction(to_node, to_ecu)),
+            Self::Noise(to_ecu) => write!(f, "noise {}", direction(&true, to_ecu)),
+            Self::Framing(per_million) => write!(f, "framing errors, {per_million} per million bytes"),
+            Self::FlameOut => f.write_str("flame-out"),
+            Self::HotStarts(on) => {
+                f.write_str(if *on { "starts get hot" } else { "starts no longer get hot" })
+            }
+            Self::NoLight(on) => {
+                f.write_str(if *on { "the igniter fails" } else { "the igniter works again" })
+            }
+            Self::Error(code) => write!(f, "the ECU reports fault {code}"),
+            Self::Sensor(EgtSensor::Open) => f.write_str("thermocouple open"),
+            Self::Sensor(EgtSensor::Short) => f.write_str("thermocouple shorted"),
+            Self::Sensor(EgtSensor::Good) => f.write_str("thermocouple good"),
+            Self::OneWrongFrame => f.write_str("one forged frame"),
+            Self::PwmSignal(true) => f.write_str("the PWM input commands run"),
+            Self::PwmSignal(false) => f.write_str("the PWM input commands standby"),
+        }
+    }
 }
 
 /// How much goes wrong in a world.
@@ -163,7 +199,7 @@ impl Disturber {
             self.current = None;
             end(fault, plug);
             write_down(history, fault, from, now);
-            notes.push(format!("over: {fault:?}"));
+            notes.push(format!("over: {fault}"));
         }
         let amt = history.is_amt();
         if self.current.is_none() && now >= self.next {
@@ -171,7 +207,7 @@ impl Disturber {
             let (fault, length) = self.choose(rng, amt, history.rules.gives_up_after);
             begin(fault, rng, plug);
             self.current = Some((fault, now, now + length.max(MS)));
-            notes.push(format!("{fault:?} for {} ms", length / MS));
+            notes.push(format!("{fault} for {} ms", length / MS));
         }
         let phase = plug.ecu(|ecu| ecu.turbine().phase());
         // A flame that goes out in flight.
@@ -195,7 +231,7 @@ impl Disturber {
                 let length = rng.spread(50 * MS, 2 * SECOND);
                 begin(Fault::PowerOff, rng, plug);
                 self.current = Some((Fault::PowerOff, now, now + length));
-                notes.push(format!("PowerOff in a start for {} ms", length / MS));
+                notes.push(format!("{} in a start for {} ms", Fault::PowerOff, length / MS));
             }
         }
         notes

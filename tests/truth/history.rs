@@ -1,6 +1,7 @@
 //! What really happened to one engine: what its pilots commanded, what was on its wire, the power of its ECU, what its turbine
 //! did. Nothing in it comes from the node. All times are in microseconds.
 
+use core::fmt;
 pub use sim::control::Switch;
 use sim::turbine::Phase;
 
@@ -16,8 +17,8 @@ pub enum Demanded {
     Rpm(u32),
 }
 
-impl core::fmt::Display for Demanded {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+impl fmt::Display for Demanded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Throttle(tenths) => write!(f, "{}.{} %", tenths / 10, tenths % 10),
             Self::Rpm(rpm) => write!(f, "{rpm} rpm"),
@@ -60,6 +61,24 @@ impl PilotCommand {
                 | Self::Service(_)
                 | Self::Ctf
         )
+    }
+}
+
+impl fmt::Display for PilotCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Standby => f.write_str("standby"),
+            Self::ShutDown => f.write_str("shut down"),
+            Self::Run(demanded) => write!(f, "run at {demanded}"),
+            Self::Stop => f.write_str("emergency stop"),
+            Self::Release => f.write_str("release of the emergency stop"),
+            Self::Arm => f.write_str("arm"),
+            Self::Disarm => f.write_str("disarm"),
+            Self::Nothing => f.write_str("present"),
+            Self::Pwm => f.write_str("hand-over to the PWM input"),
+            Self::Service(number) => write!(f, "service command, ZK action {number}"),
+            Self::Ctf => f.write_str("CTF"),
+        }
     }
 }
 
@@ -111,6 +130,22 @@ impl Sent {
     }
 }
 
+impl fmt::Display for Sent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Full(switch, tenths) => write!(f, "{switch}, throttle {}", Demanded::Throttle(*tenths)),
+            Self::Mode(Some(switch), factor) => write!(f, "ID 6: {switch}, RPM_X {factor}"),
+            Self::Mode(None, factor) => write!(f, "ID 6: RPM_X {factor}"),
+            Self::Rpm(rpm) => write!(f, "ID 7: {rpm} rpm"),
+            Self::Nothing => f.write_str("ID 0"),
+            Self::Action(number) => write!(f, "ID 2: action {number}"),
+            Self::Ctf => f.write_str("CTF"),
+            Self::Other(id) => write!(f, "ID {id}"),
+            Self::Bad(bytes) => write!(f, "{bytes:02x?}, which is no control frame"),
+        }
+    }
+}
+
 /// A control frame on the wire.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Frame {
@@ -156,6 +191,16 @@ pub enum Mark {
     GivenUp,
 }
 
+impl fmt::Display for Mark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ignition => "ignition",
+            Self::Relight => "ignition by the ECU itself",
+            Self::GivenUp => "the ECU put the turbine out: it was not commanded",
+        })
+    }
+}
+
 /// How the node came to be reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Cause {
@@ -165,6 +210,16 @@ pub enum Cause {
     BrownOut,
     /// Power-on, with nothing left of the memory.
     PowerOn,
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Watchdog => "watchdog",
+            Self::BrownOut => "brown-out",
+            Self::PowerOn => "power-on",
+        })
+    }
 }
 
 /// A time without a node.

@@ -46,7 +46,7 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
     for commanded in &history.commanded {
         if matches!(commanded.command, PilotCommand::Arm | PilotCommand::Disarm) {
             if armed[commanded.source].replace(commanded.command) != Some(commanded.command) {
-                lines.push((commanded.at, format!("  {}: {:?}", names[commanded.source], commanded.command)));
+                lines.push((commanded.at, format!("  {}: {}", names[commanded.source], commanded.command)));
             }
             continue;
         }
@@ -56,9 +56,9 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
             before.is_none_or(|(when, command)| command != commanded.command || commanded.at > when + age);
         if new {
             if let Some((when, command)) = before.filter(|(when, _)| commanded.at > when + age) {
-                lines.push((when, format!("  {}: {command:?}, and then silence", names[commanded.source])));
+                lines.push((when, format!("  {}: {command}, and then silence", names[commanded.source])));
             }
-            lines.push((commanded.at, format!("  {}: {:?}", names[commanded.source], commanded.command)));
+            lines.push((commanded.at, format!("  {}: {}", names[commanded.source], commanded.command)));
         }
     }
     // Of each kind of frame by itself: some take turns.
@@ -82,18 +82,18 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
         let before = sent.insert(number, now);
         if before.is_none_or(|before| (before.1, before.2) != (now.1, now.2) || now.0 > before.0 + SECOND) {
             let lost = if frame.arrived { "" } else { ", lost" };
-            lines.push((frame.at, format!("      wire: {:?}{lost}", frame.sent)));
+            lines.push((frame.at, format!("      wire: {}{lost}", frame.sent)));
         }
     }
     for (at, mark) in &history.marks {
-        lines.push((*at, format!("    {mark:?}")));
+        lines.push((*at, format!("    {mark}")));
     }
     let mut phase = Phase::Stopped;
     for sample in &history.samples {
         if core::mem::replace(&mut phase, sample.phase) != sample.phase {
             lines.push((
                 sample.at,
-                format!("    turbine: {:?}, {:.0} rpm, {:.0} °C", sample.phase, sample.rpm, sample.egt),
+                format!("    turbine: {}, {:.0} rpm, {:.0} °C", sample.phase.name(), sample.rpm, sample.egt),
             ));
         }
     }

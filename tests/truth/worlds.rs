@@ -107,7 +107,7 @@ fn play<const N: usize>(
                 context.power_off(rng, down_at + down);
             }
             let with = if with_ecu { ", and the ECU loses its power, too" } else { "" };
-            context.note(format!("the node is reset ({cause:?}), {} ms without it{with}", down / MS));
+            context.note(format!("the node is reset ({cause}), {} ms without it{with}", down / MS));
         }
         if cause == Cause::PowerOn {
             for word in memory.iter().flat_map(words) {

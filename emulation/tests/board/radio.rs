@@ -97,7 +97,7 @@ fn stick_and_switch_start_throttle_and_stop_two_turbines() {
             let (at, _) =
                 orders.iter().find(|(at, order)| *at > STOP && *order == Order::Stop).expect("stop");
             println!("{which}, {name}: stop {:.1} ms after the switch", (at - STOP) as f64 / 1e6);
-            // Two frames have to agree; then an AMT ECU gets it with the next reply, at its eight frames a second.
+            // Two frames have to agree. An AMT ECU receives the command in the next reply, at its eight frames a second.
             assert!(at - STOP < 200 * MILLIS, "{which}, {name}: {} ms", (at - STOP) / MILLIS);
             assert!(orders.iter().filter(|(each, _)| each > at).all(|(_, order)| *order == Order::Stop));
         }

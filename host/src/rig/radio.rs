@@ -5,9 +5,8 @@ mod choice;
 mod transmitter;
 
 pub use self::choice::{Choice, RadioError};
-pub use self::transmitter::{Position, Transmitter};
+pub use self::transmitter::Transmitter;
 
-use self::choice::Kind;
 use self::transmitter::Air;
 use super::context::{EngineContext, PilotInput};
 use super::node::Node;
@@ -16,11 +15,9 @@ use embassy_time::Instant;
 use jetlink::channel::Channel;
 use jetlink::command::{Command, Order, Origin};
 use jetlink::runner::LineErrors;
-use jetlink_rc::crsf::Crsf;
-use jetlink_rc::input::Input;
+use jetlink_rc::config::Protocol;
 use jetlink_rc::pilot::{Outcome, Pilot};
 use jetlink_rc::runner;
-use jetlink_rc::sbus::Sbus;
 use jetlink_rc::service::Service;
 use jetlink_rc::settings::EngineSettings;
 use sim::clock;
@@ -39,7 +36,7 @@ enum From {
 /// Radio control of a run. It continues when the node is reset.
 #[derive(Debug)]
 pub struct Radio {
-    kind: Kind,
+    protocol: Protocol,
     from: From,
 }
 
@@ -49,11 +46,11 @@ impl Radio {
         let from = match &choice.address {
             None => From::Transmitter(Transmitter::new()),
             Some(address) => {
-                let format = if choice.kind == Kind::Sbus { Format::E2 } else { Format::N1 };
+                let format = if choice.protocol.is_8e2() { Format::E2 } else { Format::N1 };
                 From::Port(Link::open(address, format).map_err(RadioError::Open)?)
             }
         };
-        Ok(Self { kind: choice.kind, from })
+        Ok(Self { protocol: choice.protocol, from })
     }
 
     /// The transmitter, if it is simulated.
@@ -72,11 +69,7 @@ impl Radio {
             // The defaults are right.
             pilots.extend(Pilot::new(source, &node.config(i), EngineSettings::DEFAULT).ok());
         }
-        let input = match self.kind {
-            Kind::Sbus => Input::Sbus(Sbus::new()),
-            Kind::Crsf => Input::Crsf(Crsf::new()),
-        };
-        let service = RefCell::new(Service::<'_, MOST_ENGINES>::new(input, pilots));
+        let service = RefCell::new(Service::<'_, MOST_ENGINES>::new(self.protocol.input(), pilots));
         // Neither the network nor the simulated transmitter damages a byte.
         let errors = LineErrors::new();
         let after = |_: Instant, engine: usize, outcome| {
@@ -86,7 +79,7 @@ impl Radio {
         };
         match &self.from {
             From::Transmitter(transmitter) => {
-                runner::run(&service, Air::new(transmitter, self.kind), &errors, after).await
+                runner::run(&service, Air::new(transmitter, self.protocol), &errors, after).await
             }
             From::Port(link) => runner::run(&service, link.rx(), &errors, after).await,
         }

@@ -170,8 +170,8 @@ impl Telemetry for Amt {
     }
 }
 
-/// The document's own formula in the document's own numbers, so that both give the same: the codec's
-/// [`amt::VoltageScale::millivolts`] rounds, and one step is not a whole number of mV.
+/// The document's own formula in the document's own numbers, as 64-bit numbers: one step is not a whole number of any decimal
+/// unit. So [`amt::VoltageScale::millivolts`] rounds, and this prints as many decimals as tell two numbers apart.
 fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
     let scale = scale?;
     let full_scale = f64::from(scale.full_scale_mv) / 1000.0;

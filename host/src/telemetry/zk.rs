@@ -1,7 +1,7 @@
 //! The telemetry of a ZK ECU. Status ID 6 reports the protocol version (ZK-6), which gives voltages their scale.
 
 use super::decoder::Telemetry;
-use crate::json::{Record, tenths, thousandths};
+use crate::json::{Decimal, Record, tenths, thousandths};
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 use jetlink::ecu::zk::codec as zk;
 
@@ -179,6 +179,6 @@ fn zk_name(id: u8) -> &'static str {
     }
 }
 
-fn zk_volts(byte: zk::VoltageByte, version: Option<zk::Version>) -> Option<f64> {
+fn zk_volts(byte: zk::VoltageByte, version: Option<zk::Version>) -> Option<Decimal> {
     byte.millivolts(version).map(|voltage| thousandths(voltage.get()))
 }

@@ -147,13 +147,17 @@ impl Engine {
     /// The state to retain.
     pub fn record(&self) -> RetainedState {
         let by = self.ordered.origin;
+        // Commands of a lower source must not prolong the hold of a lost source's demand.
+        let received = match &self.mode {
+            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
+            _ => self.sources.any_received(),
+        };
         let retained = match &self.mode {
             Mode::Listen(_) if self.retained.is_some() => {
                 self.retained.unwrap_or(RetainedState::new(Order::Listen, by))
             }
             Mode::Listen(finding) => {
                 let since = self.at.saturating_duration_since(finding.silent_since);
-                let received = self.sources.any_received();
                 let of = |before| if received { Duration::from_ticks(0) } else { before + since };
                 // A start that a reset interrupted stays one after another reset.
                 let (order, starting) = match finding.started {
@@ -175,19 +179,13 @@ impl Engine {
             Mode::Standby => RetainedState::new(Order::Standby, by),
             Mode::Run(run) => {
                 let (limited, loss, ran) = (run.limited, run.stage, run.life.reached());
-                let silent = self.silent(run);
-                let received = self.sources.has_commanded(run.in_control());
-                let silent =
-                    if received { RetainedState::coarse_steps(silent) } else { RetainedState::steps(silent) };
-                let all_silent = match self.sources.last_command() {
-                    Some(last) => self.at.saturating_duration_since(last),
-                    None => run.all_carried + self.at.saturating_duration_since(run.began),
+                let silent = RetainedState::silence(self.silent(run), received);
+                let (all_silent, any_received) = match self.sources.last_command() {
+                    Some(last) => (self.at.saturating_duration_since(last), true),
+                    None => (run.all_carried + self.at.saturating_duration_since(run.began), false),
                 };
                 let steady = self.sources.steady_for(self.at, run.in_control(), all_silent);
-                let all_silent = match self.sources.last_command() {
-                    Some(_) => RetainedState::coarse_steps(all_silent),
-                    None => RetainedState::steps(all_silent),
-                };
+                let all_silent = RetainedState::silence(all_silent, any_received);
                 let since = run.started_before + self.at.saturating_duration_since(run.began);
                 let starting = if ran { 0 } else { seconds(since) };
                 // Only an ECU that stops its engine without replies gives the time a meaning.
@@ -212,11 +210,6 @@ impl Engine {
                 }
             }
             Mode::Pwm { life, .. } => RetainedState { ran: life.ran(), ..RetainedState::new(Order::Pwm, by) },
-        };
-        // Commands of a lower source must not prolong the hold of a lost source's demand.
-        let received = match &self.mode {
-            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
-            _ => self.sources.any_received(),
         };
         let resets = if received { 0 } else { self.resets };
         RetainedState {

@@ -161,15 +161,16 @@ impl RetainedState {
         }
     }
 
-    /// Silence, rounded down to retained steps.
-    pub(super) fn steps(silent: Duration) -> Duration {
-        SILENCE_STEP * steps(silent, SILENCE_STEP)
+    /// A time, rounded down to retained steps.
+    pub(super) fn steps(time: Duration) -> Duration {
+        SILENCE_STEP * steps(time, SILENCE_STEP)
     }
 
-    /// Silence, rounded down to coarse steps, so that the record does not change with every command.
-    pub(super) fn coarse_steps(silent: Duration) -> Duration {
+    /// Silence of a source, rounded down: to coarse steps while it is received, so that the record does not change with
+    /// every command.
+    pub(super) fn silence(silent: Duration, received: bool) -> Duration {
         let steps = steps(silent, SILENCE_STEP);
-        SILENCE_STEP * (steps - steps % COARSE)
+        SILENCE_STEP * if received { steps - steps % COARSE } else { steps }
     }
 }
 

@@ -191,10 +191,8 @@ impl Run {
         // One odd report, a gap or a reset may raise doubt long after the last stage was due, and must not end the run. A
         // loop of resets must, if no source is received in it.
         let could_run = self.life.reached() && !self.resumed_low;
-        let confirmed_by = match by.doubted.filter(|_| could_run) {
-            Some(since) => Some(since.checked_add(CONFIRMS_WITHIN)?),
-            None => None,
-        };
+        let confirmed_by =
+            by.doubted.filter(|_| could_run).and_then(|since| since.checked_add(CONFIRMS_WITHIN));
         [Some(at), confirmed_by, self.received_until(by)].into_iter().flatten().max()
     }
 

@@ -145,13 +145,13 @@ impl Case<'_> {
                 Some((source, PilotCommand::Run(demanded))) => {
                     format!("source {source} commands run at {demanded}")
                 }
-                Some((source, command)) => format!("source {source} commands {command:?}, once"),
+                Some((source, command)) => format!("source {source} commands {command}, once"),
                 None => "all sources are silent".into(),
             };
             self.verdict.finding(
                 Rule::ShutDown,
                 frame.at,
-                format!("{switch:?} for an engine that runs, and {who}"),
+                format!("{switch} for an engine that runs, and {who}"),
             );
         }
     }

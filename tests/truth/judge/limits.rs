@@ -60,8 +60,9 @@ impl Case<'_> {
             };
             let wrong = switch == Some(Switch::Run) && (standby || high);
             if wrong {
+                let demand = demand.map_or("run".into(), |demand| demand.to_string());
                 let text = format!(
-                    "{what} is beyond its limit since {} until {}, and {demand:?} is on the wire",
+                    "{what} is beyond its limit since {} until {}, and {demand} is on the wire",
                     seconds(from),
                     seconds(to)
                 );
@@ -185,6 +186,7 @@ impl Case<'_> {
             let (Some(Demanded::Throttle(sent)), Some(Switch::Run)) = self.sent_at(until) else { continue };
             let (Some(Demanded::Throttle(before)), _) = self.sent_at(at - 1) else { continue };
             if sent.abs_diff(before) > 8 && before.abs_diff(held) <= 8 {
+                let [wanted, sent, before] = [wanted, sent, before].map(Demanded::Throttle);
                 let text = format!(
                     "source {} takes over at {} with {wanted}, and {sent} is on the wire after {before}",
                     commanded.source,

@@ -457,8 +457,8 @@ impl Case<'_> {
         let egt = |at| self.h.sample(at).map_or(0.0, |sample| sample.egt);
         let falls =
             |at: u64| (0..FALLS_FOR).all(|n| egt(at - (n + 1) * SECOND) - egt(at - n * SECOND) > FALL);
-        let samples = self.h.samples(from, to).iter().map(|sample| sample.at);
-        samples.into_iter().find(|at| *at >= from + FALLS_FOR * SECOND && falls(*at))
+        let mut samples = self.h.samples(from, to).iter().map(|sample| sample.at);
+        samples.find(|at| *at >= from + FALLS_FOR * SECOND && falls(*at))
     }
 
     /// The last frame in this time with a lower demand than the one before it.

@@ -93,7 +93,7 @@ impl Case<'_> {
                 !allowed && !is_stop(frame)
             });
             if let Some(frame) = wrong {
-                let text = format!("stopped at {}, and {:?} is on the wire", seconds(from), frame.sent);
+                let text = format!("stopped at {}, and {} is on the wire", seconds(from), frame.sent);
                 self.verdict.finding(Rule::Stop, frame.at, text);
             }
             // There is one in every slot: ZK by itself, AMT in reply to each set that can be received.
@@ -152,8 +152,7 @@ impl Case<'_> {
             if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.sent, Sent::Rpm(_)) {
                 continue;
             }
-            let text =
-                format!("{:?} needs version {needed}, the ECU has {}", frame.sent, h.version(frame.at));
+            let text = format!("{} needs version {needed}, the ECU has {}", frame.sent, h.version(frame.at));
             self.verdict.finding(Rule::Version, frame.at, text);
             reported = frame.at + 10_000 * MS;
         }

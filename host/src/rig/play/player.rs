@@ -4,7 +4,7 @@
 use super::super::context::{EngineContext, Notes, PilotInput, Stage};
 use super::super::faults::Faults;
 use super::super::node::{Cause, Node, Reset};
-use super::super::radio::{Position, Transmitter};
+use super::super::radio::Transmitter;
 use super::action::{Act, Action, Fault, Wish};
 use super::judge::{Judge, Seen, Verdict};
 use embassy_time::{Duration, Instant, Ticker};
@@ -14,6 +14,7 @@ use jetlink::units::{Rpm, Throttle};
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::{MILLIS, Nanos};
+use sim::receiver::Position;
 use sim::wire::{Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;

@@ -1,21 +1,13 @@
 //! What `--rc` says.
 
 use super::super::port::{Address, AddressError, OpenError};
-
-/// Kind of a receiver.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kind {
-    /// SBUS.
-    Sbus,
-    /// CRSF.
-    Crsf,
-}
+use jetlink_rc::config::Protocol;
 
 /// A receiver and where its frames come from.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Choice {
-    /// The kind.
-    pub kind: Kind,
+    /// Its protocol.
+    pub protocol: Protocol,
     /// `None`: a transmitter that the keys move.
     pub address: Option<Address>,
 }
@@ -23,8 +15,8 @@ pub struct Choice {
 /// What is wrong with `--rc`.
 #[derive(Debug)]
 pub enum RadioError {
-    /// No such kind.
-    Kind(String),
+    /// No such protocol.
+    Protocol(String),
     /// No address behind it.
     Address(AddressError),
     /// Nothing can be received there.
@@ -41,7 +33,7 @@ impl core::fmt::Display for RadioError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str("--rc: ")?;
         match self {
-            Self::Kind(text) => write!(
+            Self::Protocol(text) => write!(
                 f,
                 "`{text}` is not a receiver: use sbus or crsf for a transmitter that the keys move, sbus=ADDRESS or \
                  crsf=ADDRESS for frames from outside"
@@ -60,17 +52,18 @@ impl core::error::Error for RadioError {}
 impl Choice {
     /// Reads `sbus`, `crsf`, `sbus=ADDRESS` or `crsf=ADDRESS`.
     pub fn parse(text: &str) -> Result<Self, RadioError> {
-        let (kind, address) = text.split_once('=').map_or((text, None), |(kind, at)| (kind, Some(at)));
-        let kind = match kind {
-            "sbus" => Kind::Sbus,
-            "crsf" => Kind::Crsf,
-            _ => return Err(RadioError::Kind(text.to_owned())),
+        let (protocol, address) =
+            text.split_once('=').map_or((text, None), |(protocol, at)| (protocol, Some(at)));
+        let protocol = match protocol {
+            "sbus" => Protocol::Sbus,
+            "crsf" => Protocol::Crsf,
+            _ => return Err(RadioError::Protocol(text.to_owned())),
         };
         let address = address.map(Address::parse).transpose().map_err(RadioError::Address)?;
         if matches!(address, Some(Address::UdpOut(_))) {
             return Err(RadioError::SendsOnly);
         }
-        Ok(Self { kind, address })
+        Ok(Self { protocol, address })
     }
 }
 
@@ -80,14 +73,14 @@ mod tests {
 
     #[test]
     fn choices_are_read_and_mistakes_have_their_type() {
-        for (text, kind) in [("sbus", Kind::Sbus), ("crsf", Kind::Crsf)] {
-            assert_eq!(Choice::parse(text).unwrap(), Choice { kind, address: None });
+        for (text, protocol) in [("sbus", Protocol::Sbus), ("crsf", Protocol::Crsf)] {
+            assert_eq!(Choice::parse(text).unwrap(), Choice { protocol, address: None });
         }
         let outside = Choice::parse("crsf=tcpin:127.0.0.1:5791").unwrap();
         let address = Some(Address::TcpIn("127.0.0.1:5791".into()));
-        assert_eq!(outside, Choice { kind: Kind::Crsf, address });
+        assert_eq!(outside, Choice { protocol: Protocol::Crsf, address });
         for text in ["", "pwm", "SBUS", "tcpin:127.0.0.1:1", "=tcpin:127.0.0.1:1"] {
-            assert!(matches!(Choice::parse(text), Err(RadioError::Kind(_))), "{text}");
+            assert!(matches!(Choice::parse(text), Err(RadioError::Protocol(_))), "{text}");
         }
         for text in ["sbus=", "sbus=127.0.0.1:1", "crsf=tcpin:127.0.0.1"] {
             assert!(matches!(Choice::parse(text), Err(RadioError::Address(_))), "{text}");

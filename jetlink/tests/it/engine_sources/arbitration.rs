@@ -118,7 +118,7 @@ fn taking_over_is_bumpless() {
             scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(close)));
             scenario.command_from(run(far), Origin::Emergency).unwrap();
-            assert_eq!(scenario.order(), Order::Run(percent(far)), "it rules now");
+            assert_eq!(scenario.order(), Order::Run(percent(far)), "it is in control now");
         }
         // Far, and it stays there: after the time, to the tick.
         let mut scenario = Scenario::started(ecu, percent(50));

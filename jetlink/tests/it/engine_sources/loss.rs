@@ -281,7 +281,7 @@ fn only_a_demand_keeps_a_demand_fresh() {
 }
 
 /// An rpm demand falls to the idle rpm that the ECU gave, or to the throttle at idle if it gave none; it only lowers,
-/// and rules although the ECU has lowered its maximum since.
+/// and applies although the ECU has lowered its maximum since.
 #[test]
 fn an_rpm_demand_falls_to_idle_when_its_source_is_lost() {
     for (demand, safe) in [(100_000, ZK_IDLE), (ZK_IDLE - 1_000, ZK_IDLE - 1_000)] {

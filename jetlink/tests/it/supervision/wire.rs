@@ -1,5 +1,6 @@
 //! The node's frames on the wire, in the judge's terms. The simulation's reader decodes the bytes.
 
+use core::fmt;
 use sim::any::Protocol;
 pub use sim::control::Switch;
 use sim::control::{self, Command};
@@ -18,6 +19,24 @@ pub enum Frame {
     Other(u8),
     /// No frame that the document knows.
     Bad([u8; 5]),
+}
+
+impl fmt::Display for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Full(switch, tenths) => write!(f, "{switch}, throttle {}", percent(*tenths)),
+            Self::Mode(switch, factor) => write!(f, "ID 6: {switch}, RPM_X {factor}"),
+            Self::RpmCode(code) => write!(f, "ID 7: rpm / 10 / RPM_X = {code}"),
+            Self::Other(id) => write!(f, "ID {id}"),
+            Self::Bad(bytes) => write!(f, "{bytes:02x?}, which is no control frame"),
+        }
+    }
+}
+
+/// Tenths of a percent, for a reader.
+pub fn percent(tenths: impl Into<u32>) -> String {
+    let tenths = tenths.into();
+    format!("{}.{} %", tenths / 10, tenths % 10)
 }
 
 /// Finds the frames in the record of a wire.

@@ -15,7 +15,7 @@ impl Oracle {
         let starts = self.tally.starts;
         let answer = self.judge(at, frame).map(|_| self.tally.starts > starts && !hung);
         match frame {
-            Frame::Full(..) => (self.peak_throttle, self.ruled_peak) = (0, 0),
+            Frame::Full(..) => (self.peak_throttle, self.control_peak) = (0, 0),
             Frame::RpmCode(_) => self.peak_rpm = 0,
             // It shows no demand.
             _ => return answer,
@@ -50,7 +50,7 @@ impl Oracle {
         {
             self.tally.stop_frames += 1;
             if switch != Some(Switch::Stop) {
-                return Err(format!("(4) {by} has stopped the engine, and {frame:?} is on the wire"));
+                return Err(format!("(4) {by} has stopped the engine, and {frame} is on the wire"));
             }
         }
         let opens = match switch {
@@ -73,10 +73,15 @@ impl Oracle {
         Ok(())
     }
 
+    /// The source in control, for a reader.
+    fn who(&self) -> &'static str {
+        self.in_force.map_or("a source that is not known for certain", Origin::name)
+    }
+
     /// A stop or standby.
     pub(super) fn ended(&mut self, at: u64, frame: Frame) -> Result<(), String> {
         if self.guard && at < self.booted + 10 * SECOND && !self.ended_by_loss(at) {
-            return Err(format!("(5) {frame:?} after a reset, with an engine that runs"));
+            return Err(format!("(5) {frame} after a reset, with an engine that runs"));
         }
         if self.wire_run
             && self.latched.is_none()
@@ -88,7 +93,7 @@ impl Oracle {
             let reason =
                 self.over.is_some() || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
             if !reason {
-                return Err(format!("(5) {frame:?} to an engine that runs, and nobody ended its run"));
+                return Err(format!("(5) {frame} to an engine that runs, and nobody ended its run"));
             }
         }
         self.attempts.retain(|attempt| attempt.at + TOL >= at);
@@ -364,9 +369,12 @@ impl Oracle {
         };
         if throttle > limit && !opens {
             return Err(format!(
-                "(6) throttle {throttle}, {:?} commands {limit} at most (held {}, before {before})",
-                self.in_force,
-                self.held(at)
+                "(6) throttle {}, {} commands {} at most ({}, before {})",
+                percent(throttle),
+                self.who(),
+                percent(limit),
+                if self.held(at) { "held" } else { "not held" },
+                percent(before)
             ));
         }
         // (3)
@@ -376,7 +384,11 @@ impl Oracle {
         if let Some(bound) = bound {
             self.tally.fail_safe_frames += u64::from(bound <= u32::from(loss.throttle.tenths()));
             if u32::from(throttle) > bound {
-                return Err(format!("(3) throttle {throttle} above {bound}, and every source is silent"));
+                return Err(format!(
+                    "(3) throttle {} above {}, and every source is silent",
+                    percent(throttle),
+                    percent(bound)
+                ));
             }
         }
         // (9)
@@ -385,7 +397,12 @@ impl Oracle {
         if let Some(Demand::Throttle(wanted)) = self.exact(at) {
             self.tally.exact_frames += 1;
             if throttle.abs_diff(wanted.tenths()) > 5 {
-                return Err(format!("(7) throttle {throttle}, {:?} commands {wanted:?}", self.in_force));
+                return Err(format!(
+                    "(7) throttle {}, {} commands {}",
+                    percent(throttle),
+                    self.who(),
+                    percent(wanted.tenths())
+                ));
             }
         }
         self.throttle = throttle;
@@ -412,7 +429,11 @@ impl Oracle {
         }
         self.tally.rising_frames += 1;
         if throttle > risen {
-            return Err(format!("(9) throttle {throttle}, and it rises to {risen} at most"));
+            return Err(format!(
+                "(9) throttle {}, and it rises to {} at most",
+                percent(throttle),
+                percent(risen)
+            ));
         }
         Ok(())
     }
@@ -440,7 +461,7 @@ impl Oracle {
             _ => limit,
         };
         if rpm > limit + slack && !opens && rpm > self.idle_rpm + slack || rpm > self.max_rpm + slack {
-            return Err(format!("(6) {rpm} rpm, {:?} commands {limit} at most", self.in_force));
+            return Err(format!("(6) {rpm} rpm, {} commands {limit} rpm at most", self.who()));
         }
         let from = from.max(unseen);
         let rate = self.max_rpm / 1000 * u32::from(self.config.supervision.loss.ramp);
@@ -452,7 +473,7 @@ impl Oracle {
         if let Some(Demand::Rpm(wanted)) = self.exact(at) {
             self.tally.exact_frames += 1;
             if rpm.abs_diff(wanted.get()) > slack {
-                return Err(format!("(7) {rpm} rpm, {:?} commands {wanted:?}", self.in_force));
+                return Err(format!("(7) {rpm} rpm, {} commands {} rpm", self.who(), wanted.get()));
             }
         }
         self.rpm = rpm;

@@ -99,7 +99,7 @@ impl Oracle {
             Command::Present => {
                 let active_before = self.active_source(at);
                 self.receive(at, origin, Intent::Nothing);
-                self.ruled_until_now(active_before);
+                self.in_control_until_now(active_before);
                 self.look();
             }
             Command::Standby => self.standby_command(at, origin, answer)?,
@@ -210,7 +210,7 @@ impl Oracle {
         if let Some(source) = &mut self.sources[slot(origin)] {
             source.standby_at = Some(at);
         }
-        self.ruled_until_now(active_before);
+        self.in_control_until_now(active_before);
         self.look();
         Ok(())
     }
@@ -237,7 +237,7 @@ impl Oracle {
                 let runs =
                     fresh.map(|before| before.intent).filter(|intent| matches!(intent, Intent::Run(_)));
                 self.receive(at, origin, runs.unwrap_or(Intent::Run(demand)));
-                self.ruled_until_now(active_before);
+                self.in_control_until_now(active_before);
                 self.look();
             }
             if let Some(source) = &mut self.sources[slot(origin)] {
@@ -272,7 +272,7 @@ impl Oracle {
         {
             source.permitted = None;
         }
-        self.ruled_until_now(active_before);
+        self.in_control_until_now(active_before);
         self.look();
     }
 

@@ -5,7 +5,8 @@
 mod frames;
 mod inputs;
 
-use super::wire::{Frame, Switch};
+use super::wire::{Frame, Switch, percent};
+use core::fmt;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::limit::Action;
@@ -110,6 +111,20 @@ pub enum Retained {
     Lost,
 }
 
+impl fmt::Display for Retained {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole(None) => f.write_str("memory whole, without a run"),
+            Self::Whole(Some((origin, demand, lost))) => {
+                let lost = if *lost { ", which was lost" } else { "" };
+                write!(f, "memory whole: run, {demand}, from {origin}{lost}")
+            }
+            Self::PowerLost => f.write_str("memory whole, power lost"),
+            Self::Lost => f.write_str("memory lost"),
+        }
+    }
+}
+
 /// What happened, in the order of time.
 #[derive(Clone, Copy, Debug)]
 pub enum Input {
@@ -136,6 +151,29 @@ pub enum Input {
     LinkBack,
     /// Another engine of the group was started then, as seen on its wire.
     OtherStarted(u64),
+}
+
+impl fmt::Display for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Commanded(origin, command, Ok(accepted)) => {
+                write!(f, "{origin} commands {command}: {accepted}")
+            }
+            Self::Commanded(origin, command, Err(rejected)) => {
+                write!(f, "{origin} commands {command}, rejected: {rejected}")
+            }
+            Self::Truth(truth) => write!(f, "the ECU is sampled: {:.0} °C", truth.egt),
+            Self::Boot { retained, down } => write!(f, "the node begins after {down} µs, {retained}"),
+            Self::Fault => f.write_str("the line or the ECU is disturbed"),
+            Self::LineFault => f.write_str("the line is disturbed"),
+            Self::Dark => f.write_str("the ECU loses its power"),
+            Self::NotReceived => f.write_str("nothing is received from the ECU"),
+            Self::Received => f.write_str("the ECU is received again"),
+            Self::HungUntil(until) => write!(f, "the node's transmitter hung until {until} µs"),
+            Self::LinkBack => f.write_str("the ECU is received again after a lost link"),
+            Self::OtherStarted(at) => write!(f, "another engine of the group was started at {at} µs"),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -197,7 +235,7 @@ pub struct Oracle {
     peak_throttle: u16,
     peak_rpm: u32,
     /// The same, of the source that certainly was in control.
-    ruled_peak: u16,
+    control_peak: u16,
     /// The same since the last reset, of any source, while it is not certain who is in control.
     uncertain_throttle: u16,
     uncertain_rpm: u32,
@@ -205,7 +243,7 @@ pub struct Oracle {
     /// What the last source in control commanded last: with a slew the demand may still be on its way there.
     last_wanted: u16,
     /// The last demand of a source that certainly was in control: what is in force is between the last frame and this.
-    ruled_demand: Option<Demand>,
+    control_demand: Option<Demand>,
     in_force: Option<Origin>,
     waiting: Option<(Origin, u64)>,
     maybe_close: bool,
@@ -301,11 +339,11 @@ impl Oracle {
             factor: 4,
             peak_throttle: 0,
             peak_rpm: 0,
-            ruled_peak: 0,
+            control_peak: 0,
             uncertain_throttle: 0,
             uncertain_rpm: 0,
             last_wanted: 0,
-            ruled_demand: None,
+            control_demand: None,
             in_force: None,
             waiting: None,
             maybe_close: false,
@@ -395,7 +433,7 @@ impl Oracle {
             let Some(next) = next else { break };
             let active_before = self.active_source(self.at);
             self.pass(next);
-            self.ruled_until_now(active_before);
+            self.in_control_until_now(active_before);
             self.look();
         }
         self.pass(to);
@@ -434,8 +472,8 @@ impl Oracle {
                 let away = self.lost || self.waiting.is_some();
                 if self.in_force == Some(origin) && certain && !(away && source.was_lost) {
                     self.last_wanted = self.as_throttle(demand);
-                    self.ruled_demand = Some(demand);
-                    self.ruled_peak = self.ruled_peak.max(self.last_wanted);
+                    self.control_demand = Some(demand);
+                    self.control_peak = self.control_peak.max(self.last_wanted);
                     if away {
                         // The demand was held until now.
                         (self.lost, self.waiting) = (false, None);
@@ -466,7 +504,7 @@ impl Oracle {
                 self.maybe_close |= at < self.hung.1;
                 self.maybe_close |= match demand {
                     Demand::Throttle(throttle) => {
-                        let active_before = match self.ruled_demand {
+                        let active_before = match self.control_demand {
                             Some(Demand::Throttle(active_before)) => active_before.tenths(),
                             _ => self.throttle,
                         };
@@ -475,7 +513,7 @@ impl Oracle {
                         from <= u32::from(takeover.throttle_band.tenths()) + 20
                     }
                     Demand::Rpm(rpm) => {
-                        let active_before = match self.ruled_demand {
+                        let active_before = match self.control_demand {
                             Some(Demand::Rpm(active_before)) => active_before.get(),
                             _ => self.rpm,
                         };
@@ -518,7 +556,7 @@ impl Oracle {
 
     /// The source that was in control up to now and no longer is: its demand may have come into force since the last frame, and be
     /// what is held from here on.
-    fn ruled_until_now(&mut self, active_before: Option<(Origin, Source)>) {
+    fn in_control_until_now(&mut self, active_before: Option<(Origin, Source)>) {
         if let Some((before, Source { intent: Intent::Run(demand), .. })) = active_before
             && self.active_source(self.at).is_none_or(|(origin, _)| origin != before)
         {
@@ -544,7 +582,7 @@ impl Oracle {
                     let passed = at.saturating_sub(self.last_frame) + 25_000;
                     self.throttle + u16::try_from(u64::from(up) * passed / SECOND).unwrap_or(1000)
                 }
-                None => self.throttle.max(self.ruled_peak),
+                None => self.throttle.max(self.control_peak),
             };
             self.rising = Some((at, self.rising.map_or(moved, |(_, from)| from.max(moved))));
         }

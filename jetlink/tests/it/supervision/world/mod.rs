@@ -8,6 +8,7 @@ mod sources;
 
 use super::oracle::{DARK, Input, Oracle, Retained, Tally, Truth};
 use super::wire::Reader;
+use core::fmt;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channel::Handle;
@@ -191,14 +192,26 @@ struct Rig {
     not_received: bool,
 }
 
+/// An entry of the log that a failure prints.
 #[derive(Clone, Copy, Debug)]
-#[expect(dead_code, reason = "only ever shown")]
 enum Trace {
     Input(Input),
     Frame(super::wire::Frame),
     Reported(Event),
     Line(&'static str),
     Ecu(&'static str),
+}
+
+impl fmt::Display for Trace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(input) => input.fmt(f),
+            Self::Frame(frame) => write!(f, "wire: {frame}"),
+            Self::Reported(event) => write!(f, "event: {event}"),
+            Self::Line(what) => write!(f, "line: {what}"),
+            Self::Ecu(what) => write!(f, "ECU: {what}"),
+        }
+    }
 }
 
 /// What went wrong, for a reader.
@@ -226,10 +239,14 @@ fn sim_line(line: Line) -> sim::line::Line {
 
 impl Rig {
     fn note(&mut self, what: Trace) {
+        self.note_at(now(), what);
+    }
+
+    fn note_at(&mut self, at: u64, what: Trace) {
         if self.trace.len() == 160 {
             self.trace.pop_front();
         }
-        self.trace.push_back((now(), what));
+        self.trace.push_back((at, what));
     }
 
     fn input(&mut self, input: Input) {
@@ -298,17 +315,11 @@ impl Rig {
         }
         for index in seen..self.frames.len() {
             let (at, frame) = self.frames[index];
-            if self.trace.len() == 160 {
-                self.trace.pop_front();
-            }
-            self.trace.push_back((at, Trace::Frame(frame)));
+            self.note_at(at, Trace::Frame(frame));
         }
         let published = self.published.take();
         for (at, event) in published {
-            if self.trace.len() == 160 {
-                self.trace.pop_front();
-            }
-            self.trace.push_back((at, Trace::Reported(event)));
+            self.note_at(at, Trace::Reported(event));
         }
         let until = if all { u64::MAX } else { now().saturating_sub(LONGEST_FRAME) };
         let mut started = None;
@@ -368,7 +379,7 @@ fn play<const N: usize>(seed: u64, rng: &mut Rng, length: Duration) -> Result<(u
         let rig = &rigs[port];
         let mut text = format!("seed {seed}, engine {port}: {why}\n{:?}\n", rig.config);
         for (at, what) in &rig.trace {
-            let _ = writeln!(text, "{at:>12} {what:?}");
+            let _ = writeln!(text, "{at:>12} µs  {what}");
         }
         Failure { seed, text }
     };
