@@ -51,8 +51,10 @@ impl Case<'_> {
         let h = self.h;
         let new: Vec<u64> = h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).map(|(at, _)| *at).collect();
         for at in new {
-            // What it was just before.
-            let runs = h.samples(at.saturating_sub(LATE), at).iter().any(|sample| sample.runs());
+            // For so long that the node can know it; a start that a reset interrupts is ended.
+            let lately = at.saturating_sub(self.two_states() + LATE);
+            let before = h.samples(lately, at);
+            let runs = !before.is_empty() && before.iter().all(|sample| sample.runs());
             if !runs || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
                 continue;
             }
