@@ -9,7 +9,7 @@ use sim::ecu::{MILLIS, Nanos, SECOND};
 fn armed_running_source_lost_and_stop_latched_are_shown() {
     on_each_board(|board| {
         let led = Led::of(board);
-        let report = Run::new(board, Image::RadioSbus)
+        let report = Run::new(board, Image::Outputs)
             .quick_engines()
             .radio(Receiver::new(Protocol::Sbus))
             .record(led.register)

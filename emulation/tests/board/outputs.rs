@@ -3,10 +3,10 @@
 use crate::support::{crash, on_each_board, symbol};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
-use emulation::{Bench, Board, Image, Report, Run};
+use emulation::{Bench, Board, Image, Report, Run, engines};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
-use sim::turbine::Phase;
+use sim::turbine::{Parameters, Phase};
 use sim::zk::ZkEcu;
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster".
@@ -124,11 +124,27 @@ fn standby_closes_the_valve_once_the_engine_stands() {
     on_each_board(|board| {
         const STANDBY: Nanos = 30 * SECOND;
         let (sender, receiver) = std::sync::mpsc::channel();
-        let mut run = flying(board)
+        let mut run = flying(board);
+        // The starter turns it until it is cold: in a few seconds here.
+        for engine in engines::of(board, Image::Outputs) {
+            if [AMT, ZK].contains(&engine.port) {
+                let mut config = engine.config();
+                let quick = Parameters {
+                    ignition_s: 0.5,
+                    preheat_s: 0.5,
+                    ramp_s: 2.0,
+                    learn_s: 0.5,
+                    ..*config.turbine_mut()
+                };
+                *config.turbine_mut() = Parameters { cooling_s: 3.0, ..quick };
+                run = run.ecu(engine.port, engine.line, config.ecu());
+            }
+        }
+        run = run
             .at(28 * SECOND, |bench| bench.radio().stick = 0)
             .at(STANDBY, |bench| bench.radio().switch = Position::Standby);
         // What the turbines do, ten times a second.
-        for at in (STANDBY..75 * SECOND).step_by(100 * MILLIS as usize) {
+        for at in (STANDBY..55 * SECOND).step_by(100 * MILLIS as usize) {
             let sender = sender.clone();
             run = run.at(at, move |bench: &mut Bench<'_>| {
                 let rpm = [bench.ecu::<AmtEcu>(AMT).turbine().rpm(), bench.ecu::<ZkEcu>(ZK).turbine().rpm()];
@@ -136,7 +152,7 @@ fn standby_closes_the_valve_once_the_engine_stands() {
             });
         }
         drop(sender);
-        let report = run.until(75 * SECOND).go();
+        let report = run.until(55 * SECOND).go();
         let turns: Vec<_> = receiver.iter().collect();
         for (engine, valve) in VALVES.into_iter().enumerate() {
             let changes = Pin::output(&report, valve.number).changes(STANDBY..report.at);
@@ -154,7 +170,8 @@ fn standby_closes_the_valve_once_the_engine_stands() {
                 (closed - STANDBY) as f64 / 1e9,
                 rpm(closed)
             );
-            assert!(rpm(STANDBY) > 20_000.0 && rpm(closed) < 1000.0, "{}", valve.name);
+            // It is at rest below 1000 rpm; the last look was up to 0.1 s before.
+            assert!(rpm(STANDBY) > 20_000.0 && rpm(closed) < 1100.0, "{}", valve.name);
         }
     });
 }
