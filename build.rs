@@ -37,6 +37,7 @@ fn main() {
             write("apj_board_id.rs", &id.to_string());
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
+            println!("cargo:rustc-env=JETLINK_OUTPUTS={:02}", board.outputs.len());
             let flash = board.flash(behind_bootloader);
             map(board, flash.unwrap_or_else(|| panic!("{} has no bootloader to keep", board.title)))
         }
@@ -97,6 +98,16 @@ fn code(board: &Board) -> String {
     let uarts = board.ports.iter().chain([&board.telemetry]);
     let uarts = uarts.map(|port| format!("{} {} {},", port.uart, port.rx, port.tx));
     line(format!("uarts: [{}],", uarts.collect::<Vec<_>>().join(" ")));
+    let outputs = board.outputs.iter().map(|output| {
+        let (gpio, number) = place(output.pin);
+        assert!(
+            gpio <= "GPIOE".into(),
+            "{}: only GPIO A to E have their clock early (`clock_gpio`)",
+            output.pin
+        );
+        format!("{} {gpio} {number} {:?} {},", output.pin, output.label, output.low_before)
+    });
+    line(format!("outputs: [{}],", outputs.collect::<Vec<_>>().join(" ")));
     let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
     line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
     let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));

@@ -1,12 +1,14 @@
-//! Which engine sits on which port, and where a receiver of radio control is. Change [`ENGINES`] and [`RADIO`], build, flash.
+//! Which engine sits on which port, where a receiver of radio control is, and which pins drive fuel valves. Change [`ENGINES`], [`RADIO`]
+//! and [`OUTPUTS`], build, flash.
 //!
-//! Both are checked while they are compiled (`jetlink::config::check`).
+//! They are checked while they are compiled (`jetlink::config::check`).
 
 use jetlink::config::{EngineConfig, check, check_port_is_free};
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 use jetlink_rc::config::RadioConfig;
+use jetlink_rc::wiring::{OutputConfig, check_outputs};
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see
 /// `docs/boards.md` for their names and pins.
@@ -75,7 +77,46 @@ const fn radio_port() -> u8 {
     }
 }
 
+/// Fuel valve and power of starter and ignition of each engine, in the order of [`ENGINES`], on outputs of the board: see `docs/rc.md`,
+/// and `docs/boards.md` for their pins. For example `Some([OutputConfig::valve(OutputPin::high(0)), OutputConfig::NONE, …])`.
+#[cfg(not(feature = "outputs"))]
+pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = None;
+
+/// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board, power on the next ones as far as
+/// it has them. With the last engine the low level energises.
+#[cfg(feature = "outputs")]
+pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
+    use jetlink_rc::wiring::OutputPin;
+    let mut engines = [OutputConfig::NONE; ENGINES.len()];
+    let mut i = 0;
+    while i < ENGINES.len() {
+        let (valve, power) = (i as u8, (ENGINES.len() + i) as u8);
+        let low = i == ENGINES.len() - 1;
+        engines[i] = OutputConfig::valve(OutputPin { number: valve, low });
+        if power < outputs_of_board() {
+            engines[i] = engines[i].with_power(OutputPin { number: power, low });
+        }
+        i += 1;
+    }
+    Some(engines)
+};
+
+/// Number of outputs of the board (build.rs); without a board, two for each engine.
+#[cfg(feature = "outputs")]
+const fn outputs_of_board() -> u8 {
+    match option_env!("JETLINK_OUTPUTS") {
+        Some(outputs) => {
+            let digits = outputs.as_bytes();
+            (digits[0] - b'0') * 10 + digits[1] - b'0'
+        }
+        None => 2 * ENGINES.len() as u8,
+    }
+}
+
 const _: () = check(&ENGINES);
+const _: () = if let Some(outputs) = OUTPUTS {
+    check_outputs(&outputs);
+};
 const _: () = if let Some(radio) = RADIO {
     radio.check();
     check_port_is_free(&ENGINES, radio.port, "the receiver of radio control");

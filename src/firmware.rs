@@ -7,6 +7,7 @@
 //! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives the LED |
 //! | `mavlink` | thread mode | MAVLink on the telemetry port: commands, throttle, telemetry, parameters |
 //! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
+//! | `outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
@@ -24,11 +25,12 @@ use jetlink::config::{EngineConfig, check_ports};
 use jetlink::engine::retained::Reset;
 use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
+use jetlink::indication::{Indication, Pattern};
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::Telemetry;
 use jetlink::watch::RunnerWatch;
-use jetlink_fw::config::{ENGINES, RADIO, TELEMETRY};
+use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, TELEMETRY};
 use static_cell::{ConstStaticCell, StaticCell};
 // The sentences that MAVLink sends are in the image: the log takes the same, and not their formats for defmt beside them.
 use defmt::Display2Format as Text;
@@ -69,7 +71,9 @@ const FORMATS: [Option<Format>; PORTS.len()] = {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     board::guard::arm();
-    let mut board = board::init(FORMATS, Format::of_line(TELEMETRY));
+    let mut outputs = None;
+    let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause.retained());
+    let mut board = board::init(FORMATS, Format::of_line(TELEMETRY), restore);
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {}",
         env!("CARGO_PKG_VERSION"),
@@ -123,6 +127,11 @@ fn main() -> ! {
             let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
             engines.spawn(defmt::unwrap!(engine(runner, port)));
         }
+        if OUTPUTS.is_some()
+            && let Some(outputs) = outputs
+        {
+            engines.spawn(defmt::unwrap!(drive_outputs(node, outputs)));
+        }
         #[cfg(feature = "play-ecu")]
         engines.spawn(defmt::unwrap!(played_ecu(defmt::unwrap!(board.ports[PORTS.len() - 1].take()))));
         // Last: from here on, an engine whose runner is stuck causes a reset.
@@ -171,6 +180,16 @@ fn log_ports() {
         }
     }
     defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, TELEMETRY);
+    for (engine, config) in ENGINES.iter().zip(OUTPUTS.iter().flatten()) {
+        for (what, pin) in [("fuel valve", config.valve), ("starter and ignition", config.power)] {
+            if let Some(pin) = pin
+                && let Some(output) = board::OUTPUTS.get(usize::from(pin.number))
+            {
+                let level = if pin.low { "low" } else { "high" };
+                defmt::info!("{=str}: {=str} on {=str}, {=str} energises", engine.name, what, output, level);
+            }
+        }
+    }
 }
 
 #[embassy_executor::task(pool_size = N)]
@@ -204,20 +223,19 @@ async fn events(name: &'static str, mut events: Events<'static>) {
     }
 }
 
-/// Status LED: one flash a second, five when an engine or the board needs attention.
+/// Status LED, and a line in the log for each engine, once a second.
 #[embassy_executor::task]
 async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
     let mut second = Ticker::every(Duration::from_secs(1));
     let mut logged = 0;
     loop {
         second.next().await;
-        let mut flashes = if node.health().needs_attention() { 5 } else { 1 };
+        let mut shows =
+            if node.health().needs_attention() { Indication::Fault } else { Indication::default() };
         for handle in node.handles() {
             let telemetry = handle.telemetry();
             defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));
-            if telemetry.needs_attention() {
-                flashes = 5;
-            }
+            shows = shows.max(telemetry.indication());
         }
         if node.health().clock == ClockSource::Internal {
             defmt::info!("board: no crystal, all baud rates come from the chip's own oscillator");
@@ -231,11 +249,12 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
                 starting
             );
         }
-        for _ in 0..flashes {
+        let pattern = shows.pattern();
+        for _ in 0..pattern.flashes {
             led.set(true);
-            Timer::after_millis(50).await;
+            Timer::after(pattern.lit).await;
             led.set(false);
-            Timer::after_millis(100).await;
+            Timer::after(Pattern::DARK).await;
         }
     }
 }
@@ -307,6 +326,11 @@ async fn mavlink(service: crate::mavlink::Mavlink, port: EcuPort) {
 #[embassy_executor::task]
 async fn radio_control(radio: &'static Radio, port: EcuPort) {
     crate::radio::serve(radio, port).await
+}
+
+#[embassy_executor::task]
+async fn drive_outputs(node: &'static Node<N>, outputs: crate::outputs::All) {
+    crate::outputs::serve(node, outputs).await
 }
 
 #[cfg(feature = "play-ecu")]

@@ -12,6 +12,8 @@ mod demo;
 mod firmware;
 #[cfg(target_os = "none")]
 mod mavlink;
+#[cfg(target_os = "none")]
+mod outputs;
 #[cfg(all(target_os = "none", any(feature = "demo", feature = "trial")))]
 mod pilot;
 #[cfg(all(target_os = "none", feature = "play-ecu"))]

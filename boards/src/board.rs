@@ -21,6 +21,8 @@ pub struct Board {
     pub telemetry: Port,
     /// ECU port on which a receiver of radio control belongs. With a receiver there is no ECU on it.
     pub radio: u8,
+    /// Pins for fuel valves and for the power of starters and ignitions, by number, from 0.
+    pub outputs: &'static [Output],
     /// Status LED.
     pub led: Led,
     /// Pins that are driven from the start on.
@@ -189,6 +191,29 @@ impl Port {
     /// The same with an inverter, which this pin keeps out of the line.
     pub(crate) const fn inverter(self, hold: Hold) -> Self {
         Self { inverter: Some(hold), ..self }
+    }
+}
+
+/// A pin for the output of an engine. Without a bootloader it floats until the firmware drives it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Pin.
+    pub pin: &'static str,
+    /// Where to find it on the board.
+    pub label: &'static str,
+    /// The bootloader drives it low, instead of leaving it an input. So what hangs on it has to be energised by the high level.
+    pub low_before: bool,
+}
+
+impl Output {
+    /// A pin that floats in the bootloader.
+    pub(crate) const fn new(pin: &'static str, label: &'static str) -> Self {
+        Self { pin, label, low_before: false }
+    }
+
+    /// A pin that the bootloader drives low.
+    pub(crate) const fn low_before(pin: &'static str, label: &'static str) -> Self {
+        Self { low_before: true, ..Self::new(pin, label) }
     }
 }
 

@@ -5,7 +5,7 @@
 //! (`boards/matek/h743*/nuttx-config/include/board.h`; that of -MINI was not at hand). The pads bear the number of the UART.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low};
 
 pub static BOARD: Board = Board {
     name: "matek-h743",
@@ -27,6 +27,21 @@ pub static BOARD: Board = Board {
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "pads TX7 RX7 CTS7 RTS7", Listens),
     // ArduPilot gives RX6 to a timer, and to the UART with BRD_ALT_CONFIG 1: no inverter is in between.
     radio: 5,
+    // PWM(1) to PWM(12) in hwdef.dat; hwdef-bl.dat does not mention them.
+    outputs: &[
+        Output::new("PB0", "pad S1"),
+        Output::new("PB1", "pad S2"),
+        Output::new("PA0", "pad S3"),
+        Output::new("PA1", "pad S4"),
+        Output::new("PA2", "pad S5"),
+        Output::new("PA3", "pad S6"),
+        Output::new("PD12", "pad S7"),
+        Output::new("PD13", "pad S8"),
+        Output::new("PD14", "pad S9"),
+        Output::new("PD15", "pad S10"),
+        Output::new("PE5", "pad S11"),
+        Output::new("PE6", "pad S12"),
+    ],
     led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
     hold: &[low("PE9", TELEMETRY_RTS)],
 };

@@ -5,7 +5,7 @@
 //! off the pins of Ethernet (PA1, PA2, PA7, PB13, PC1, PC4, PC5) and of the LEDs (PB0, PE1, PB14).
 
 use crate::board::Before::Floats;
-use crate::board::{Board, Clock, Led, Level, Port, STM32H743ZI};
+use crate::board::{Board, Clock, Led, Level, Output, Port, STM32H743ZI};
 
 pub static BOARD: Board = Board {
     name: "nucleo-h743zi2",
@@ -24,6 +24,16 @@ pub static BOARD: Board = Board {
     ],
     telemetry: Port::new("USB", "USART3", ["PD8", "PD9"], "the ST-Link's virtual COM port", Floats),
     radio: 4,
+    outputs: &[
+        Output::new("PD15", "D9"),
+        Output::new("PD14", "D10"),
+        Output::new("PD13", "D28"),
+        Output::new("PD12", "D29"),
+        Output::new("PD11", "D30"),
+        Output::new("PE12", "D39"),
+        Output::new("PE10", "D40"),
+        Output::new("PE15", "D37"),
+    ],
     led: Led { pin: "PB0", lit: Level::High, open_drain: false, label: "green, LD1" },
     hold: &[],
 };

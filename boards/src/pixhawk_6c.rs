@@ -5,7 +5,7 @@
 //! on TELEM1 and leaves the other TX pins floating; this table describes ArduPilot's, which is the worse one.
 
 use crate::board::Before::{DrivenLow, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low};
 
 pub static BOARD: Board = Board {
     name: "pixhawk-6c",
@@ -26,6 +26,17 @@ pub static BOARD: Board = Board {
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "TELEM1", Listens),
     // Its sockets for receivers hang on the IO processor. TELEM3: the bootloader does not listen there.
     radio: 3,
+    // PWM(1) to PWM(8) in hwdef.dat. The other eight outputs of the board hang on its IO processor.
+    outputs: &[
+        Output::low_before("PA8", "FMU PWM OUT 1"),
+        Output::low_before("PE11", "FMU PWM OUT 2"),
+        Output::low_before("PE13", "FMU PWM OUT 3"),
+        Output::low_before("PE14", "FMU PWM OUT 4"),
+        Output::low_before("PD14", "FMU PWM OUT 5"),
+        Output::low_before("PD15", "FMU PWM OUT 6"),
+        Output::low_before("PA0", "FMU PWM OUT 7"),
+        Output::low_before("PA1", "FMU PWM OUT 8"),
+    ],
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10
     hold: &[
         low("PC10", "nVDD_5V_HIPOWER_EN: 5 V on the sockets"),

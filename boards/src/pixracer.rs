@@ -8,7 +8,9 @@
 //! where they should be off.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32F427VI, TELEMETRY_RTS, high, low};
+use crate::board::{
+    Board, Bootloader, Clock, Led, Level, Output, Port, STM32F427VI, TELEMETRY_RTS, high, low,
+};
 
 pub static BOARD: Board = Board {
     name: "pixracer",
@@ -30,6 +32,15 @@ pub static BOARD: Board = Board {
     // Not its socket for receivers (PC7, RX of USART6, with an inverter that PC13 turns on): TX of USART6 is PC6, which switches a
     // heater (PX4, GPIO_HEATER_OUTPUT of `boards/px4/fmu-v4/src/board_config.h`), and the UART's driver takes both.
     radio: 4,
+    // PWM(1) to PWM(6) in hwdef.dat; hwdef-bl.dat does not mention them.
+    outputs: &[
+        Output::new("PE14", "servo output 1"),
+        Output::new("PE13", "servo output 2"),
+        Output::new("PE11", "servo output 3"),
+        Output::new("PE9", "servo output 4"),
+        Output::new("PD13", "servo output 5"),
+        Output::new("PD14", "servo output 6"),
+    ],
     led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),

@@ -50,9 +50,11 @@ fn names_ports_and_pins_are_there_once() {
         unique("UARTs", ports.iter().map(|port| port.uart).collect());
         let pins = ports.iter().flat_map(|port| [port.rx, port.tx]);
         let held: Vec<_> = board.held().map(|hold| hold.pin).collect();
-        unique("pins", pins.chain([board.led.pin]).chain(held).collect());
+        let outputs = board.outputs.iter().map(|output| output.pin);
+        unique("pins", pins.chain([board.led.pin]).chain(held).chain(outputs).collect());
         // src/config.rs has at most one digit for them.
         assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
+        unique("outputs", board.outputs.iter().map(|output| output.label).collect());
     }
 }
 
@@ -148,6 +150,7 @@ fn section(board: &Board) -> String {
     let radio = board.ports[usize::from(board.radio)];
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
     rows += &format!("\nReceiver of radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
+    rows += &outputs(board);
     if board.held().next().is_some() {
         rows += "\nDriven from the start on:\n\n";
         for hold in board.held() {
@@ -156,6 +159,27 @@ fn section(board: &Board) -> String {
         }
     }
     rows
+}
+
+/// The outputs of a board in docs/boards.md.
+fn outputs(board: &Board) -> String {
+    if board.outputs.is_empty() {
+        return "\nOutputs for valves and power: none.\n".into();
+    }
+    let low = board.outputs.iter().filter(|output| output.low_before).count();
+    assert!(low == 0 || low == board.outputs.len(), "{}: one sentence says it of all", board.name);
+    let before = match (board.bootloader, low) {
+        (None, _) => "float until the firmware drives them",
+        (Some(_), 0) => "float in the bootloader",
+        (Some(_), _) => "are driven **low** in the bootloader",
+    };
+    let list: Vec<_> = board
+        .outputs
+        .iter()
+        .enumerate()
+        .map(|(number, output)| format!("{number} {} ({})", output.label, output.pin))
+        .collect();
+    format!("\nOutputs for valves and power, which {before}: {}.\n", list.join(", "))
 }
 
 #[test]

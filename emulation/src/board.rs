@@ -54,6 +54,15 @@ pub struct Led {
     pub open_drain: bool,
 }
 
+/// A pin for the output of an engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// GPIO port and number.
+    pub pin: (char, u8),
+    /// The bootloader drives it low.
+    pub low_before: bool,
+}
+
 /// A UART, and where its registers begin; the same on both parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "ST's names")]
@@ -114,6 +123,8 @@ pub struct Board {
     pub radio: &'static str,
     /// The UARTs can invert what they receive.
     pub inverts: bool,
+    /// Outputs for valves and power, by number.
+    pub outputs: &'static [Output],
     /// The status LED.
     pub led: Led,
     /// Pins that the firmware drives from the start on, and their levels.
@@ -189,6 +200,15 @@ const fn led(port: char, number: u8, lit: bool, open_drain: bool) -> Led {
     Led { pin: (port, number), lit, open_drain }
 }
 
+const fn output(port: char, number: u8) -> Output {
+    Output { pin: (port, number), low_before: false }
+}
+
+/// The same, with a bootloader that drives it low.
+const fn low_output(port: char, number: u8) -> Output {
+    Output { pin: (port, number), low_before: true }
+}
+
 const MHZ: u64 = 1_000_000;
 
 /// What the boards with an H743 share, as the Matek has it.
@@ -210,6 +230,21 @@ const H743: Board = Board {
     telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
     radio: "SERIAL7",
     inverts: true,
+    // S1 to S12
+    outputs: &[
+        output('B', 0),
+        output('B', 1),
+        output('A', 0),
+        output('A', 1),
+        output('A', 2),
+        output('A', 3),
+        output('D', 12),
+        output('D', 13),
+        output('D', 14),
+        output('D', 15),
+        output('E', 5),
+        output('E', 6),
+    ],
     led: led('E', 3, false, false),
     held: &[('E', 9, false)], // RTS of SERIAL1
     flash: 0x0800_0000..0x0820_0000,
@@ -247,6 +282,14 @@ pub static PIXRACER: Board = Board {
     telemetry: own(port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
     radio: "SERIAL6",
     inverts: false,
+    outputs: &[
+        output('E', 14),
+        output('E', 13),
+        output('E', 11),
+        output('E', 9),
+        output('D', 13),
+        output('D', 14),
+    ],
     led: led('B', 1, false, true),
     // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST, RTS of SERIAL1
     held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false), ('D', 4, false)],
@@ -278,6 +321,17 @@ pub static PIXHAWK_6C: Board = Board {
     ],
     telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
     radio: "SERIAL5",
+    // FMU PWM OUT
+    outputs: &[
+        low_output('A', 8),
+        low_output('E', 11),
+        low_output('E', 13),
+        low_output('E', 14),
+        low_output('D', 14),
+        low_output('D', 15),
+        low_output('A', 0),
+        low_output('A', 1),
+    ],
     led: led('D', 11, false, true),
     // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN, RTS of SERIAL1
     held: &[('C', 10, false), ('E', 2, false), ('B', 9, false), ('E', 9, false)],
@@ -297,6 +351,7 @@ pub static CUBE_ORANGE: Board = Board {
     ],
     telemetry: own(port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
     radio: "SERIAL4",
+    outputs: &[],
     led: led('E', 12, false, true),
     // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN, RTS of SERIAL1
     held: &[('A', 8, false), ('E', 3, false), ('D', 4, false)],
@@ -319,6 +374,17 @@ pub static NUCLEO_H743ZI2: Board = Board {
     ],
     telemetry: port("USB", Uart::Usart3, 100 * MHZ, pin('D', 9, 7), pin('D', 8, 7)),
     radio: "D16 D21",
+    // D9, D10, D28, D29, D30, D39, D40, D37
+    outputs: &[
+        output('D', 15),
+        output('D', 14),
+        output('D', 13),
+        output('D', 12),
+        output('D', 11),
+        output('E', 12),
+        output('E', 10),
+        output('E', 15),
+    ],
     led: led('B', 0, true, false),
     behind_bootloader: None,
     ..H743

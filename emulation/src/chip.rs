@@ -209,6 +209,23 @@ impl Rig {
         }
     }
 
+    /// The flag of a brown-out reset (BORRSTF in RCC_RSR; RCC_CSR of an F427) is set: rigless has no such reset.
+    pub fn flag_brown_out(&mut self) {
+        use rigless::soc::{stm32f427, stm32h743};
+        let slot = self.chip.bus().slot("RCC").expect("the part has a clock controller");
+        let registers = self.chip.bus_mut().slot_mut(slot).registers_mut();
+        match self.kind {
+            Part::H743 => {
+                let register = stm32h743::generated::rcc::Register::Rsr;
+                registers.set(register, registers.get(register) | 1 << 21);
+            }
+            Part::F427 => {
+                let register = stm32f427::generated::rcc::Register::Csr;
+                registers.set(register, registers.get(register) | 1 << 25);
+            }
+        }
+    }
+
     /// The voltage of the supply, in mV.
     pub fn supply(&mut self, millivolts: u32) {
         each!(&mut self.chip.part, b => b.mcu.set_supply(millivolts));

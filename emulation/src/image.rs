@@ -25,11 +25,13 @@ pub enum Image {
     RadioSbus,
     /// With a CRSF receiver (feature `radio-crsf`).
     RadioCrsf,
+    /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
+    Outputs,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -39,6 +41,7 @@ impl Image {
         Self::SelfTest,
         Self::RadioSbus,
         Self::RadioCrsf,
+        Self::Outputs,
     ];
 
     /// The feature that makes it, besides the board's.
@@ -53,6 +56,7 @@ impl Image {
             Self::SelfTest => Some("selftest"),
             Self::RadioSbus => Some("radio-sbus"),
             Self::RadioCrsf => Some("radio-crsf"),
+            Self::Outputs => Some("outputs"),
         }
     }
 

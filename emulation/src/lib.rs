@@ -21,6 +21,7 @@
 //! - [`bootloader`]: a substitute for the board's bootloader, for images that are linked behind one.
 //! - [`image`]: which images there are, and where.
 //! - [`run`]: one run: its setup, and its course.
+//! - [`pins`]: the levels of pins over a run.
 //! - [`report`]: the record of a run.
 //! - [`audit`]: what is checked at every run.
 //! - [`receiver`]: a receiver of radio control, in place of an ECU.
@@ -38,6 +39,7 @@ mod chip;
 pub mod engines;
 pub mod image;
 mod log;
+pub mod pins;
 mod quirks;
 pub mod receiver;
 pub mod recording;

@@ -23,7 +23,7 @@ use crate::quirks::{BackupDomain, DeadEnable, Stuck, TimerFlags};
 use crate::receiver::Receiver;
 use crate::report::{Report, Tap, Written};
 use crate::wire::{Far, Wire};
-use crate::{audit, bootloader, engines, image};
+use crate::{audit, bootloader, engines, image, pins};
 
 /// Number of resets after which a run is given up.
 const MOST_RESETS: usize = 6;
@@ -134,6 +134,12 @@ impl Run {
     /// Records every write to this register.
     pub fn record(mut self, register: u64) -> Self {
         self.registers.push(register);
+        self
+    }
+
+    /// Records the pins of the board's outputs ([`crate::pins::Pin`]).
+    pub fn outputs(mut self) -> Self {
+        self.registers.extend(pins::registers(self.board));
         self
     }
 
@@ -435,6 +441,12 @@ impl Bench<'_> {
     /// Presses the reset button.
     pub fn press_reset(&mut self) {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
+    }
+
+    /// The supply dips, so that the part is reset and its RAM is left as it was.
+    pub fn brown_out(&mut self) {
+        self.session.board_mut().flag_brown_out();
+        self.press_reset();
     }
 
     /// The watchdog runs out at once, as if it had not been fed.

@@ -69,7 +69,7 @@
 //! | [`link`], [`ecu::amt::link`], [`ecu::zk::link`], [`ecu::any`] | one protocol's conversation: reply window, cadence, loss |
 //! | [`engine`], [`config`], [`telemetry`] | one engine: sources, starts, lives, stages of loss, limits |
 //! | [`channel`], [`runner`] | bytes and time between one engine and one UART; sources and handles |
-//! | [`node`], [`health`] | all engines of one board, and the board's health |
+//! | [`node`], [`health`], [`indication`] | all engines of one board, and the board's health; what a status LED shows |
 //!
 //! Codecs, links and engines do no IO and read no clock: time is an argument. So every timing rule can be tested as a table.
 //!
@@ -94,6 +94,7 @@ pub mod ecu;
 pub mod engine;
 pub mod event;
 pub mod health;
+pub mod indication;
 pub mod limit;
 pub mod line;
 pub mod link;

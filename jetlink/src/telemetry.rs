@@ -3,6 +3,7 @@
 use crate::command::{Demand, Order, Ordered, Origin};
 use crate::engine::state::EngineState;
 use crate::event::LossStage;
+use crate::indication::Indication;
 use crate::report::{Counters, LinkState, Report, Timed};
 use embassy_time::{Duration, Instant};
 
@@ -89,15 +90,26 @@ impl Telemetry {
         ordered || state || self.shaft_turns() == Some(true)
     }
 
-    /// Whether the engine needs attention, as the status LED shows it.
-    pub fn needs_attention(&self) -> bool {
-        self.link != LinkState::Up
-            || self.loss != LossStage::None
+    /// What the status LED shows of the engine.
+    pub fn indication(&self) -> Indication {
+        let fault = self.link != LinkState::Up
             || self.in_doubt.is_some()
             || self.limited
             || !self.obeyed
             || self.transmitter_failed
-            || self.stop_latched
-            || self.report.faults.is_some_and(|faults| !faults.value.is_empty())
+            || self.report.faults.is_some_and(|faults| !faults.value.is_empty());
+        match () {
+            () if fault => Indication::Fault,
+            () if self.stop_latched => Indication::StopLatched,
+            () if self.loss != LossStage::None => Indication::SourceLost,
+            () if self.turns() => Indication::Running,
+            () if self.armed => Indication::Armed,
+            () => Indication::AtRest,
+        }
+    }
+
+    /// Whether the engine needs attention.
+    pub fn needs_attention(&self) -> bool {
+        self.indication() >= Indication::SourceLost
     }
 }

@@ -12,7 +12,7 @@
 //! | `position` | positions of a switch, debounced |
 //! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
 //! | [`service`], [`runner`] | one receiver and its engines; the UART that it is on |
-//! | [`outputs`] | fuel valve, power of starter and ignition |
+//! | [`outputs`], [`wiring`] | fuel valve, power of starter and ignition; the pins that drive them |
 //!
 //! **A value counts when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
 //! a switch, with or without a checksum.
@@ -46,3 +46,4 @@ pub mod service;
 pub mod settings;
 #[cfg(test)]
 mod tests;
+pub mod wiring;

@@ -24,16 +24,6 @@ pub enum Valve {
     Open,
 }
 
-/// Levels of the pins of one engine: true is high. `None`: the output is off, and its pin is not driven.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Levels {
-    /// Fuel valve.
-    pub valve: Option<bool>,
-    /// Power of starter and ignition.
-    pub power: Option<bool>,
-}
-
 /// Outputs of one engine.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
@@ -46,7 +36,7 @@ pub struct Outputs {
 
 impl Outputs {
     /// The outputs after a reset, from the engine's retained state: [`jetlink::engine::retained::RetainedMemory::load`]. Drive the pins
-    /// by [`Outputs::levels`] before anything else.
+    /// ([`crate::wiring::OutputConfig::levels`]) before anything else.
     ///
     /// The valve is open only if the record says that the engine runs and that nothing stops it. A start that was under way is
     /// none: the engine ends it.
@@ -75,18 +65,8 @@ impl Outputs {
         self.power
     }
 
-    /// The levels of the pins.
-    pub const fn levels(&self) -> Levels {
-        let OutputSettings { valve, valve_low, power, power_low, .. } = self.settings;
-        let open = matches!(self.valve, Valve::Open);
-        Levels {
-            valve: if valve { Some(open != valve_low) } else { None },
-            power: if power { Some(self.power != power_low) } else { None },
-        }
-    }
-
     /// Follows the engine. Call it at every snapshot of its telemetry, and ten times a second: a wait has no other clock.
-    pub fn update(&mut self, telemetry: &Telemetry) -> Levels {
+    pub fn update(&mut self, telemetry: &Telemetry) {
         if let Some(valve) = self.decide_valve(telemetry) {
             self.valve = valve;
         }
@@ -95,7 +75,6 @@ impl Outputs {
         } else if is_cold_and_at_rest(telemetry) {
             self.power = false;
         }
-        self.levels()
     }
 
     /// `None`: it stays as it is.

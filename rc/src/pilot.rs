@@ -77,6 +77,8 @@ pub struct PilotCounters {
     pub gaps: u32,
     /// Starts that were refused.
     pub starts_refused: u32,
+    /// Commands to arm.
+    pub armings: u32,
 }
 
 /// A frame as this engine reads it.
@@ -430,6 +432,7 @@ impl<'a> Pilot<'a> {
             }
             Some(Position::Standby) if self.arm && self.is_steady(now) => {
                 self.arm = false;
+                count(&mut self.counters.armings);
                 // Refused only where a stop is latched.
                 let _ = self.source.command(Command::Arm);
             }

@@ -19,12 +19,9 @@ settings! {
 }
 
 settings! {
-    /// Settings of the outputs of an engine. An output that is off is not driven.
+    /// Settings of the outputs of an engine. Their pins are part of the wiring ([`crate::wiring`]): they are driven before settings can be
+    /// read.
     pub struct OutputSettings, "outputs.", AtNextStart {
-        valve: yes_no "OUT_VALVE" = 0 in 0..=1, "The fuel valve is driven. Only where the wiring holds the valve for 5 s while the pin floats.";
-        valve_low: yes_no "OUT_VALVE_LOW" = 0 in 0..=1, "The low level opens the fuel valve, instead of the high one.";
-        power: yes_no "OUT_POWER" = 0 in 0..=1, "The power of starter and ignition is driven.";
-        power_low: yes_no "OUT_POWER_LOW" = 0 in 0..=1, "The low level turns the power of starter and ignition on, instead of the high one.";
         not_obeyed: ms_or_off "OUT_NOT_OBEYED" = 5000 in 1000..=60_000, "The valve closes when the ECU has not followed an order of standby for this time, beside the 3 s until that is known. Off: it stays open.";
     }
 }
@@ -129,13 +126,13 @@ impl OutputSettings {
     ///
     /// # Errors
     /// The first one that is outside of its range.
-    pub fn check(&self) -> Result<(), SettingsError> {
-        match self.check_own() {
-            Ok(()) => Ok(()),
-            Err(row) => Self::SETTINGS
-                .get(usize::from(row))
-                .map_or(Ok(()), |setting| Err(SettingsError::OutOfRange(setting))),
+    pub const fn check(&self) -> Result<(), SettingsError> {
+        if let Err(row) = self.check_own()
+            && (row as usize) < Self::SETTINGS.len()
+        {
+            return Err(SettingsError::OutOfRange(&Self::SETTINGS[row as usize]));
         }
+        Ok(())
     }
 }
 

@@ -40,8 +40,13 @@ pub const REQUEST_TO_BOOTLOADER: &[Step] = super::ardupilot::REQUEST;
 #[cfg(not(feature = "ardupilot-bootloader"))]
 pub const REQUEST_TO_BOOTLOADER: &[Step] = &[];
 
-/// Call this first, before `embassy_stm32::init`, and say whether an external clock replaces the crystal.
-pub fn begin(bypass: bool) -> Early {
+/// Call this first, before `embassy_stm32::init`, and say whether an external clock replaces the crystal. Does `first` before
+/// anything else, on the oscillator that runs.
+pub fn begin(bypass: bool, first: impl FnOnce(ResetCause)) -> Early {
+    let cause = chip::reset_cause();
+    #[cfg(feature = "ardupilot-bootloader")]
+    let cause = if take_restart() && cause == ResetCause::Unknown { ResetCause::Restart } else { cause };
+    first(cause);
     #[cfg(feature = "selftest")]
     super::selftest::look_at_tx(&super::table::TX);
     // `__pre_init` has started the watchdog. Now 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
@@ -49,9 +54,6 @@ pub fn begin(bypass: bool) -> Early {
     // 0.1 s more without a crystal.
     watchdog::watch(Pr::from_bits(2), 0xFFF);
     super::stack::paint();
-    let cause = chip::reset_cause();
-    #[cfg(feature = "ardupilot-bootloader")]
-    let cause = if take_restart() && cause == ResetCause::Unknown { ResetCause::Restart } else { cause };
     let crystal = chip::start_crystal(bypass, !has_stopped(cause));
     #[cfg(feature = "selftest")]
     let crystal = crystal && !super::selftest::wants_internal_oscillator();

@@ -4,7 +4,7 @@
 //! Code for all of them is in `stm32.rs`, `early.rs` and `port.rs`, code for a chip family in `stm32h7.rs` and `stm32f4.rs`.
 //! `docs/porting.md` describes how to add one.
 //!
-//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `init`, `restart`, `storage`,
+//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `OUTPUTS`, `OUTPUTS_LOW_BEFORE`, `drive_output`, `init`, `restart`, `storage`,
 //! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with a chip other than an STM32 implements all of them (`qemu_mps2.rs`).
 
@@ -25,6 +25,8 @@ mod format;
 pub mod guard;
 #[cfg(any(not(feature = "stm32h7"), feature = "ardupilot-bootloader"))]
 mod no_storage;
+#[cfg(feature = "stm32")]
+mod outputs;
 #[cfg(feature = "stm32")]
 mod port;
 #[cfg(feature = "board-qemu-mps2")]
@@ -54,7 +56,7 @@ pub use format::Format;
 pub use no_storage::{Storage, storage};
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;
-pub use state::Oscillator;
+pub use state::{Oscillator, ResetCause};
 #[cfg(all(feature = "stm32h7", not(feature = "ardupilot-bootloader")))]
 pub use stm32h7::storage::{Storage, storage};
 #[cfg(feature = "stm32")]
@@ -63,7 +65,8 @@ use table::FIRST;
 pub use {
     early::end as restart,
     embassy_executor::Executor,
+    outputs::drive_output,
     port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{INVERTS_RX, NAME, PORTS, TELEMETRY_PORT, init},
+    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, init},
 };

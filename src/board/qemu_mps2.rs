@@ -31,6 +31,15 @@ pub use self::{executor::Executor, uart::EcuPort};
 /// Whether its UARTs can invert what they receive. They have neither parity nor two stop bits: no SBUS.
 pub const INVERTS_RX: bool = false;
 
+/// It has no outputs.
+pub const OUTPUTS: &[&str] = &[];
+
+/// It has no outputs.
+pub const OUTPUTS_LOW_BEFORE: &[bool] = &[];
+
+/// It has no outputs.
+pub fn drive_output(_number: u8, _high: bool) {}
+
 /// The board's name.
 pub const NAME: &str = "QEMU mps2-an500";
 
@@ -75,8 +84,13 @@ static __INTERRUPTS: [Handler; 32] = {
 /// The board, ready for the firmware.
 pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-/// Starts the clock, opens the ports that have a format, and the one of MAVLink. Call it once.
-pub fn init(formats: [Option<Format>; PORTS.len()], telemetry: Format) -> Board {
+/// Does `first`, starts the clock, opens the ports that have a format, and the one of MAVLink. Call it once.
+pub fn init(
+    formats: [Option<Format>; PORTS.len()],
+    telemetry: Format,
+    first: impl FnOnce(ResetCause),
+) -> Board {
+    first(ResetCause::Unknown);
     super::stack::paint();
     clock::start();
     let mut core = defmt::unwrap!(cortex_m::Peripherals::take());

@@ -11,18 +11,17 @@ macro_rules! board {
         telemetry: $telemetry:literal $telemetry_uart:ident,
         inverts: $inverts:literal,
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
+        outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
     ) => {
         use super::port::{EcuPort, Opener, ecu_uarts, open};
-        use super::state::Ready;
+        use super::state::{Ready, ResetCause};
         use super::stm32::{Drive, Led, Watchdog};
         use super::first::{self, Step};
         use super::{chip, early, watchdog};
-        #[cfg(feature = "selftest")]
-        use embassy_stm32::pac::gpio::Gpio;
-        use embassy_stm32::{gpio::Level, pac, rcc::{Hse, HseMode}, time::mhz};
+        use embassy_stm32::{gpio::Level, pac::{self, gpio::Gpio}, rcc::{Hse, HseMode}, time::mhz};
         use super::format::Format;
 
         /// The board's name.
@@ -36,6 +35,15 @@ macro_rules! board {
 
         /// Whether its UARTs can invert what they receive.
         pub const INVERTS_RX: bool = $inverts;
+
+        /// The outputs for valves and power by number, from 0.
+        pub const OUTPUTS: &[&str] = &[$($out_label),*];
+
+        /// Whether the bootloader drives each low.
+        pub const OUTPUTS_LOW_BEFORE: &[bool] = &[$($out_low),*];
+
+        /// Their pins.
+        pub const OUTPUT_PINS: &[(Gpio, usize)] = &[$((pac::$out_gpio, $out_number)),*];
 
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
         #[cfg(feature = "selftest")]
@@ -82,15 +90,21 @@ macro_rules! board {
         /// The board, ready for the firmware.
         pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-        /// Starts the clocks, opens the ports that have a format, and the one of MAVLink. Call it once.
-        pub fn init(formats: [Option<Format>; PORTS.len()], telemetry: Format) -> Board {
+        /// Starts the clocks, opens the ports that have a format, and the one of MAVLink. Does `first` before anything else. Call it
+        /// once.
+        pub fn init(
+            formats: [Option<Format>; PORTS.len()],
+            telemetry: Format,
+            first: impl FnOnce(ResetCause),
+        ) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
-            let early = early::begin(matches!(hse.mode, HseMode::Bypass));
+            let early = early::begin(matches!(hse.mode, HseMode::Bypass), first);
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
             // Taken permanently: a pin that occurs twice in the table does not build.
             let _taken = ($((p.$each, p.$rx, p.$tx)),*);
+            let _outputs = ($(p.$out,)*);
             let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
             let mut place = 0;
             let mut opened = [const { None }; PORTS.len()];

@@ -1,19 +1,25 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
 use crate::faults::{Disturber, Fault, Weather};
-use crate::history::{Commanded, History, Kind, MS, Mark, PilotCommand, SECOND, Sample, Spans};
+use crate::history::{Commanded, History, Kind, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks};
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
+use crate::radio::{Receiver, Transmitter};
 use crate::settings::{self, Setup};
+use crate::valve::{Valve, Wiring};
 use crate::wire::Reader;
 use jetlink::channel::Handle;
 use jetlink::command::Origin;
+use jetlink::engine::retained::RetainedState;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::ControlledBy;
 use std::collections::VecDeque;
+
+/// The source of radio control.
+const RC: usize = 1;
 
 /// From look to look at the turbines.
 pub const LOOK: u64 = 50 * MS;
@@ -46,6 +52,8 @@ pub struct EngineContext {
     pwm_since: Option<u64>,
     next_swap: u64,
     script: Script,
+    valve: Valve,
+    transmitter: Option<Transmitter>,
 }
 
 /// What a case does with an engine, and when.
@@ -103,8 +111,17 @@ impl EngineContext {
         disturber.signals = rng.percent(15);
         disturber.flames = setup.rules.when_other_fails.is_some();
         let next_swap = rng.wait(3000 * SECOND);
-        let (mut context, halves) = Self::new(setup, rng.next(), disturber);
+        let seed = rng.next();
+        let (mut context, halves) = Self::new(setup, seed, disturber);
         (context.pilots, context.next_swap) = (pilots, next_swap);
+        if seed & 1 == 0 {
+            context.valve = Valve::new(Wiring::Latching);
+        }
+        // One in four has radio control: the source is its own then.
+        if seed >> 1 & 3 == 0 {
+            context.pilots.retain(|pilot| pilot.source != RC);
+            context.transmitter = Some(Transmitter::new(seed >> 3 & 7));
+        }
         (context, halves)
     }
 
@@ -130,6 +147,8 @@ impl EngineContext {
             pwm_since: None,
             next_swap: u64::MAX,
             script: Script::default(),
+            valve: Valve::new(Wiring::DelayOff),
+            transmitter: None,
             setup,
         };
         (context, (rx, tx))
@@ -161,10 +180,11 @@ impl EngineContext {
             .max(u64::from(self.pilots.is_empty()) * u64::MAX)
             .min(self.disturber.next())
             .min(self.script.next())
+            .min(self.transmitter.as_ref().map_or(u64::MAX, |transmitter| transmitter.next))
     }
 
     /// Everything here but the node does what it does, once.
-    pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+    pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>, receiver: Option<&mut Receiver<'_>>) {
         let at = now();
         let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
         let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
@@ -184,6 +204,43 @@ impl EngineContext {
         }
         self.play_script(rng, handle);
         self.commands_now(rng, handle);
+        self.transmit(rng, receiver);
+        if let Some(handle) = handle {
+            self.valve.follow(&mut self.history, at, &handle.telemetry());
+        }
+    }
+
+    /// The node begins with this record. Gives its receiver of radio control.
+    pub fn begin<'a>(&mut self, record: Option<RetainedState>, handle: &Handle<'a>) -> Option<Receiver<'a>> {
+        self.valve.begin(&mut self.history, now(), record);
+        self.transmitter.as_mut().map(|transmitter| transmitter.receiver(handle, &self.setup.config))
+    }
+
+    /// The next frame of radio control, if it is due.
+    fn transmit(&mut self, rng: &mut Rng, receiver: Option<&mut Receiver<'_>>) {
+        let at = now();
+        if self.transmitter.as_ref().is_none_or(|transmitter| at < transmitter.next) {
+            return;
+        }
+        let view = self.view();
+        let Some(transmitter) = &mut self.transmitter else { return };
+        transmitter.fly(rng, &view);
+        let commands = transmitter.send(rng, at, receiver);
+        let sticks = transmitter.sticks();
+        let same = |before: &Sticks| Sticks { at, ..*before } == sticks;
+        if !self.history.sticks.last().is_some_and(same) {
+            self.history.sticks.push(sticks);
+        }
+        self.history.commanded.extend(commands.into_iter().map(|command| Commanded {
+            at,
+            source: RC,
+            command,
+        }));
+    }
+
+    /// There is no node from here on.
+    pub fn release(&mut self) {
+        self.valve.release(&mut self.history, now());
     }
 
     fn play_script(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
@@ -224,6 +281,7 @@ impl EngineContext {
     /// The turbine and the wire, as they are now.
     pub fn look(&mut self) {
         let at = now();
+        self.cut_off(at);
         let frames = self.reader.read(&self.plug.take_log());
         self.history.frames.extend(frames);
         let (seen, before) = (self.ignitions, self.given_up);
@@ -279,6 +337,21 @@ impl EngineContext {
             _ => {}
         }
         self.history.samples.push(sample);
+    }
+
+    /// An engine behind a valve that is shut goes out.
+    fn cut_off(&mut self, at: u64) {
+        if self.history.pin.last().is_some_and(|(_, pin)| *pin == Pin::Floats) {
+            self.valve.release(&mut self.history, at);
+        }
+        if self.valve.is_shut() {
+            self.plug.ecu(|ecu| {
+                let turbine = ecu.turbine_mut();
+                if turbine.thrust() > 0.0 {
+                    turbine.flame_out();
+                }
+            });
+        }
     }
 
     fn view(&self) -> View {
@@ -341,6 +414,7 @@ impl EngineContext {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
+        self.valve.end(&mut self.history, at);
         if let Some(since) = self.pwm_since.take() {
             self.history.pwm.push(since, at);
         }

@@ -230,6 +230,34 @@ pub struct Reset {
     pub cause: Cause,
 }
 
+/// Position of the switch of radio control.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Position {
+    Stop,
+    Standby,
+    Run,
+}
+
+/// Stick and switch of radio control, from an instant on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Sticks {
+    pub at: u64,
+    pub position: Position,
+    /// Throttle, 0.1 %.
+    pub tenths: u32,
+    /// The transmitter is on.
+    pub on: bool,
+}
+
+/// The pin of a fuel valve.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Pin {
+    /// No node drives it: the wiring holds the valve.
+    Floats,
+    Closed,
+    Open,
+}
+
 /// Which ECU it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
@@ -414,6 +442,12 @@ pub struct History {
     pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
+    /// The pin of the fuel valve, from each instant on. Empty: there is no valve.
+    pub pin: Vec<(u64, Pin)>,
+    /// The valve lets no fuel through.
+    pub shut: Spans,
+    /// Stick and switch. Empty: there is no radio control.
+    pub sticks: Vec<Sticks>,
 }
 
 impl History {
@@ -440,6 +474,9 @@ impl History {
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),
+            pin: Vec::new(),
+            shut: Spans::default(),
+            sticks: Vec::new(),
         }
     }
 
@@ -502,6 +539,13 @@ impl History {
             spans.push(last.at, self.end);
         }
         spans
+    }
+
+    /// The times in which the pin of the valve was so.
+    pub fn pin_is(&self, wanted: Pin) -> Spans {
+        let ends = self.pin.iter().skip(1).map(|(at, _)| *at).chain([self.end]);
+        let all = self.pin.iter().zip(ends).filter(|((_, pin), _)| *pin == wanted);
+        Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
     }
 
     /// The times without a node.

@@ -11,7 +11,9 @@ mod limits;
 mod obeyed;
 mod silence;
 mod starts;
+mod sticks;
 mod stops;
+mod valve;
 
 use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
 use std::collections::BTreeMap;
@@ -66,10 +68,18 @@ pub enum Rule {
     Version,
     /// Every frame is one that the document knows.
     Frame,
+    /// A latched stop closes the fuel valve at once, and until its release.
+    Valve,
+    /// No fuel comes through a valve that is shut: nothing burns behind it, and no start is ordered.
+    ShutValve,
+    /// The valve cuts no engine that is ordered to run.
+    CutOff,
+    /// Radio control commands what stick and switch say, and stop at the switch stops.
+    Sticks,
 }
 
 impl Rule {
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 26] = [
         Self::Ignition,
         Self::RunAtRest,
         Self::Doubt,
@@ -92,6 +102,10 @@ impl Rule {
         Self::Pwm,
         Self::Version,
         Self::Frame,
+        Self::Valve,
+        Self::ShutValve,
+        Self::CutOff,
+        Self::Sticks,
     ];
 }
 
@@ -240,6 +254,8 @@ pub fn judge(history: &History) -> Verdict {
     let mut case = Case::new(history);
     case.bad_frames();
     case.stops();
+    case.valve();
+    case.sticks();
     case.starts();
     case.run_at_rest();
     case.doubt();

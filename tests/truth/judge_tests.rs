@@ -3,7 +3,9 @@
 mod flight;
 mod silence;
 mod starts;
+mod sticks;
 mod stops;
+mod valve;
 
 use crate::history::{
     Cause, Commanded, Demanded, Frame, History, Kind, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample,

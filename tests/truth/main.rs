@@ -16,7 +16,9 @@ mod judge;
 mod judge_tests;
 mod log;
 mod pilots;
+mod radio;
 mod settings;
+mod valve;
 mod wire;
 mod worlds;
 

@@ -377,6 +377,23 @@ pub fn command(command: PilotCommand, amt: bool) -> Option<Command> {
     })
 }
 
+/// What a command of radio control is to the judge.
+pub fn commanded(command: Command) -> PilotCommand {
+    match command {
+        Command::Standby => PilotCommand::Standby,
+        Command::Run(Demand::Throttle(throttle)) => {
+            PilotCommand::Run(Demanded::Throttle(throttle.tenths().into()))
+        }
+        Command::Run(Demand::Rpm(rpm)) => PilotCommand::Run(Demanded::Rpm(rpm.get())),
+        Command::EmergencyStop => PilotCommand::Stop,
+        Command::ReleaseStop => PilotCommand::Release,
+        Command::Arm => PilotCommand::Arm,
+        Command::Disarm => PilotCommand::Disarm,
+        Command::Present => PilotCommand::Nothing,
+        other => panic!("radio control does not command {other:?}"),
+    }
+}
+
 fn action(number: u8) -> Option<ZkAction> {
     Some(match number {
         1 => ZkAction::Drain,

@@ -7,6 +7,7 @@ use crate::faults::Weather;
 use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
 use crate::judge::failed_for_sure;
 use crate::pilots::Rng;
+use crate::radio::Receiver;
 use crate::settings::{self, Setup};
 use embassy_time::{Duration, Ticker};
 use jetlink::channel::Handle;
@@ -103,6 +104,7 @@ fn play<const N: usize>(
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
         for context in &mut contexts {
+            context.release();
             if with_ecu {
                 context.power_off(rng, down_at + down);
             }
@@ -178,9 +180,15 @@ async fn poll_all(tasks: &mut Tasks<'_>) {
 }
 
 /// Lets everything but the node act once.
-fn act_all(rng: &mut Rng, contexts: &mut [EngineContext], handles: &[Handle<'_>], look: bool) {
+fn act_all(
+    rng: &mut Rng,
+    contexts: &mut [EngineContext],
+    handles: &[Handle<'_>],
+    receivers: &mut [Option<Receiver<'_>>],
+    look: bool,
+) {
     for (port, context) in contexts.iter_mut().enumerate() {
-        context.act(rng, handles.get(port));
+        context.act(rng, handles.get(port), receivers.get_mut(port).and_then(Option::as_mut));
         if look {
             context.look();
         }
@@ -200,7 +208,7 @@ fn down_for(rng: &mut Rng, contexts: &mut [EngineContext], until: u64, end: u64)
     let mut look_at = now();
     while now() < until.min(end) {
         let look = now() >= look_at;
-        act_all(rng, contexts, &[], look);
+        act_all(rng, contexts, &[], &mut [], look);
         if look {
             look_at = now() + LOOK;
         }
@@ -229,6 +237,11 @@ fn boot<const N: usize>(
     };
     let node = Node::new(configs, Some((memory, reset))).expect("valid");
     let handles = node.handles();
+    // From what was retained, before anything else.
+    let mut receivers = Vec::new();
+    for (((context, config), memory), handle) in contexts.iter_mut().zip(configs).zip(memory).zip(&handles) {
+        receivers.push(context.begin(memory.load(config.fingerprint(), reset), handle));
+    }
     let mut tasks: Tasks<'_> = nature(contexts);
     for ((runner, (rx, tx)), context) in node.runners().into_iter().zip(halves.drain(..)).zip(contexts.iter())
     {
@@ -255,7 +268,7 @@ fn boot<const N: usize>(
             contexts.iter_mut().for_each(|context| context.fly(rng));
         }
         let look = at >= look_at;
-        act_all(rng, contexts, &handles, look);
+        act_all(rng, contexts, &handles, &mut receivers, look);
         if look {
             look_at = at + LOOK;
             blow = fate.sooner(rng, contexts, reset_at).or(blow);

@@ -42,6 +42,14 @@ fn the_emulators_boards_equal_those_of_the_table() {
         let led = (pin((here.led.pin.0, here.led.pin.1, here.led.lit)), here.led.open_drain);
         let in_table = ((table.led.pin.to_string(), high(table.led.lit)), table.led.open_drain);
         assert_eq!(led, in_table, "{name}");
+        let outputs: Vec<_> = here
+            .outputs
+            .iter()
+            .map(|output| (format!("P{}{}", output.pin.0, output.pin.1), output.low_before))
+            .collect();
+        let in_table: Vec<_> =
+            table.outputs.iter().map(|output| (output.pin.to_string(), output.low_before)).collect();
+        assert_eq!(outputs, in_table, "{name}");
         let mut held: Vec<_> = here.held.iter().map(|&held| pin(held)).collect();
         let mut in_table: Vec<_> =
             table.held().map(|hold| (hold.pin.to_string(), high(hold.level))).collect();

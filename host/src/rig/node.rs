@@ -11,6 +11,8 @@ use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
+use jetlink_rc::outputs::Outputs;
+use jetlink_rc::settings::OutputSettings;
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
@@ -46,6 +48,8 @@ pub struct Node<'a> {
     memory: &'static [RetainedMemory],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
+    /// Fuel valve and power of each engine, as a board would drive them.
+    outputs: RefCell<Vec<Outputs>>,
     /// What was counted until the last reset.
     before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
@@ -65,6 +69,7 @@ impl<'a> Node<'a> {
             memory: Box::leak(engines.iter().map(|_| RetainedMemory::new()).collect()),
             channels: RefCell::new(None),
             last: RefCell::default(),
+            outputs: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
             wanted: Cell::new(None),
             cause: Cell::new(Cause::PowerLost),
@@ -80,6 +85,11 @@ impl<'a> Node<'a> {
             Cause::Watchdog => retained::Reset::Warm,
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
+        // From what was retained, before anything else.
+        let outputs = self.memory.iter().enumerate().map(|(i, memory)| {
+            Outputs::new(OutputSettings::DEFAULT, memory.load(self.config(i).fingerprint(), reset))
+        });
+        self.outputs.replace(outputs.collect());
         let channels: Rc<[Channel]> = self
             .memory
             .iter()
@@ -145,6 +155,12 @@ impl<'a> Node<'a> {
         telemetry
     }
 
+    /// Fuel valve and power of an engine; while the node is away, as they were: the wiring holds them.
+    pub fn outputs(&self, engine: usize) -> Outputs {
+        self.look();
+        self.outputs.borrow()[engine]
+    }
+
     /// A command. `None`: the node is away and does not receive it.
     pub fn command(
         &self,
@@ -168,8 +184,13 @@ impl<'a> Node<'a> {
 
     fn look(&self) {
         if let Some(channels) = &*self.channels.borrow() {
-            for (last, channel) in self.last.borrow_mut().iter_mut().zip(channels.iter()) {
+            let mut outputs = self.outputs.borrow_mut();
+            let outputs = outputs.iter_mut();
+            for ((last, outputs), channel) in
+                self.last.borrow_mut().iter_mut().zip(outputs).zip(channels.iter())
+            {
                 *last = channel.handle().telemetry();
+                outputs.update(last);
             }
         }
     }

@@ -10,6 +10,7 @@ use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::{Counters, LinkState, Timed};
 use jetlink::telemetry::Telemetry;
+use jetlink_rc::outputs::Outputs;
 use sim::wire::Entry;
 
 /// Between two samples.
@@ -194,6 +195,8 @@ pub const fn decode_errors(counters: &Counters) -> u32 {
 pub struct Detail {
     /// All that the node knows of the engine.
     pub telemetry: Telemetry,
+    /// Fuel valve and power, as a board with these outputs would drive them.
+    pub outputs: Outputs,
     /// The bytes on its line since the sample before.
     pub entries: Vec<Entry>,
     /// Faults that were set by hand and last.

@@ -226,6 +226,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
             let details = details.map(|(i, (context, telemetry))| Detail {
                 telemetry,
+                outputs: node.outputs(i),
                 entries: context.tap.borrow_mut().take(),
                 faults: player.faults(i),
             });

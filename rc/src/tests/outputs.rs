@@ -1,7 +1,8 @@
 //! The valve and the power, for each state of an engine: a snapshot of a real one, changed.
 
-use crate::outputs::{Levels, Outputs, Valve};
+use crate::outputs::{Outputs, Valve};
 use crate::settings::OutputSettings;
+use crate::wiring::{OutputConfig, OutputPin, PinLevel, check_board, check_outputs};
 use embassy_time::{Duration, Instant};
 use jetlink::channel::Channel;
 use jetlink::command::{Demand, Order, Ordered, Origin};
@@ -12,6 +13,7 @@ use jetlink::line::Line;
 use jetlink::report::{LinkState, Phase, Timed};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Celsius, Rpm, Throttle};
+use std::vec::Vec;
 
 const CONFIG: EngineConfig = EngineConfig::zk("left", 0, Line::new(9600), Rate::Hz20);
 const RUN: Order = Order::Run(Demand::Throttle(Throttle::IDLE));
@@ -41,9 +43,8 @@ fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
 }
 
 fn outputs(valve: Valve) -> Outputs {
-    let settings = OutputSettings { valve: true, power: true, ..OutputSettings::DEFAULT };
     let record = RetainedState::new(RUN, Origin::Rc);
-    Outputs::new(settings, (valve == Valve::Open).then_some(record))
+    Outputs::new(OutputSettings::DEFAULT, (valve == Valve::Open).then_some(record))
 }
 
 /// What an update makes of a valve that was closed, and of one that was open.
@@ -135,7 +136,7 @@ fn closes_after(settings: OutputSettings, telemetry: &Telemetry) -> Option<u64> 
 
 #[test]
 fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
-    let settings = OutputSettings { valve: true, ..OutputSettings::DEFAULT };
+    let settings = OutputSettings::DEFAULT;
     let with = |order, origin, obeyed, link| {
         let mut telemetry = snapshot(order, Some(Phase::Running), Some(60_000));
         telemetry.ordered.origin = origin;
@@ -158,9 +159,9 @@ fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
     }
     // The setting.
     let not_obeyed = with(Order::Standby, Origin::Rc, false, up);
-    let longer = OutputSettings { not_obeyed: Some(Duration::from_secs(12)), ..settings };
+    let longer = OutputSettings { not_obeyed: Some(Duration::from_secs(12)) };
     assert_eq!(closes_after(longer, &not_obeyed), Some(12_000));
-    assert_eq!(closes_after(OutputSettings { not_obeyed: None, ..settings }, &not_obeyed), None);
+    assert_eq!(closes_after(OutputSettings { not_obeyed: None }, &not_obeyed), None);
 }
 
 #[test]
@@ -184,9 +185,8 @@ fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
 /// Every record: with a whole one of an engine that runs the valve is open before anything else, otherwise closed.
 #[test]
 fn valve_after_a_reset() {
-    let settings = OutputSettings { valve: true, power: true, ..OutputSettings::DEFAULT };
     let after = |record: Option<RetainedState>| {
-        let outputs = Outputs::new(settings, record);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, record);
         (outputs.valve(), outputs.power())
     };
     assert_eq!(after(None), (Valve::Closed, false), "no record");
@@ -247,21 +247,41 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
 }
 
 #[test]
-fn levels_follow_the_polarity_and_an_output_that_is_off_is_not_driven() {
+fn levels_follow_the_polarity_and_an_output_without_a_pin_is_not_driven() {
     let run = RetainedState { armed: true, ..RetainedState::new(RUN, Origin::Rc) };
     for (record, on) in [(None, false), (Some(run), true)] {
+        let outputs = Outputs::new(OutputSettings::DEFAULT, record);
+        let levels = |config: OutputConfig| config.levels(&outputs).collect::<Vec<_>>();
         for low in [false, true] {
-            let settings = OutputSettings {
-                valve: true,
-                valve_low: low,
-                power: true,
-                power_low: low,
-                ..OutputSettings::DEFAULT
-            };
-            let levels = Outputs::new(settings, record).levels();
-            assert_eq!(levels, Levels { valve: Some(on != low), power: Some(on != low) });
+            let [valve, power] = [3, 4].map(|number| OutputPin { number, low });
+            let both = [3, 4].map(|number| PinLevel { number, high: on != low });
+            assert_eq!(levels(OutputConfig::valve(valve).with_power(power)), both);
+            assert_eq!(levels(OutputConfig::valve(valve)), both[..1]);
+            assert_eq!(levels(OutputConfig::NONE.with_power(power)), both[1..]);
         }
-        let off = Outputs::new(OutputSettings::DEFAULT, record).levels();
-        assert_eq!(off, Levels { valve: None, power: None }, "by default");
+        assert_eq!(levels(OutputConfig::NONE), []);
     }
+}
+
+/// True if the check panics, as it does while a firmware is compiled.
+fn is_refused(check: impl FnOnce() + std::panic::UnwindSafe) -> bool {
+    std::panic::catch_unwind(check).is_err()
+}
+
+#[test]
+fn wrong_wiring_is_refused() {
+    let config = |valve, power| OutputConfig::valve(valve).with_power(power);
+    let [a, b, c] = [OutputPin::high(0), OutputPin::low(1), OutputPin::high(2)];
+    let good = [config(a, b), OutputConfig::valve(c), OutputConfig::NONE];
+    check_outputs(&good);
+    check_board(&good, &[true, false, true]);
+    assert!(is_refused(move || check_board(&good, &[false, false])), "the board has two");
+    assert!(
+        is_refused(move || check_board(&good, &[false, true, false])),
+        "low energises, and low in the bootloader"
+    );
+    assert!(is_refused(|| check_outputs(&[config(a, a)])), "one pin for both");
+    assert!(is_refused(|| check_outputs(&[config(a, b), OutputConfig::valve(b)])), "one pin for two engines");
+    let settings = OutputSettings { not_obeyed: Some(Duration::from_millis(999)) };
+    assert!(is_refused(move || check_outputs(&[OutputConfig { settings, ..OutputConfig::NONE }])));
 }

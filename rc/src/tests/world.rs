@@ -286,14 +286,13 @@ pub async fn life(life: &Life<'_>, (rx, tx): (WireRx, WireTx), scenario: impl As
     let channel = Channel::new(&ENGINE, life.memory);
     let handle = channel.handle();
     let retained = life.memory.and_then(|(memory, reset)| memory.load(ENGINE.fingerprint(), reset));
-    let settings = OutputSettings { valve: true, power: true, ..OutputSettings::DEFAULT };
     let pilot = Pilot::new(handle.source(Origin::Rc).unwrap(), &ENGINE, life.settings).unwrap();
     let world = World {
         radio: life.radio,
         handle,
         plug: life.plug,
         pilot: RefCell::new(pilot),
-        outputs: RefCell::new(Outputs::new(settings, retained)),
+        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, retained)),
         input: RefCell::new(life.radio.kind.input()),
         lower: Cell::new(None),
         lower_source: handle.source(Origin::Mavlink).unwrap(),

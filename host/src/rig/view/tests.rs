@@ -610,10 +610,19 @@ fn why_shows_what_prevents_a_start() {
     let screen = text(&buffer(&played.model, COLOUR, 100, 30));
     assert!(screen.contains("✗ EGT") && screen.contains("let it cool in standby, limit 100 °C"), "{screen}");
     assert!(screen.contains("✓ armed"), "{screen}");
+    // It still turns.
+    assert!(screen.contains("Outputs: fuel valve open, starter and ignition on"), "{screen}");
     // The refusal has the same text.
     let event = played.model.events.iter().find(|event| event.text.contains("rejected")).expect("a refusal");
     let reason = event.text.split_once("rejected: ").unwrap().1;
     assert!(screen.contains(reason), "{reason}: {screen}");
+}
+
+#[test]
+fn why_shows_the_valve_that_a_stop_has_closed() {
+    let played = pair(53.0, &[(50.0, char(' ')), (52.0, char('w'))], "why_stopped");
+    let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+    assert!(screen.contains("Outputs: fuel valve closed, starter and ignition on"), "{screen}");
 }
 
 #[test]

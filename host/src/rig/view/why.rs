@@ -1,4 +1,4 @@
-//! Why the selected engine does what it does: the conditions of a start, and what holds the demand below the command.
+//! Why the selected engine does what it does: the conditions of a start, what holds the demand below the command, and the outputs.
 
 use super::super::conditions;
 use super::super::fit::wrapped;
@@ -6,6 +6,7 @@ use super::super::sample::Sample;
 use super::model::Model;
 use super::theme::{Theme, Tone};
 use jetlink::engine::state::EngineState;
+use jetlink_rc::outputs::Valve;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -63,5 +64,9 @@ fn lines(model: &Model, theme: Theme, width: usize) -> Vec<Line<'static>> {
         lines.push(line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good));
     }
     lines.extend(held.into_iter().flat_map(|text| wrapped(format!("   {text}"), 3, Tone::Warn)));
+    let valve = if detail.outputs.valve() == Valve::Open { "open" } else { "closed" };
+    let power = if detail.outputs.power() { "on" } else { "off" };
+    lines.push(line(String::new(), Tone::Plain));
+    lines.push(line(format!("Outputs: fuel valve {valve}, starter and ignition {power}"), Tone::Head));
     lines
 }

@@ -1,0 +1,42 @@
+//! The status LED shows the states of the engines, as README's table has them.
+
+use crate::support::{Led, on_each_board};
+use emulation::receiver::{Position, Protocol, Receiver};
+use emulation::{Image, Run};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+
+#[test]
+fn armed_running_source_lost_and_stop_latched_are_shown() {
+    on_each_board(|board| {
+        let led = Led::of(board);
+        let report = Run::new(board, Image::Outputs)
+            .quick_engines()
+            .radio(Receiver::new(Protocol::Sbus))
+            .record(led.register)
+            .at(5 * SECOND, |bench| bench.radio().switch = Position::Standby)
+            .at(9 * SECOND, |bench| bench.radio().switch = Position::Run)
+            .at(60 * SECOND, |bench| bench.radio().transmitter = false)
+            .at(64 * SECOND, |bench| bench.radio().transmitter = true)
+            .at(70 * SECOND, |bench| bench.radio().switch = Position::Stop)
+            .until(75 * SECOND)
+            .go();
+        let (lit, dark) = (led.lit(&report), led.dark(&report));
+        // The flashes of the second from then on, in ms.
+        let flashes = |second: Nanos| {
+            let within = second * SECOND - 100 * MILLIS..(second + 1) * SECOND - 100 * MILLIS;
+            let lit = lit.iter().filter(|at| within.contains(at));
+            let length = |at: &Nanos| dark.iter().find(|dark| *dark > at).expect("it goes out") - at;
+            lit.map(|at| (length(at) + MILLIS / 2) / MILLIS).collect::<Vec<_>>()
+        };
+        for (second, shows) in [
+            (7, [50; 2].as_slice()), // armed
+            (11, &[50; 3]),          // ordered to run
+            (58, &[50; 3]),          // running
+            (62, &[300]),            // source lost
+            (68, &[50; 3]),          // back
+            (73, &[300; 2]),         // stop latched
+        ] {
+            assert_eq!(flashes(second), shows, "{}, second {second}\n{}", board.name, report.log_text());
+        }
+    });
+}

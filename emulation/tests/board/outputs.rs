@@ -1,0 +1,245 @@
+//! Fuel valves and the power of starters on their pins: start, standby, stop, and every kind of reset.
+
+use crate::support::{crash, on_each_board, symbol};
+use emulation::pins::{Level, Pin};
+use emulation::receiver::{Position, Protocol, Receiver};
+use emulation::{Bench, Board, Image, Report, Run, engines};
+use sim::amt::AmtEcu;
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::turbine::{Parameters, Phase};
+use sim::zk::ZkEcu;
+
+/// Ports of an AMT engine, "left", and of a ZK engine, "booster".
+const AMT: &str = "SERIAL2";
+const ZK: &str = "SERIAL5";
+
+/// An output of an engine, as the image has it (src/config.rs, feature `outputs`).
+#[derive(Clone, Copy, Debug)]
+struct Output {
+    name: &'static str,
+    /// Number on the board.
+    number: usize,
+    /// Level that energises.
+    on: Level,
+}
+
+impl Output {
+    fn off(self) -> Level {
+        if self.on == Level::High { Level::Low } else { Level::High }
+    }
+}
+
+const LEFT: Output = Output { name: "left, valve", number: 0, on: Level::High };
+const BOOSTER: Output = Output { name: "booster, valve", number: 3, on: Level::Low };
+/// The Pixracer has no output for the power of "booster".
+const POWER: Output = Output { name: "left, power", number: 4, on: Level::High };
+const VALVES: [Output; 2] = [LEFT, BOOSTER];
+
+/// Both engines and a receiver, both running at 50 % from 30 s on.
+fn flying(board: &'static Board) -> Run {
+    Run::new(board, Image::Outputs)
+        .quick_engines()
+        .only(&[AMT, ZK])
+        .radio(Receiver::new(Protocol::Sbus))
+        .outputs()
+        .at(3 * SECOND, |bench| bench.radio().switch = Position::Standby)
+        .at(5 * SECOND, |bench| bench.radio().switch = Position::Run)
+        .at(26 * SECOND, |bench| bench.radio().stick = 50)
+}
+
+fn phases(report: &Report) -> [Phase; 2] {
+    [report.ecu::<AmtEcu>(AMT).turbine().phase(), report.ecu::<ZkEcu>(ZK).turbine().phase()]
+}
+
+/// End of the second frame of the receiver after this time: from there on, two of three say it.
+fn second_frame(report: &Report, after: Nanos) -> Nanos {
+    // A frame that was on the line then still says what was before.
+    let mut ends =
+        report.wire(report.board.radio).rx.iter().filter(|rx| rx.last && rx.end > after + 4 * MILLIS);
+    ends.nth(1).expect("frames").end
+}
+
+/// The output is energised or not, for the whole time but for what a reset takes at its beginning.
+fn stays(report: &Report, output: Output, level: Level, within: core::ops::Range<Nanos>) {
+    let pin = Pin::output(report, output.number);
+    assert_eq!(pin.at(within.start), level, "{}, {} at {}", report.board.name, output.name, within.start);
+    let changes = pin.changes(within.start + 1..within.end);
+    assert_eq!(changes, [], "{}, {}", report.board.name, output.name);
+}
+
+/// From a reset until the output is driven, to this level and no other before.
+fn driven_after(report: &Report, output: Output, reset: Nanos, level: Level) -> Nanos {
+    let pin = Pin::output(report, output.number);
+    let changes = pin.changes(reset..reset + 400 * MILLIS);
+    let text = format!("{}, {}: {changes:?}", report.board.name, output.name);
+    assert_eq!(changes[0], (reset, Level::Floats), "{text}");
+    assert_eq!(changes[1].1, level, "{text}");
+    let took = changes[1].0 - reset;
+    println!("{}, {}: driven {:.3} ms after the reset", report.board.name, output.name, took as f64 / 1e6);
+    assert!(took < 5 * MILLIS, "{text}");
+    changes[1].0
+}
+
+#[test]
+fn valve_opens_for_a_start_and_is_closed_by_a_stop_within_10_ms_and_over_a_reset() {
+    on_each_board(|board| {
+        const STOP: Nanos = 32 * SECOND;
+        const RESET: Nanos = 33 * SECOND;
+        let report = flying(board)
+            .at(STOP, |bench| bench.radio().switch = Position::Stop)
+            .at(RESET, |bench| bench.watchdog_runs_out())
+            .resets(1)
+            .until(36 * SECOND)
+            .go();
+        let reset = report.resets[0].0;
+        let stop = second_frame(&report, STOP);
+        for (valve, name) in VALVES.into_iter().zip(["left", "booster"]) {
+            let pin = Pin::output(&report, valve.number);
+            // De-energised from the first instructions on until the start is ordered, then open until the stop.
+            let first = driven_after(&report, Output { name: valve.name, ..valve }, 0, valve.off());
+            let start = report.when(&format!("{name}: run, "));
+            stays(&report, valve, valve.off(), first..start - 20 * MILLIS);
+            stays(&report, valve, valve.on, start + 20 * MILLIS..STOP);
+            let closed = pin.changes(STOP..reset);
+            assert_eq!(closed.len(), 1, "{closed:?}");
+            let took = closed[0].0 as i64 - stop as i64;
+            println!("{}, {name}: closed {:.2} ms after the stop frame", board.name, took as f64 / 1e6);
+            assert!((0..10 * MILLIS as i64).contains(&took), "{}, {name}: {took} ns", board.name);
+            // The stop is latched: no level but closed after the reset.
+            let again = driven_after(&report, valve, reset, valve.off());
+            stays(&report, valve, valve.off(), again..report.at);
+        }
+        // The starter cools the turbines, over the reset, too.
+        let armed = Pin::output(&report, POWER.number).changes(SECOND..STOP);
+        assert!(armed.len() == 1 && armed[0].1 == POWER.on, "{armed:?}");
+        stays(&report, POWER, POWER.on, armed[0].0..reset);
+        let again = driven_after(&report, POWER, reset, POWER.on);
+        stays(&report, POWER, POWER.on, again..again + SECOND);
+        assert!(phases(&report).iter().all(|phase| *phase != Phase::Running), "{:?}", phases(&report));
+    });
+}
+
+#[test]
+fn standby_closes_the_valve_once_the_engine_stands() {
+    on_each_board(|board| {
+        const STANDBY: Nanos = 30 * SECOND;
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let mut run = flying(board);
+        // The starter turns it until it is cold: in a few seconds here.
+        for engine in engines::of(board, Image::Outputs) {
+            if [AMT, ZK].contains(&engine.port) {
+                let mut config = engine.config();
+                let quick = Parameters {
+                    ignition_s: 0.5,
+                    preheat_s: 0.5,
+                    ramp_s: 2.0,
+                    learn_s: 0.5,
+                    ..*config.turbine_mut()
+                };
+                *config.turbine_mut() = Parameters { cooling_s: 3.0, ..quick };
+                run = run.ecu(engine.port, engine.line, config.ecu());
+            }
+        }
+        run = run
+            .at(28 * SECOND, |bench| bench.radio().stick = 0)
+            .at(STANDBY, |bench| bench.radio().switch = Position::Standby);
+        // What the turbines do, ten times a second.
+        for at in (STANDBY..55 * SECOND).step_by(100 * MILLIS as usize) {
+            let sender = sender.clone();
+            run = run.at(at, move |bench: &mut Bench<'_>| {
+                let rpm = [bench.ecu::<AmtEcu>(AMT).turbine().rpm(), bench.ecu::<ZkEcu>(ZK).turbine().rpm()];
+                let _ = sender.send((at, rpm));
+            });
+        }
+        drop(sender);
+        let report = run.until(55 * SECOND).go();
+        let turns: Vec<_> = receiver.iter().collect();
+        for (engine, valve) in VALVES.into_iter().enumerate() {
+            let changes = Pin::output(&report, valve.number).changes(STANDBY..report.at);
+            assert!(
+                matches!(changes[..], [(_, level)] if level == valve.off()),
+                "{}: {changes:?}",
+                valve.name
+            );
+            let closed = changes[0].0;
+            let rpm = |at: Nanos| turns.iter().rfind(|(each, _)| *each <= at).expect("a look").1[engine];
+            println!(
+                "{}, {}: closed {:.1} s after standby, at {:.0} rpm",
+                board.name,
+                valve.name,
+                (closed - STANDBY) as f64 / 1e9,
+                rpm(closed)
+            );
+            // It is at rest below 1000 rpm; the last look was up to 0.1 s before.
+            assert!(rpm(STANDBY) > 20_000.0 && rpm(closed) < 1100.0, "{}", valve.name);
+        }
+    });
+}
+
+/// RAM as after a power-up: no record.
+fn scramble(bench: &mut Bench<'_>, board: &Board) {
+    let retained = symbol(board, Image::Outputs, "__sretained")..symbol(board, Image::Outputs, "__eretained");
+    for at in retained.step_by(4) {
+        bench.set_word(at, 0x9E37_79B9_u32.wrapping_mul(at as u32));
+    }
+}
+
+#[test]
+fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
+    on_each_board(|board| {
+        let report = flying(board)
+            .at(30 * SECOND, |bench| bench.watchdog_runs_out())
+            .at(31 * SECOND, move |bench| crash(bench, board, Image::Outputs))
+            .at(33 * SECOND, |bench| bench.brown_out())
+            .at(37 * SECOND, move |bench| {
+                scramble(bench, board);
+                bench.press_reset();
+            })
+            .resets(4)
+            .with_errors()
+            .until(41 * SECOND)
+            .go();
+        let causes: Vec<_> =
+            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
+        assert_eq!(causes, ["PowerOn", "Watchdog", "Software", "BrownOut", "Pin"]);
+        let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
+        for output in VALVES.into_iter().chain([POWER]) {
+            // A crash leaves the pin as it is, until the reset.
+            stays(&report, output, output.on, 29 * SECOND..resets[0]);
+            for (reset, next) in resets[..3].iter().zip(&resets[1..]) {
+                let driven = driven_after(&report, output, *reset, output.on);
+                stays(&report, output, output.on, driven..*next);
+            }
+        }
+        // Without a record it is closed until the ECU reports that its engine runs.
+        for valve in VALVES {
+            let closed = driven_after(&report, valve, resets[3], valve.off());
+            let changes = Pin::output(&report, valve.number).changes(closed + 1..report.at);
+            assert!(matches!(changes[..], [(_, level)] if level == valve.on), "{}: {changes:?}", valve.name);
+            println!("{}, {}: open {} ms later", board.name, valve.name, (changes[0].0 - closed) / MILLIS);
+            assert!(changes[0].0 - closed < 2 * SECOND, "{}: {changes:?}", valve.name);
+        }
+        assert_eq!(phases(&report), [Phase::Running; 2]);
+    });
+}
+
+/// ZK from version 5 runs on without its wire: only the valve stops it. While run is ordered, nothing closes it.
+#[test]
+fn valve_closes_when_an_ordered_standby_is_not_obeyed_and_never_while_run_is_ordered() {
+    on_each_board(|board| {
+        const CUT: Nanos = 30 * SECOND;
+        const STANDBY: Nanos = 38 * SECOND;
+        let report = flying(board)
+            .at(CUT, |bench| bench.cut(ZK, true))
+            .at(STANDBY, |bench| bench.radio().switch = Position::Standby)
+            .until(46 * SECOND)
+            .go();
+        stays(&report, BOOSTER, BOOSTER.on, CUT..STANDBY);
+        let changes = Pin::output(&report, BOOSTER.number).changes(STANDBY..report.at);
+        assert!(matches!(changes[..], [(_, level)] if level == BOOSTER.off()), "{changes:?}");
+        let took = changes[0].0 - STANDBY;
+        println!("{}: closed {:.1} s after standby", board.name, took as f64 / 1e9);
+        assert!((5000 * MILLIS..5400 * MILLIS).contains(&took), "{took}");
+        assert_eq!(report.ecu::<ZkEcu>(ZK).turbine().phase(), Phase::Running, "it does not hear it");
+    });
+}

@@ -1,0 +1,112 @@
+//! The fuel valve: every latched stop closes it, no fuel comes through it then, and it never cuts a healthy engine.
+
+use super::{Case, Rule, seconds};
+use crate::history::{Cause, MS, Mark, PilotCommand, Pin, SECOND, Switch};
+
+/// From what closes it until it is closed: the node looks at its engine at each event of the world, 50 ms apart or less.
+const LATE: u64 = 60 * MS;
+/// A flame without fuel is out by then: looks at the turbine are 50 ms apart.
+const BURNS_ON: u64 = 200 * MS;
+/// A standby that is not obeyed closes the valve 5 s later, and not before; until it is in force and on the wire, run is.
+const NOT_OBEYED: u64 = 4500 * MS;
+/// A command of standby that can be the reason of a valve that closes: the stages of loss, an unknown state and a take-over lie between.
+const REASON: u64 = 60 * SECOND;
+
+impl Case<'_> {
+    pub(super) fn valve(&mut self) {
+        if self.h.pin.is_empty() {
+            return;
+        }
+        self.stop_closes_it();
+        self.no_fuel_through_it();
+        self.cuts_nothing_healthy();
+        self.starts_find_it_open();
+        let closes = self.h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).count();
+        self.verdict.count("valves closed", closes as u64);
+    }
+
+    fn stop_closes_it(&mut self) {
+        let open = self.h.pin_is(Pin::Open);
+        for (from, to) in self.stopped.clone().iter() {
+            let late = from + LATE;
+            if to > late && open.touches(late, to) {
+                let text = format!("stopped at {}, and the valve is open", seconds(from));
+                self.verdict.finding(Rule::Valve, late, text);
+            }
+        }
+    }
+
+    fn no_fuel_through_it(&mut self) {
+        let runs = self.h.times(|sample| sample.runs());
+        for (from, to) in self.h.shut.iter() {
+            let late = from + BURNS_ON;
+            if to > late && runs.touches(late, to) {
+                self.verdict.finding(Rule::ShutValve, late, "an engine burns behind a valve that is shut");
+            }
+        }
+    }
+
+    /// An engine that runs loses its fuel by a stop, by standby, or because nothing is left of its record.
+    fn cuts_nothing_healthy(&mut self) {
+        let h = self.h;
+        let new: Vec<u64> = h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).map(|(at, _)| *at).collect();
+        for at in new {
+            // For so long that the node can know it; a start that a reset interrupts is ended.
+            let lately = at.saturating_sub(self.two_states() + LATE);
+            let before = h.samples(lately, at);
+            let runs = !before.is_empty() && before.iter().all(|sample| sample.runs());
+            if !runs || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
+                continue;
+            }
+            let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
+            let begins = begins.next_back();
+            let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
+            let on_wire = h.frames_within(at.saturating_sub(NOT_OBEYED), at);
+            // A node that begins closes it at once where standby was in force.
+            let run =
+                begins.is_none() && on_wire.iter().any(|frame| frame.sent.switch() == Some(Switch::Run));
+            let standby = |command| {
+                matches!(
+                    command,
+                    PilotCommand::Standby
+                        | PilotCommand::ShutDown
+                        | PilotCommand::Disarm
+                        | PilotCommand::Stop
+                        | PilotCommand::Ctf
+                )
+            };
+            // Of each source the last command but arming and presence counts.
+            let commanded = h.commanded(at.saturating_sub(REASON), at);
+            let wanted = (0..4).any(|source| {
+                let mut own = commanded.iter().rev().filter(|commanded| commanded.source == source);
+                let last = own.find(|own| !matches!(own.command, PilotCommand::Arm | PilotCommand::Nothing));
+                last.is_some_and(|last| standby(last.command))
+            });
+            // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
+            let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
+            let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
+            if !lost && (run || !wanted && !ended) {
+                let why = if run { "run is on the wire" } else { "nobody commanded standby" };
+                self.verdict.finding(
+                    Rule::CutOff,
+                    at,
+                    format!("the valve cuts an engine that runs, and {why}"),
+                );
+            }
+        }
+    }
+
+    /// What run on the wire ignites has its valve open.
+    fn starts_find_it_open(&mut self) {
+        let h = self.h;
+        let closed = h.pin_is(Pin::Closed);
+        for (at, mark) in &h.marks {
+            let since = at.saturating_sub(SECOND);
+            let frames = h.frames_within(since, *at);
+            let run = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
+            if *mark == Mark::Ignition && run && closed.within(since, at + LATE) == SECOND + LATE {
+                self.verdict.finding(Rule::ShutValve, *at, "a start, and the valve is closed");
+            }
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Histories by hand for the judge's rules: the fuel valve.
+
+use super::*;
+use crate::history::Pin;
+
+/// The pin of the valve: open from the start on, and these changes afterwards, in seconds.
+fn pin(story: Story, changes: &[(f64, Pin)]) -> Story {
+    let changes: Vec<_> = changes.iter().map(|(at, pin)| (micros(*at), *pin)).collect();
+    story.with(|h| {
+        h.pin = vec![(0, Pin::Closed), (micros(4.01), Pin::Open)];
+        h.pin.extend(changes);
+    })
+}
+
+/// A flight with a stop at 40 s, and the turbine out with it.
+fn stopped() -> Story {
+    flight(ZK5, 40.0).once(PILOT, 40.0, PilotCommand::Stop).wire(40.0, 50.0, STOP).turbine(
+        40.0,
+        50.0,
+        Phase::Cooling,
+        5000.0,
+        300.0,
+    )
+}
+
+#[test]
+fn a_latched_stop_closes_the_valve_until_its_release() {
+    pin(stopped(), &[(40.005, Pin::Closed)]).passes();
+    pin(stopped(), &[(40.1, Pin::Closed)]).breaks(&[Rule::Valve]);
+    pin(stopped(), &[]).breaks(&[Rule::Valve]);
+    pin(stopped(), &[(40.005, Pin::Closed), (45.0, Pin::Open)]).breaks(&[Rule::Valve]);
+    // After a reset, and while there is no node.
+    let reset = |cause| {
+        let again = move |h: &mut History| {
+            h.resets.push(Reset { down: 43 * SECOND, up: 44 * SECOND, cause });
+            h.frames.retain(|f| !(43 * SECOND..micros(44.2)).contains(&f.at));
+        };
+        stopped().with(again)
+    };
+    let after = |pin| [(40.005, Pin::Closed), (43.0, Pin::Floats), (44.0, pin)];
+    pin(reset(Cause::Watchdog), &after(Pin::Closed)).passes();
+    pin(reset(Cause::Watchdog), &after(Pin::Open)).breaks(&[Rule::Valve]);
+    pin(reset(Cause::BrownOut), &after(Pin::Open)).breaks(&[Rule::Valve]);
+}
+
+#[test]
+fn nothing_burns_behind_a_valve_that_is_shut() {
+    let shut = |from: f64| {
+        let story = stopped().turbine(40.0, 41.0, Phase::Running, 100_000.0, 500.0);
+        let shut = move |h: &mut History| {
+            h.samples.retain(|s| s.phase == Phase::Running || s.at >= 41 * SECOND || s.at < 40 * SECOND);
+            h.shut = Spans::from(&[(0, micros(4.01)), (micros(from), 50 * SECOND)]);
+        };
+        pin(story, &[(40.005, Pin::Closed)]).with(shut)
+    };
+    shut(40.9).passes();
+    shut(40.005).breaks(&[Rule::ShutValve]);
+}
+
+#[test]
+fn a_start_finds_the_valve_open() {
+    let late = |open: f64| {
+        flight(ZK5, 40.0).with(move |h| h.pin = vec![(0, Pin::Closed), (micros(open), Pin::Open)])
+    };
+    late(4.01).passes();
+    late(5.5).breaks(&[Rule::ShutValve]);
+}
+
+#[test]
+fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
+    let closed = [(35.0, Pin::Closed), (35.2, Pin::Open)];
+    pin(flight(ZK5, 40.0), &[]).passes();
+    pin(flight(ZK5, 40.0), &closed).breaks(&[Rule::CutOff]);
+    // A node of which nothing is left does.
+    let lost = |cause| {
+        let again =
+            move |h: &mut History| h.resets.push(Reset { down: micros(34.99), up: 35 * SECOND, cause });
+        pin(flight(ZK5, 40.0), &closed).with(again)
+    };
+    lost(Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[]);
+    lost(Cause::Watchdog).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // Standby that is not obeyed: after 5 s, and not before.
+    let standby = |closed: f64| {
+        let story = flight(ZK5, 40.0)
+            .once(PILOT, 40.0, PilotCommand::ShutDown)
+            .wire(40.0, 50.0, STANDBY)
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.deaf = Spans::from(&[(39 * SECOND, 50 * SECOND)]));
+        pin(story, &[(closed, Pin::Closed)])
+    };
+    standby(46.0).passes();
+    standby(43.0).breaks(&[Rule::CutOff]);
+}

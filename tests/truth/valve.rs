@@ -1,0 +1,98 @@
+//! The fuel valve of an engine: the node's outputs as the firmware drives them, and the valve behind them.
+
+use crate::history::{History, Pin, SECOND};
+use jetlink::engine::retained::RetainedState;
+use jetlink::telemetry::Telemetry;
+use jetlink_rc::outputs::{Outputs, Valve as Wanted};
+use jetlink_rc::settings::OutputSettings;
+
+/// How the valve is held while its pin floats.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Wiring {
+    /// It stays as it was driven last.
+    Latching,
+    /// It closes 5 s after its pin was energised last.
+    DelayOff,
+}
+
+/// Delay of a relay at switch-off.
+const DELAY: u64 = 5 * SECOND;
+
+/// A valve, and what drives it.
+#[derive(Debug)]
+pub struct Valve {
+    wiring: Wiring,
+    /// `None` without a node.
+    outputs: Option<Outputs>,
+    /// When it was energised last; `None`: never.
+    energised: Option<u64>,
+    /// Time since which it has been shut.
+    shut_since: Option<u64>,
+}
+
+impl Valve {
+    pub const fn new(wiring: Wiring) -> Self {
+        Self { wiring, outputs: None, energised: None, shut_since: Some(0) }
+    }
+
+    /// The node begins.
+    pub fn begin(&mut self, history: &mut History, at: u64, record: Option<RetainedState>) {
+        self.outputs = Some(Outputs::new(OutputSettings::DEFAULT, record));
+        self.drive(history, at);
+    }
+
+    /// There is no node.
+    pub fn release(&mut self, history: &mut History, at: u64) {
+        self.outputs = None;
+        self.drive(history, at);
+    }
+
+    /// The node follows its engine.
+    pub fn follow(&mut self, history: &mut History, at: u64, telemetry: &Telemetry) {
+        if let Some(outputs) = &mut self.outputs {
+            outputs.update(telemetry);
+        }
+        self.drive(history, at);
+    }
+
+    /// Whether no fuel comes through.
+    pub const fn is_shut(&self) -> bool {
+        self.shut_since.is_some()
+    }
+
+    fn drive(&mut self, history: &mut History, at: u64) {
+        let pin = match self.outputs.as_ref().map(Outputs::valve) {
+            None => Pin::Floats,
+            Some(Wanted::Closed) => Pin::Closed,
+            Some(Wanted::Open) => Pin::Open,
+        };
+        let before = history.pin.last().map_or(Pin::Floats, |(_, pin)| *pin);
+        if before == Pin::Open {
+            self.energised = Some(at);
+        }
+        if pin != before || history.pin.is_empty() {
+            history.pin.push((at, pin));
+        }
+        let shut = match (self.wiring, pin) {
+            (_, Pin::Open) => false,
+            (Wiring::Latching, Pin::Closed) => true,
+            (Wiring::Latching, Pin::Floats) => self.is_shut(),
+            (Wiring::DelayOff, _) => self.energised.is_none_or(|last| at >= last + DELAY),
+        };
+        match (shut, self.shut_since) {
+            (true, None) => self.shut_since = Some(at),
+            (false, Some(since)) => {
+                history.shut.push(since, at);
+                self.shut_since = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// The history ends.
+    pub fn end(&mut self, history: &mut History, at: u64) {
+        if let Some(since) = self.shut_since.take() {
+            history.shut.push(since, at);
+        }
+    }
+}
