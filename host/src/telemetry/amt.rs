@@ -37,15 +37,15 @@ pub struct Amt {
     engine: Option<amt::EngineModel>,
 }
 
-impl Amt {
-    /// Nothing received yet.
-    pub const fn new(hint: AmtHint) -> Self {
-        Self { decoder: amt::Decoder::new(), engine: hint.engine }
-    }
-}
-
 impl Telemetry for Amt {
     type Frame = amt::Frame;
+    type Hint = AmtHint;
+
+    const HINT_OF_ANOTHER: &'static str = "--engine is only for --protocol amt";
+
+    fn new(hint: AmtHint) -> Self {
+        Self { decoder: amt::Decoder::new(), engine: hint.engine }
+    }
 
     fn name(&self) -> &'static str {
         "amt"
