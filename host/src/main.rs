@@ -4,6 +4,7 @@
 mod decode;
 mod decode_hint;
 mod json;
+mod protocols;
 mod rig;
 mod telemetry;
 

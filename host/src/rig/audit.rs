@@ -21,6 +21,7 @@ mod zk;
 
 use super::engines::Engine;
 use super::simulated::parameters;
+use crate::protocols::protocols;
 use jetlink::command::{Demand, Order};
 use sim::control::{self, Command, Found, Reader, Switch};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -237,6 +238,25 @@ pub struct Audit {
     pub judged: bool,
 }
 
+/// A command of one protocol.
+trait Judged {
+    /// Whether this order allows it.
+    fn is_allowed(self, order: Order, audit: &Audit) -> bool;
+}
+
+macro_rules! judge {
+    ($($(#[$doc:meta])* $name:ident $module:ident;)+) => {
+        impl Audit {
+            fn allows(&self, order: Order, command: Command) -> bool {
+                match command {
+                    $(Command::$name(command) => command.is_allowed(order, self),)+
+                }
+            }
+        }
+    };
+}
+protocols!(judge);
+
 impl Audit {
     /// For this engine's line. The node begins by listening, and the ECU obeys no run.
     pub fn new(engine: &Engine) -> Self {
@@ -449,10 +469,7 @@ impl Audit {
             }
         };
         let wire = self.wire_command(command);
-        let allowed = self.any_order(wire, |order| match command {
-            Command::Amt(command) => self.amt_allows(order, command),
-            Command::Zk(command) => self.zk_allows(order, command),
-        });
+        let allowed = self.any_order(wire, |order| self.allows(order, command));
         if wire == WireCommand::Stop && self.on_wire != Some(WireCommand::Stop) {
             self.stop_at = Some(start);
         }

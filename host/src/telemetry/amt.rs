@@ -37,15 +37,15 @@ pub struct Amt {
     engine: Option<amt::EngineModel>,
 }
 
-impl Amt {
-    /// Nothing received yet.
-    pub const fn new(hint: AmtHint) -> Self {
-        Self { decoder: amt::Decoder::new(), engine: hint.engine }
-    }
-}
-
 impl Telemetry for Amt {
     type Frame = amt::Frame;
+    type Hint = AmtHint;
+
+    const HINT_OF_ANOTHER: &'static str = "--engine is only for --protocol amt";
+
+    fn new(hint: AmtHint) -> Self {
+        Self { decoder: amt::Decoder::new(), engine: hint.engine }
+    }
 
     fn name(&self) -> &'static str {
         "amt"
@@ -171,7 +171,7 @@ impl Telemetry for Amt {
 }
 
 /// The document's own formula in the document's own numbers, as 64-bit numbers: one step is not a whole number of any decimal
-/// unit. So [`amt::VoltageScale::millivolts`] rounds, and this prints as many decimals as tell two numbers apart.
+/// unit. So [`amt::VoltageScale::millivolts`] rounds, and this prints as many decimals as a 64-bit number needs.
 fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
     let scale = scale?;
     let full_scale = f64::from(scale.full_scale_mv) / 1000.0;

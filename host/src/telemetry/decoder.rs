@@ -8,6 +8,15 @@ pub trait Telemetry {
     /// A frame of the codec.
     type Frame;
 
+    /// Settings of `jetlink decode`, until the stream reports them.
+    type Hint: clap::Args + Copy + PartialEq + Default + Debug;
+
+    /// The sentence for a hint that is given with another protocol.
+    const HINT_OF_ANOTHER: &'static str;
+
+    /// Nothing received yet.
+    fn new(hint: Self::Hint) -> Self;
+
     /// The protocol, as the command line names it.
     fn name(&self) -> &'static str;
 

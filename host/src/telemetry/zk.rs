@@ -27,11 +27,6 @@ pub struct Zk {
 }
 
 impl Zk {
-    /// Nothing received yet.
-    pub const fn new(hint: ZkHint) -> Self {
-        Self { decoder: zk::Decoder::new(), version: hint.zk_version }
-    }
-
     /// A field that ECUs carry from a version on (ZK-7): nothing if the version is known to be lower. While
     /// it is not known the field is given as it came, since its scale does not depend on the version.
     fn since<T>(&self, since: zk::Version, value: T) -> Option<T> {
@@ -41,6 +36,13 @@ impl Zk {
 
 impl Telemetry for Zk {
     type Frame = zk::StatusFrame;
+    type Hint = ZkHint;
+
+    const HINT_OF_ANOTHER: &'static str = "--zk-version is only for --protocol zk";
+
+    fn new(hint: ZkHint) -> Self {
+        Self { decoder: zk::Decoder::new(), version: hint.zk_version }
+    }
 
     fn name(&self) -> &'static str {
         "zk"

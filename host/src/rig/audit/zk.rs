@@ -1,41 +1,40 @@
 //! The commands of a ZK ECU that each order allows.
 
-use super::Audit;
+use super::{Audit, Judged};
 use jetlink::command::{Demand, Order};
 use sim::zk::{Sw, ZkCommand};
 
-impl Audit {
-    /// Whether this order allows this command.
-    pub(super) fn zk_allows(&self, order: Order, command: ZkCommand) -> bool {
+impl Judged for ZkCommand {
+    fn is_allowed(self, order: Order, audit: &Audit) -> bool {
         let switch = match order {
             Order::EmergencyStop => Sw::Stop,
             Order::Standby => Sw::Standby,
             Order::Run(_) => Sw::Run,
             Order::Pwm => Sw::None,
             // Nothing but ID 0, until the ECU has reported what its engine does; in mode 3 the rpm as well.
-            Order::Listen => return command == ZkCommand::Empty,
-            Order::Doubt(_) => return matches!(command, ZkCommand::Empty | ZkCommand::Rpm(_)),
+            Order::Listen => return self == ZkCommand::Empty,
+            Order::Doubt(_) => return matches!(self, ZkCommand::Empty | ZkCommand::Rpm(_)),
         };
-        match (command, order) {
+        match (self, order) {
             (ZkCommand::Empty, _) => true,
-            (ZkCommand::Action(action), _) => Some(action) == self.rate_action,
+            (ZkCommand::Action(action), _) => Some(action) == audit.rate_action,
             (ZkCommand::Control { sw, throttle }, Order::Run(Demand::Throttle(given))) => {
                 let given = given.tenths();
-                let rises = self.rises(throttle.into(), given.into(), 1000, 1);
+                let rises = audit.rises(throttle.into(), given.into(), 1000, 1);
                 sw == switch && (throttle == 0 || throttle == given || rises)
             }
             (ZkCommand::Control { .. }, Order::Run(Demand::Rpm(_))) => false,
             (ZkCommand::Control { sw, throttle }, _) => sw == switch && throttle == 0,
             (ZkCommand::Switch { sw, factor }, Order::Run(Demand::Rpm(_))) => {
-                sw == switch && factor == self.factor
+                sw == switch && factor == audit.factor
             }
             (ZkCommand::Switch { sw, factor }, _) => sw == switch && factor == 0,
             (ZkCommand::Rpm(code), Order::Run(Demand::Rpm(given))) => {
                 let given = given.get();
-                let step = u32::from(self.factor) * 10;
+                let step = u32::from(audit.factor) * 10;
                 let exact =
-                    [given, given.min(self.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
-                exact || self.rises(u32::from(code) * step, given, self.max_rpm, step)
+                    [given, given.min(audit.idle_rpm), 0].iter().any(|rpm| u32::from(code) == rpm / step);
+                exact || audit.rises(u32::from(code) * step, given, audit.max_rpm, step)
             }
             _ => false,
         }

@@ -1,0 +1,35 @@
+//! Engines with an AMT ECU.
+
+use super::description::{Described, Description};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use sim::amt;
+
+/// The simulated ECU, with the engine behind it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Ecu(pub amt::EngineModel);
+
+impl From<Ecu> for amt::AmtConfig {
+    fn from(ecu: Ecu) -> Self {
+        Self::new(ecu.0)
+    }
+}
+
+impl Described for Ecu {
+    const KEYS: &'static [&'static str] = &["engine"];
+
+    fn read(
+        name: &'static str,
+        port: u8,
+        description: &Description<'_>,
+    ) -> Result<(EngineConfig, Self), String> {
+        let wanted = description.get("engine").unwrap_or("olympus");
+        let Some(simulated) = amt::EngineModel::named(wanted) else {
+            let names = amt::EngineModel::ALL.map(amt::EngineModel::name).join(", ");
+            return Err(format!("engine=`{wanted}` is not simulated: write one of {names}"));
+        };
+        let expected = EngineModel::ALL.into_iter().find(|engine| engine.name() == simulated.name());
+        let line = description.line(2400)?;
+        Ok((EngineConfig::amt(name, port, line, expected), Self(simulated)))
+    }
+}

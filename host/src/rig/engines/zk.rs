@@ -1,0 +1,86 @@
+//! Engines with a ZK ECU.
+
+use super::description::{Described, Description};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
+use jetlink::ecu::zk::codec::Rate;
+use sim::ecu::Nanos;
+use sim::zk;
+
+/// The simulated ECU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Ecu {
+    /// Protocol version.
+    pub version: u8,
+    /// How it is commanded.
+    pub mode: Mode,
+}
+
+/// The three control modes of a ZK ECU (ZK-9).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Mode {
+    /// 1: switch and throttle in one command.
+    Throttle,
+    /// 2: the switch in a command of its own.
+    Split,
+    /// 3: switch and speed.
+    Rpm,
+}
+
+impl From<Ecu> for zk::ZkConfig {
+    fn from(ecu: Ecu) -> Self {
+        Self::new(ecu.version)
+    }
+}
+
+impl Described for Ecu {
+    const KEYS: &'static [&'static str] = &["version", "rate", "mode"];
+
+    fn read(
+        name: &'static str,
+        port: u8,
+        description: &Description<'_>,
+    ) -> Result<(EngineConfig, Self), String> {
+        let version = match description.get("version").unwrap_or("5") {
+            text if matches!(text, "1" | "2" | "3" | "4" | "5") => text.bytes().next().unwrap_or(b'5') - b'0',
+            other => return Err(format!("version=`{other}` is not known: write 1 to 5")),
+        };
+        let rate = match description.get("rate").unwrap_or("20") {
+            "20" => Rate::Hz20,
+            "50" => Rate::Hz50,
+            "100" => Rate::Hz100,
+            other => return Err(format!("rate=`{other}` is not known: write 20, 50 or 100")),
+        };
+        let wanted = description.get("mode").unwrap_or("throttle");
+        let mode = match wanted {
+            "throttle" => Mode::Throttle,
+            "split" => Mode::Split,
+            "rpm" => Mode::Rpm,
+            other => return Err(format!("mode=`{other}` is not known: write throttle, split or rpm")),
+        };
+        if mode != Mode::Throttle && version < 4 {
+            return Err(format!("mode={wanted} needs version=4 or higher"));
+        }
+        let mut config = EngineConfig::zk(name, port, description.line(9600)?, rate);
+        if let EcuConfig::Zk(zk) = &mut config.ecu {
+            zk.split_switch = mode == Mode::Split;
+        }
+        Ok((config, Self { version, mode }))
+    }
+
+    fn by_rpm(self) -> bool {
+        self.mode == Mode::Rpm
+    }
+
+    fn cadence(config: &EngineConfig) -> Option<Nanos> {
+        let EcuConfig::Zk(config) = config.ecu else { return None };
+        Some(
+            match config.rate {
+                Rate::Hz20 => zk::Rate::Hz20,
+                Rate::Hz50 => zk::Rate::Hz50,
+                Rate::Hz100 => zk::Rate::Hz100,
+            }
+            .period(),
+        )
+    }
+}
