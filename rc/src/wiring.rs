@@ -112,7 +112,7 @@ pub const fn check_outputs(engines: &[OutputConfig]) {
 /// A pin, counted over valves and powers of all engines.
 const fn nth(engines: &[OutputConfig], n: usize) -> Option<OutputPin> {
     let engine = &engines[n / 2];
-    if n % 2 == 0 { engine.valve } else { engine.power }
+    if n.is_multiple_of(2) { engine.valve } else { engine.power }
 }
 
 /// Checks the outputs of all engines against those of a board, at compile time: for each, whether its bootloader drives it low.
