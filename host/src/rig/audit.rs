@@ -241,7 +241,7 @@ pub struct Audit {
 /// A command of one protocol.
 trait Judged {
     /// Whether this order allows it.
-    fn is_allowed(self, order: Order, audit: &Audit) -> bool;
+    fn allowed_by(self, order: Order, audit: &Audit) -> bool;
 }
 
 macro_rules! judge {
@@ -249,7 +249,7 @@ macro_rules! judge {
         impl Audit {
             fn allows(&self, order: Order, command: Command) -> bool {
                 match command {
-                    $(Command::$name(command) => command.is_allowed(order, self),)+
+                    $(Command::$name(command) => command.allowed_by(order, self),)+
                 }
             }
         }

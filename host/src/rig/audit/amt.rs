@@ -5,7 +5,7 @@ use jetlink::command::{Demand, Order};
 use sim::amt::{AmtCommand, Ops};
 
 impl Judged for AmtCommand {
-    fn is_allowed(self, order: Order, audit: &Audit) -> bool {
+    fn allowed_by(self, order: Order, audit: &Audit) -> bool {
         let throttle = u16::from(self.throttle_half_percent) * 5;
         match (self.ops, order) {
             // An ECU that was just powered up obeys auto stop: that is what it is sent while the node listens.

@@ -5,7 +5,7 @@ use jetlink::command::{Demand, Order};
 use sim::zk::{Sw, ZkCommand};
 
 impl Judged for ZkCommand {
-    fn is_allowed(self, order: Order, audit: &Audit) -> bool {
+    fn allowed_by(self, order: Order, audit: &Audit) -> bool {
         let switch = match order {
             Order::EmergencyStop => Sw::Stop,
             Order::Standby => Sw::Standby,
