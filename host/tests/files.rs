@@ -171,6 +171,14 @@ fn no_output_replaces_the_script_that_is_played() {
 }
 
 #[test]
+fn an_output_has_a_name() {
+    for option in ["--csv", "--plot", "--report", "--save-script", "--capture"] {
+        let error = refused(&rig(&["--fast", "--standby", option, ""]), 2);
+        assert!(error.contains(&format!("{option} needs the name of a ")), "{error}");
+    }
+}
+
+#[test]
 fn two_names_of_one_file_are_one_file() {
     let folder = folder("hard-link");
     let (file, other) = (folder.join("a.csv"), folder.join("b.svg"));

@@ -116,7 +116,11 @@ pub fn run(args: &Args) -> ExitCode {
 fn wanted(args: &Args, order: &Order) -> Vec<Wanted> {
     let file = |option, path: &Option<String>, kind| path.clone().map(|path| Wanted { option, path, kind });
     let names: Vec<&str> = order.setup.engines.iter().map(Engine::name).collect();
-    let captured = args.capture.iter().flat_map(|folder| Capture::paths(folder, &names));
+    // Without a name there is no folder.
+    let captured = args.capture.iter().flat_map(|folder| match folder.as_str() {
+        "" => vec![String::new()],
+        folder => Capture::paths(folder, &names),
+    });
     file("--script", &args.script, Kind::Read)
         .into_iter()
         .chain(file("--csv", &args.csv, Kind::Direct))
@@ -244,6 +248,9 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         USUAL_WIDTH
     };
     let mut text = summary::text(&outcomes, &problems, ended_by, width.into());
+    if is_terminal {
+        text = summary::on_screen(&text, width.into(), theme.mark());
+    }
     // With the terminal or the reader gone, nobody reads.
     let nobody_reads = end.requested() == Some(EndedBy::HangUp)
         || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));

@@ -40,6 +40,10 @@ pub enum Problem {
 /// Checks all of them, and changes none.
 pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
     for (i, one) in wanted.iter().enumerate() {
+        if one.path.is_empty() {
+            let what = if one.kind == Kind::InFolder { "folder" } else { "file" };
+            return Err(Problem::Option(format!("{} needs the name of a {what}", one.option)));
+        }
         let path = Path::new(&one.path);
         if let Some(found) = path.extension().and_then(|ending| ending.to_str())
             && let Kind::Whole(ending) = one.kind

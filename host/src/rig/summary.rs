@@ -1,6 +1,7 @@
 //! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
 
 use super::ending::EndedBy;
+use super::fit::wrapped;
 use super::outcome::{End, Outcome, Outcomes};
 use super::quantity::seconds;
 use super::row::millis;
@@ -183,6 +184,17 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>,
     text
 }
 
+/// The same text on a screen of this width: the sentences at its end are broken between words. A command stays whole.
+pub fn on_screen(text: &str, width: usize, mark: char) -> String {
+    let broken = |line: &str| -> Vec<String> {
+        match ["PASS: ", "FAILED  "].into_iter().find(|head| line.starts_with(head)) {
+            Some(head) => wrapped(line, width, head.len(), mark),
+            None => vec![line.to_owned()],
+        }
+    };
+    text.lines().flat_map(broken).map(|line| line + "\n").collect()
+}
+
 /// What a run without a problem has shown.
 pub fn pass(outcomes: &Outcomes) -> &'static str {
     if outcomes.is_played() {
@@ -230,5 +242,14 @@ mod tests {
             text.contains("  NO     it stops") && text.contains("FAILED  expected, and did not"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn sentences_are_broken_for_a_screen_and_commands_are_not() {
+        let command = "To play it again: cargo rig --script /tmp/jetlink-rig-1.txt --fast\n";
+        let text = format!("FAILED  left: the start failed: the ECU reports no state\n{command}");
+        let broken = "FAILED  left: the start failed: the ECU\n        reports no state\n";
+        assert_eq!(on_screen(&text, 40, '…'), format!("{broken}{command}"));
+        assert_eq!(on_screen(&text, 80, '…'), text);
     }
 }

@@ -6,7 +6,8 @@ const all = [run.from, Math.max(run.to, run.from + 1)];
 let shown = all.slice(); // s
 let drag = null; // s, both ends, while the button is down
 let cursor = null; // s
-const LEFT = 70, RIGHT = 60, TOP = 44, STRIP = 56, FOOT = 24;
+const LANES = 6, LANE = 14; // lines of text for what happened
+const LEFT = 70, RIGHT = 60, TOP = 2 + LANE * LANES, STRIP = 56, FOOT = 24;
 
 function add(parent, name, text, className) {
   const made = document.createElement(name);
@@ -271,17 +272,22 @@ function panel_draw(panel) {
     curve(panel, context, engine.commanded, 0, percent, "commanded", 3);
     curve(panel, context, engine.sent, 0, percent, "sent", 1.5);
   }
-  const lanes = [LEFT, LEFT, LEFT];
+  const lanes = new Array(LANES).fill(LEFT);
+  panel.unnamed = 0;
   for (const [t, , words] of marks) {
     if (t < shown[0] || t > shown[1]) continue;
     const at = x(panel, t), long = context.measureText(words).width + 8;
     context.strokeStyle = colour("mark");
     context.lineWidth = 1;
     line(at, TOP - 4, at, bottom);
-    const free = lanes.findIndex((end) => end <= at);
-    if (free >= 0 && at + long < right) {
-      lanes[free] = at + long;
-      text(context, words, at + 2, 12 + 14 * free, "left", "mark");
+    // One that would run out of the picture ends at its line.
+    const ends = at + long > right;
+    const free = lanes.findIndex((end) => end <= (ends ? at - long : at));
+    if (free >= 0) {
+      lanes[free] = ends ? at : at + long;
+      text(context, words, ends ? at - 2 : at + 2, 12 + LANE * free, ends ? "right" : "left", "mark");
+    } else {
+      panel.unnamed += 1;
     }
   }
   if (drag) {

@@ -29,9 +29,12 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
     model.places.borrow_mut().clear();
     if area.width < LEAST.0 || area.height < LEAST.1 {
         let text = format!(
-            "This terminal has {} columns and {} lines, the rig needs {} and {}. The keys still work: Space stops all \
-             engines, q ends.",
-            area.width, area.height, LEAST.0, LEAST.1
+            "This terminal has {} columns and {} lines, the rig needs {} and {}. The keys still work: {}q ends.",
+            area.width,
+            area.height,
+            LEAST.0,
+            LEAST.1,
+            if model.scenario { "" } else { "Space stops all engines, " }
         );
         frame.render_widget(Paragraph::new(theme.text(&text)).wrap(Wrap { trim: true }), area);
         return;

@@ -114,7 +114,8 @@ fn texts(
             theme.gauge(bar, value.unwrap_or(0.0) / full, limit.map(|limit| limit / full))
         };
         let text = format!("{name:<4} {:>9} ", theme.text(&shown));
-        Line::from(vec![Span::raw(text), Span::styled(bar, theme.style(tone))])
+        let text_tone = if tone == Tone::Quiet { tone } else { Tone::Plain };
+        Line::from(vec![Span::styled(text, theme.style(text_tone)), Span::styled(bar, theme.style(tone))])
     };
     let hot = subject.egt_limit.zip(sample.egt).is_some_and(|(limit, egt)| egt > limit);
     let egt_full = subject.egt_limit.map_or(900.0, |limit| limit * 1.1);
@@ -164,7 +165,7 @@ fn texts(
             "",
             subject.max_rpm * 1.05,
             Some(subject.max_rpm),
-            rows::state(sample),
+            rows::unless_old(rows::state(sample), sample.rpm_old),
         ),
         gauge(
             "EGT",
@@ -172,7 +173,7 @@ fn texts(
             " °C",
             egt_full,
             subject.egt_limit,
-            if hot { Tone::Bad } else { Tone::Busy },
+            rows::unless_old(if hot { Tone::Bad } else { Tone::Busy }, sample.egt_old),
         ),
         first(&demand, if sample.silent { Tone::Warn } else { Tone::Plain }),
         line(format!("source {}", sample.in_control_text()), rows::source(sample)),

@@ -4,6 +4,7 @@ use super::super::fit::first_that_fits;
 use super::super::sample::Sample;
 use super::model::Model;
 use super::theme::{Theme, Tone};
+use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
@@ -100,8 +101,8 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
     let cells = [
         (model.name(engine).to_owned(), if engine == model.selected { Tone::Selected } else { Tone::Plain }),
         (sample.does_text(), state(sample)),
-        (sample.rpm.map_or_else(dash, |rpm| rpm.to_string()), Tone::Plain),
-        (sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")), Tone::Plain),
+        (sample.rpm.map_or_else(dash, |rpm| rpm.to_string()), unless_old(Tone::Plain, sample.rpm_old)),
+        (sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")), unless_old(Tone::Plain, sample.egt_old)),
         (commanded(sample), if sample.silent { Tone::Warn } else { Tone::Plain }),
         (sample.wire_text(), if sample.order == Order::EmergencyStop { Tone::Bad } else { Tone::Plain }),
         (link, self::link(sample)),
@@ -157,6 +158,11 @@ pub fn state(sample: &Sample) -> Tone {
             Tone::Quiet
         }
     }
+}
+
+/// The tone of a value, as long as newer ones come.
+pub fn unless_old(tone: Tone, old: Option<Instant>) -> Tone {
+    if old.is_some() { Tone::Quiet } else { tone }
 }
 
 /// The tone of a link.

@@ -3,11 +3,12 @@
 
 use super::super::control::Request;
 use super::super::ending::{EndRequest, EndedBy};
+use super::super::fit::wrapped;
 use super::super::message::Message;
 use super::draw::draw;
 use super::keyboard::Keyboard;
 use super::keys::Does;
-use super::model::{Model, Requested};
+use super::model::{Event as ModelEvent, Model, Requested};
 use super::theme::Theme;
 use crossterm::event::{DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind};
 use crossterm::terminal::{
@@ -188,9 +189,13 @@ impl Screen {
         if self.model.dropped > 0 {
             text += &format!("({} earlier events are not kept)\n", self.model.dropped);
         }
+        // Of a terminal that is gone nothing is known, and nobody reads.
+        let width = size().map_or(usize::MAX, |(width, _)| width.into());
         for event in &self.model.events {
-            text += &event.line();
-            text.push('\n');
+            for line in wrapped(&event.line(), width, ModelEvent::INDENT, self.theme.mark()) {
+                text += &line;
+                text.push('\n');
+            }
         }
         text
     }

@@ -403,6 +403,30 @@ fn colours_are_by_state_and_can_be_left_out() {
     assert!(reversed);
 }
 
+/// From the moment on when newer ones were to be expected, until they are not shown any more.
+#[test]
+fn values_that_are_not_new_are_grey() {
+    let cut = [(50.0, char('f')), (50.1, char('c'))];
+    for (end, old) in [(50.0, false), (51.5, true)] {
+        let played = pair(end, &cut, "old");
+        let value = played.model.samples[0].rpm.expect("a value").to_string();
+        assert_eq!(played.model.samples[0].rpm_old.is_some(), old);
+        for (width, height, places) in [(80, 24, 2), (120, 30, 1)] {
+            let buffer = buffer(&played.model, COLOUR, width, height);
+            let screen = text(&buffer);
+            let mut found = 0;
+            for (y, line) in screen.lines().enumerate() {
+                let Some(at) = line.find(&value) else { continue };
+                let x = line[..at].chars().count() as u16;
+                let grey = buffer[(x, y as u16)].fg == Color::DarkGray;
+                assert_eq!(grey, old, "{value} at {end} s, {width} × {height}:\n{screen}");
+                found += 1;
+            }
+            assert_eq!(found, places, "{value} at {end} s:\n{screen}");
+        }
+    }
+}
+
 #[test]
 fn ascii_screens_have_no_other_characters() {
     let mut played = pair(60.0, &[], "ascii");
@@ -450,6 +474,8 @@ fn a_scenario_shows_no_key_that_would_act() {
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("pause, or continue") && screen.contains("q end  w why  v wire"), "{screen}");
     assert!(!screen.contains("STOP ALL") && !screen.contains("start: run at idle"), "{screen}");
+    let small = text(&buffer(&played.model, COLOUR, 50, 12));
+    assert!(small.contains("The keys still work: q ends") && !small.contains("Space"), "{small}");
 }
 
 /// Engines that MAVLink or radio control commands have no script, and the line above says who commands.
