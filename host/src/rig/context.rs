@@ -172,6 +172,8 @@ pub struct EngineContext<'a> {
     pub input: Cell<PilotInput>,
     /// Its pilot commands nothing.
     pub silent: Cell<bool>,
+    /// It was stopped by hand: its scenario commands it no more.
+    pub stopped: Cell<bool>,
     /// It was taken from its script, and is commanded by hand.
     pub played: Cell<bool>,
     /// When the last fault on its line ends.
@@ -202,6 +204,7 @@ impl<'a> EngineContext<'a> {
             stage: Cell::new(Stage::Standby),
             input: Cell::new(PilotInput::Standby),
             silent: Cell::new(false),
+            stopped: Cell::new(false),
             played: Cell::new(false),
             clean_from,
             audit: RefCell::new(Audit::new(engine)),

@@ -72,9 +72,11 @@ impl Setup {
         self.mavlink.is_some() || self.radio.is_some()
     }
 
-    /// Whether a script file of what was done plays the run again: nothing comes from outside.
+    /// Whether a script file of what was done plays the run again: nothing comes from outside or from a scenario.
     pub fn plays_again(&self) -> bool {
-        self.mavlink.is_none() && self.radio.as_ref().is_none_or(|radio| radio.transmitter().is_some())
+        self.scenario.is_none()
+            && self.mavlink.is_none()
+            && self.radio.as_ref().is_none_or(|radio| radio.transmitter().is_some())
     }
 }
 
@@ -109,7 +111,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     }
     let scenario_context = ScenarioContext::new(&node, &contexts, &plugs, &notes);
     let transmitter = setup.radio.as_ref().and_then(Radio::transmitter);
-    let player = Player::new(&node, &contexts, &plugs, &notes, transmitter);
+    let player = Player::new(&node, &contexts, &plugs, &notes, transmitter, setup.scenario.is_some());
 
     // The tasks that continue when the node is reset.
     let mut tasks: Vec<Task<'_>> = Vec::new();
@@ -118,6 +120,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     }
     if let Some(scenario) = setup.scenario {
         tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(clock::task(scenario_context.sit(i))) }));
+        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(clock::task(player.stop_until_taken(i))) }));
         let (script, flown) = (scenario.script(&scenario_context), &flown);
         tasks.push(Box::pin(async move {
             let result = script.await;

@@ -7,8 +7,18 @@ use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::LinkState;
 
-/// The line for this moment. The most urgent comes first.
-pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>) -> String {
+/// The line for this moment. In a scenario no key breaks or starts anything.
+pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>, scenario: bool) -> String {
+    let text = most_urgent(names, samples, complete);
+    match text.split_once("; press f") {
+        Some((first, _)) if scenario && complete.is_some() => format!("{first}; q ends"),
+        Some((first, _)) if scenario => first.to_owned(),
+        _ => text,
+    }
+}
+
+/// The same with all keys. The most urgent comes first.
+fn most_urgent(names: &[&str], samples: &[Sample], complete: Option<bool>) -> String {
     let all = || names.iter().zip(samples);
     let first =
         |found: &dyn Fn(&Sample) -> bool| all().find(|(_, sample)| found(sample)).map(|(name, _)| *name);

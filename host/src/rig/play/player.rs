@@ -52,6 +52,8 @@ pub struct Player<'a> {
     notes: &'a Notes,
     /// Moved by what commands an engine otherwise.
     transmitter: Option<&'a Transmitter>,
+    /// A scenario flies, up to an emergency stop.
+    scenario: bool,
     hands: Vec<Hand>,
     kept: RefCell<Vec<(Instant, Action)>>,
 }
@@ -64,9 +66,10 @@ impl<'a> Player<'a> {
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
         transmitter: Option<&'a Transmitter>,
+        scenario: bool,
     ) -> Self {
         let hands = contexts.iter().map(|_| Hand::default()).collect();
-        Self { node, contexts, plugs, notes, transmitter, hands, kept: RefCell::default() }
+        Self { node, contexts, plugs, notes, transmitter, scenario, hands, kept: RefCell::default() }
     }
 
     /// Everything that was done, with its engine time.
@@ -212,7 +215,7 @@ impl<'a> Player<'a> {
         let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
         hand.touched.set(true);
         context.note(format!("played: {}", act.text()));
-        if act.takes_engine() && !context.played.replace(true) {
+        if act.takes_engine() && !self.scenario && !context.played.replace(true) {
             context.stage.set(Stage::Played);
         }
         match act {
@@ -229,6 +232,9 @@ impl<'a> Player<'a> {
             Act::Rpm(rpm) => self.demand(context, Some(Demand::Rpm(Rpm::new(rpm)))),
             Act::EmergencyStop => {
                 context.input.set(PilotInput::Standby);
+                if self.scenario {
+                    context.stopped.set(true);
+                }
                 hand.stop.set(true);
                 hand.judge.borrow_mut().stop(clock::now_ns(), 0, &context.audit.borrow());
             }
@@ -245,6 +251,25 @@ impl<'a> Player<'a> {
         }
         if context.played.get() {
             self.command_again(engine);
+        } else {
+            self.stop_again(engine);
+        }
+    }
+
+    /// An emergency stop that is wanted: once more. Whether it was.
+    fn stop_again(&self, engine: usize) -> bool {
+        let Some(hand) = self.hands.get(engine).filter(|hand| hand.stop.get()) else { return false };
+        let answer = self.order(engine, Command::EmergencyStop, Order::EmergencyStop);
+        hand.stop.set(!matches!(answer, Some(Ok(_))));
+        true
+    }
+
+    /// Commands the emergency stop of an engine of a scenario until the node has taken it.
+    pub async fn stop_until_taken(&self, engine: usize) {
+        let mut ticker = Ticker::every(TICK);
+        loop {
+            self.stop_again(engine);
+            ticker.next().await;
         }
     }
 
@@ -322,10 +347,8 @@ impl<'a> Player<'a> {
 
     /// One command of the source.
     fn command_again(&self, engine: usize) {
-        let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
-        if hand.stop.get() {
-            let answer = self.order(engine, Command::EmergencyStop, Order::EmergencyStop);
-            hand.stop.set(!matches!(answer, Some(Ok(_))));
+        let Some(context) = self.contexts.get(engine) else { return };
+        if self.stop_again(engine) {
             return;
         }
         if context.silent.get() {

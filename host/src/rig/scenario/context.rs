@@ -175,7 +175,7 @@ impl<'a> ScenarioContext<'a> {
             if Instant::now() >= next {
                 next = Instant::now() + TICK;
                 let at = clock::now_ns();
-                if context.silent.get() {
+                if context.silent.get() || context.stopped.get() {
                     context.audit.borrow_mut().may_be_up_to(at, 0);
                 } else {
                     let (input, origin) = (context.input.get(), source.origin.get());
@@ -185,7 +185,8 @@ impl<'a> ScenarioContext<'a> {
                     }
                     source.answered(at, answer);
                 }
-                if let Some((origin, input)) = source.beside.get()
+                if !context.stopped.get()
+                    && let Some((origin, input)) = source.beside.get()
                     && let Some(answer) = self.node.command(engine, input.command(), origin)
                 {
                     context.judge(at, input.order(), origin, answer);

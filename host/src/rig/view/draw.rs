@@ -29,12 +29,9 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
     model.places.borrow_mut().clear();
     if area.width < LEAST.0 || area.height < LEAST.1 {
         let text = format!(
-            "This terminal has {} columns and {} lines, the rig needs {} and {}. The keys still work: {}q ends.",
-            area.width,
-            area.height,
-            LEAST.0,
-            LEAST.1,
-            if model.scenario { "" } else { "Space stops all engines, " }
+            "This terminal has {} columns and {} lines, the rig needs {} and {}. The keys still work: Space stops all \
+             engines, q ends.",
+            area.width, area.height, LEAST.0, LEAST.1
         );
         frame.render_widget(Paragraph::new(theme.text(&text)).wrap(Wrap { trim: true }), area);
         return;
@@ -131,7 +128,7 @@ fn header(model: &Model, theme: Theme, width: u16) -> Line<'static> {
 fn story_line(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let pass = model.verdict.as_ref().map(|verdict| verdict.pass);
     // The last clause is what can be left out.
-    let whole = story::line(&model.names(), &model.samples, pass);
+    let whole = story::line(&model.names(), &model.samples, pass, model.scenario);
     let first = whole.split_once("; ").map_or(whole.as_str(), |(first, _)| first).to_owned();
     let text = first_that_fits(&[theme.text(&whole), theme.text(&first)], width.into(), theme.mark());
     let tone = match pass {
@@ -162,6 +159,10 @@ fn footer(model: &Model, theme: Theme, width: u16) -> Line<'static> {
 fn events(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let [head, list] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     let (title, tone) = match &model.verdict {
+        // A scenario that was stopped by hand.
+        Some(Verdict { pass: true, lines }) if !lines.iter().any(|line| line.starts_with("PASS")) => {
+            ("verdict", Tone::Warn)
+        }
         Some(Verdict { pass: true, .. }) => ("verdict: PASS", Tone::Good),
         Some(Verdict { pass: false, .. }) => ("verdict: FAILED", Tone::Bad),
         None => ("events", Tone::Head),

@@ -49,9 +49,13 @@ pub enum Does {
 }
 
 impl Does {
-    /// Whether it acts on engines: in a scenario no key does.
-    pub const fn acts(self) -> bool {
-        matches!(self, Self::Wish(_) | Self::WishAll(_) | Self::Faults | Self::Release)
+    /// Whether it acts on engines, and is nothing that a scenario leaves to a person: the emergency stop and its release.
+    pub const fn is_of_script(self) -> bool {
+        match self {
+            Self::Wish(Wish::Act(Act::Release)) | Self::WishAll(_) | Self::Release => false,
+            Self::Wish(_) | Self::Faults => true,
+            _ => false,
+        }
     }
 }
 

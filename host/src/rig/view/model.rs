@@ -141,7 +141,7 @@ pub struct Model {
     pub help_pages: Cell<usize>,
     /// The mouse selects engines.
     pub mouse: bool,
-    /// A scenario is played: it takes no actions.
+    /// A scenario is played: it takes no action but an emergency stop.
     pub scenario: bool,
     /// The keys move a transmitter.
     pub transmitter: bool,
@@ -265,8 +265,8 @@ impl Model {
 
     fn act(&mut self, does: Does, event: &KeyEvent) -> Option<Requested> {
         let count = self.subjects.len().max(1);
-        if self.scenario && does.acts() {
-            let text = "a scenario plays by itself: no key acts on its engines".to_owned();
+        if self.scenario && does.is_of_script() {
+            let text = "a scenario plays by itself: no key but Space acts on its engines".to_owned();
             self.note(Note { at: self.at, engine: None, text });
             return None;
         }
@@ -337,6 +337,6 @@ impl Model {
 
     /// The keys that do something in this run.
     pub fn keys(&self) -> impl Iterator<Item = &'static Key> {
-        KEYS.iter().filter(|key| !self.scenario || !key.does.acts())
+        KEYS.iter().filter(|key| !self.scenario || !key.does.is_of_script())
     }
 }

@@ -466,16 +466,53 @@ fn the_help_of_a_transmitter_names_stick_and_switch() {
     assert!(screen.contains("Up     the stick 5 % up") && !screen.contains("start: run at idle"), "{screen}");
 }
 
-/// In a scenario no key acts on an engine, and none is shown that would.
+/// In a scenario no key acts on an engine but the emergency stop and its release, and none is shown that would.
 #[test]
-fn a_scenario_shows_no_key_that_would_act() {
+fn a_scenario_shows_no_key_that_would_do_nothing() {
     let mut played = pair(1.0, &[], "scenario");
     (played.model.popup, played.model.scenario) = (Some(Popup::Help), true);
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
-    assert!(screen.contains("pause, or continue") && screen.contains("q end  w why  v wire"), "{screen}");
-    assert!(!screen.contains("STOP ALL") && !screen.contains("start: run at idle"), "{screen}");
-    let small = text(&buffer(&played.model, COLOUR, 50, 12));
-    assert!(small.contains("The keys still work: q ends") && !small.contains("Space"), "{small}");
+    assert!(screen.contains("pause, or continue"), "{screen}");
+    assert!(screen.contains("Space STOP ALL  ? keys  q end  w why  v wire"), "{screen}");
+    assert!(!screen.contains("break something") && !screen.contains("start: run at idle"), "{screen}");
+    // Nor in the line that says what happens, while they fly and at the end.
+    let mut played = pair(70.0, &[], "scenario-flies");
+    for verdict in [None, Some(super::model::Verdict { pass: true, lines: vec!["PASS: all".to_owned()] })] {
+        played.model.verdict = verdict;
+        let story = |model: &Model| text(&buffer(model, COLOUR, 80, 24)).lines().nth(1).unwrap().to_owned();
+        played.model.scenario = false;
+        assert!(story(&played.model).contains("press f"), "{}", story(&played.model));
+        played.model.scenario = true;
+        assert!(!story(&played.model).contains("press f"), "{}", story(&played.model));
+    }
+}
+
+/// Space stops all engines of a scenario, too. What was expected of it is not judged then.
+#[test]
+fn space_stops_a_scenario_and_it_is_not_judged() {
+    let args = ["rig", "--fast", "--scenario", "source-loss"];
+    for (keys, stops) in [(vec![], false), (vec![(60.0, char(' '))], true)] {
+        let mut order = order(&Cli::parse_from(args).args).unwrap();
+        order.setup.details = true;
+        let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), true));
+        let show = |message: Message| {
+            model.borrow_mut().message(message);
+            true
+        };
+        let mut control = Keys { model: &model, keys: keys.clone(), next: 0, end: 200.0 };
+        let outcomes = session::run(&order.setup, &mut control, show);
+        let samples = model.borrow().samples.clone();
+        assert!(samples.iter().all(|sample| (sample.wire_text() == "STOP") == stops), "{stops}");
+        let problems = super::super::summary::problems(&outcomes);
+        assert_eq!(problems, Vec::<String>::new());
+        assert_eq!(outcomes.checks.iter().all(|check| check.held), !stops, "{:?}", outcomes.checks);
+        let verdict = super::super::summary::pass(&outcomes);
+        assert!(verdict.starts_with(if stops { "STOPPED by hand" } else { "PASS: all" }), "{verdict}");
+        assert!(!order.setup.plays_again(), "a script file has no scenario");
+        // Once for each engine, however often its pilot would command.
+        let rejected: u32 = outcomes.engines.iter().map(|outcome| outcome.commands_rejected).sum();
+        assert_eq!(rejected, 0);
+    }
 }
 
 /// Engines that MAVLink or radio control commands have no script, and the line above says who commands.
