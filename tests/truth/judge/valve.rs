@@ -52,14 +52,15 @@ impl Case<'_> {
         let new: Vec<u64> = h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).map(|(at, _)| *at).collect();
         for at in new {
             // For so long that the node can know it; a start that a reset interrupts is ended.
-            let lately = at.saturating_sub(self.two_states() + LATE);
+            let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
+            let begins = begins.next_back();
+            let known = begins.map_or(at, |reset| reset.down);
+            let lately = known.saturating_sub(self.two_states() + LATE);
             let before = h.samples(lately, at);
             let runs = !before.is_empty() && before.iter().all(|sample| sample.runs());
             if !runs || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
                 continue;
             }
-            let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
-            let begins = begins.next_back();
             let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
             let on_wire = h.frames_within(at.saturating_sub(NOT_OBEYED), at);
             // A node that begins closes it at once where standby was in force.
