@@ -211,6 +211,23 @@ fn a_stop_is_released_only_at_idle() {
     }
 }
 
+/// The demand of a run that has ended before the stop does not keep it.
+#[test]
+fn the_demand_of_a_run_that_ended_does_not_keep_a_stop() {
+    for ecu in BOTH {
+        for ended in [true, false] {
+            let mut scenario = Scenario::started(ecu, percent(80));
+            if ended {
+                scenario.command(Command::ShutDown).unwrap();
+            }
+            scenario.command(Command::EmergencyStop).unwrap();
+            scenario.reports(Reports::Stopped);
+            let answer = if ended { Ok(Accepted::InForce) } else { Err(Rejected::Start(Interlock::NotIdle)) };
+            assert_eq!(scenario.command(Command::ReleaseStop), answer, "{ecu:?} {ended}");
+        }
+    }
+}
+
 /// A release is standby, and no start: that begins with standby, as always. Without a stop it changes nothing.
 #[test]
 fn a_release_allows_no_start() {

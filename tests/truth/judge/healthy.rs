@@ -14,7 +14,6 @@ impl Case<'_> {
     fn exemptions(&self) -> Vec<(&'static str, Spans)> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
-        let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS)).longer(SETTLES);
         // Up for less than it takes to find out, again and again, is as good as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
@@ -24,6 +23,9 @@ impl Case<'_> {
         // What it costs beside itself: up to a set before it, the one in which it ends, and an AMT set without a state behind it,
         // which is not answered after a gap.
         let costs = if self.is_amt() { 3 * h.rules.period + 50 * MS } else { 300 * MS };
+        // The wire to the ECU costs no more than a set at either end.
+        let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS));
+        let cut = cut.union(&h.mute.at_least(patience.saturating_sub(costs))).longer(SETTLES);
         let silent = silent.at_least(patience.saturating_sub(costs));
         let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
         let gap = Spans::from(&silent).longer(SETTLES);
@@ -214,6 +216,10 @@ impl Case<'_> {
         // From the third reset without a source on it resumes at the fail-safe.
         let resets = self.h.resets.iter().map(|reset| reset.up).filter(|up| (sure..=at).contains(up));
         let fail_safe = resets.skip(2).fold(lost + rules.hold, u64::min);
+        // After a loss of power nothing says who was in control: the stages begin with the engine that is found, at the hold.
+        let forgets = |reset: &&Reset| reset.cause != Cause::Watchdog && (sure..=at).contains(&reset.up);
+        let begun = self.h.resets.iter().filter(forgets).map(|reset| reset.up + rules.hold);
+        let fail_safe = begun.fold(fail_safe, u64::min);
         at + slack < fail_safe + rules.lower_standby_after && !took_over
     }
 

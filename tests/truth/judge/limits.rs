@@ -1,6 +1,6 @@
 //! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
 
-use super::{Case, CommandLog, Rule, seconds};
+use super::{Case, CommandLog, Rule, seconds, two_states};
 use crate::history::{Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 
 /// Beyond a limit by so much, for this long, an ECU has reported it twice: °C, rpm.
@@ -203,7 +203,11 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     let mut spans = Spans::default();
     let command_log = CommandLog::new(other);
     let runs = other.times(|sample| sample.runs());
-    for (_, out) in runs.iter() {
+    // It takes two reports to know that an engine runs, and only one that ran can fail.
+    let dark = other.unpowered.longer(other.rules.boot).union(&other.down()).longer(two_states(other));
+    let unknown = other.mute.union(&other.noise).union(&dark).union(&other.times(|sample| sample.hidden));
+    let known = |from: u64, out: u64| out > from + two_states(other) + SECOND + unknown.within(from, out);
+    for (_, out) in runs.iter().filter(|(from, out)| known(*from, *out)) {
         // Standby below somebody who commands otherwise changes nothing. A speed may be refused, and who was lost has to command for a
         // while first: then nobody commands otherwise.
         let commands_for_long = |source, at: u64| {

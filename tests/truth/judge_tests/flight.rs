@@ -149,6 +149,32 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     back(43.0).breaks(&[Rule::ShutDown]);
 }
 
+/// After a loss of power nothing says whose demand was in force: the stages of loss begin with the engine that is found, at the hold. A
+/// watchdog reset does not begin them anew.
+#[test]
+fn a_lower_sources_standby_waits_for_the_stages_of_an_engine_that_was_found() {
+    let story = |cause: Cause, standby: f64| {
+        flight(ZK5, 40.0)
+            .streams(2, 20.0, 60.0, PilotCommand::Standby)
+            .with(|h| {
+                h.rules.ages[PILOT] = 3 * SECOND;
+                h.resets.push(Reset { down: 40_100 * MS, up: 40_150 * MS, cause });
+                h.rules.hold = 300 * MS;
+            })
+            .wire(40.0, 40.1, HALF)
+            .wire(40.3, 40.8, Sent::Nothing)
+            .ramp(40.8, 500, 0)
+            .wire(42.0, standby, IDLE)
+            .wire(standby, 60.0, STANDBY)
+            .turbine(40.0, standby + 0.1, Phase::Running, 60_000.0, 480.0)
+            .turbine(standby + 0.1, 60.0, Phase::Cooling, 5000.0, 300.0)
+    };
+    story(Cause::PowerOn, 45.6).passes();
+    story(Cause::PowerOn, 43.5).breaks(&[Rule::ShutDown]);
+    story(Cause::Watchdog, 45.6).breaks(&[Rule::ShutDown]);
+    story(Cause::Watchdog, 48.4).passes();
+}
+
 #[test]
 fn a_limit_with_standby_is_exempt_and_counted() {
     let story = flight(ZK5, 40.0)
@@ -182,6 +208,18 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         };
         story(kind).with(cut).passes();
     }
+    // The wire from the ECU alone: up to a set before, the one in which it ends, and a set without a state. The other way a set at
+    // either end.
+    let cut = |length: u64, mute: bool| {
+        story(AMT).with(|h: &mut History| {
+            let cut = Spans::from(&[(39_800 * MS - length * MS, 39_800 * MS)]);
+            *(if mute { &mut h.mute } else { &mut h.deaf }) = cut;
+            h.frames.retain(|frame| !(39_800 * MS - length * MS..40 * SECOND).contains(&frame.at));
+        })
+    };
+    cut(1650, true).breaks_beside(&[Rule::Doubt], &[]);
+    cut(1500, true).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
+    cut(1650, false).breaks(&[Rule::GivenUp]);
     // It was handed over, and its PWM input is gone.
     let handed_over = |until: u64| move |h: &mut History| h.pwm.push(35 * SECOND, until * MS);
     story(Kind::Zk(3)).with(handed_over(40_100)).passes();
@@ -427,4 +465,29 @@ fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
     assert!(below_speed.contains(60 * SECOND) && !below_speed.contains(75 * SECOND));
     let alone = failed(None, 65.0);
     assert!(alone.contains(60 * SECOND) && !alone.contains(66 * SECOND));
+}
+
+/// An engine that went out before two reports can have shown that it ran has not failed for sure.
+#[test]
+fn an_engine_has_failed_for_sure_only_if_it_was_known_to_run() {
+    let failed = |ran: f64, hidden: bool| {
+        let out = RUNS as f64 + ran;
+        let story = started(ZK5)
+            .turbine(RUNS as f64, out, Phase::Running, 50_000.0, 500.0)
+            .turbine(out, 80.0, Phase::Stopped, 0.0, 200.0)
+            .streams(PILOT, 31.0, 80.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(31.0, out + 0.5, IDLE);
+        let mut history = story.wire(out + 0.5, 80.0, STANDBY).0;
+        for sample in history.samples.iter_mut().filter(|sample| sample.runs()) {
+            sample.hidden = hidden;
+        }
+        history.commanded.sort_by_key(|commanded| commanded.at);
+        history.samples.sort_by_key(|sample| sample.at);
+        history.frames.sort_by_key(|frame| frame.at);
+        history.end = 80 * SECOND;
+        crate::judge::failed_for_sure(&history).contains(60 * SECOND)
+    };
+    assert!(failed(5.0, false));
+    assert!(!failed(0.1, false) && !failed(1.0, false));
+    assert!(!failed(5.0, true), "it was never reported as running");
 }

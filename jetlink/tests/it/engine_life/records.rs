@@ -120,6 +120,33 @@ fn counts_without_an_order_continue_over_a_second_reset() {
     }
 }
 
+/// Where no order is in force, a source that is received ends the counts of silence and of resets.
+#[test]
+fn counts_without_an_order_end_when_a_source_is_received() {
+    for ecu in BOTH {
+        let silence = Duration::from_secs(5);
+        let last = RetainedState {
+            resets: 2,
+            silent: silence,
+            all_silent: silence,
+            ..record(&flying(ecu)).without_start()
+        };
+        for received in [false, true] {
+            let mut after = Scenario::after_reset(ecu, ecu.config(), Some(last));
+            after.silent().pass_us(SECOND);
+            if received {
+                let _ = after.command(run(50));
+            }
+            // Anything makes it look at the time.
+            after.bench.act(|engine, now| engine.other_failed(now, true));
+            let now = record(&after);
+            assert_eq!(now.resets, if received { 0 } else { 3 }, "{ecu:?}");
+            assert_eq!(now.silent > silence, !received, "{ecu:?}: {now:?}");
+            assert_eq!(now.all_silent > silence, !received, "{ecu:?}: {now:?}");
+        }
+    }
+}
+
 /// What a source commanded of arming is retained over a loss of power, too: one that commanded "arm" all along has to disarm first after a
 /// stop, whether the stop came before the loss or after it.
 #[test]
