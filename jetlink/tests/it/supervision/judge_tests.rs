@@ -42,7 +42,7 @@ fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
             let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), false)));
             judge.input(at, Input::Boot { retained, down: 50 * MS })?;
         }
-        if step % 2 == 0 && !away.contains(&at) {
+        if step.is_multiple_of(2) && !away.contains(&at) {
             let run = Command::Run(Demand::Throttle(idle));
             judge.input(at, commands(if starts { run } else { Command::Standby }))?;
         }
