@@ -5,6 +5,7 @@
 //! A failure prints its seed and what happened before it. `JETLINK_SEED=<seed> cargo test -p jetlink --test it supervision::replay --
 //! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo campaign`.
 
+mod judge_tests;
 mod oracle;
 mod regressions;
 mod wire;

@@ -80,7 +80,9 @@ impl Oracle {
 
     /// A stop or standby.
     pub(super) fn ended(&mut self, at: u64, frame: Frame) -> Result<(), String> {
-        if self.guard && at < self.booted + 10 * SECOND && !self.ended_by_loss(at) {
+        // What goes out now may have been decided since the last frame, whoever has commanded since.
+        let reason = self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
+        if self.guard && at < self.booted + 10 * SECOND && !reason && !self.ended_by_loss(at) {
             return Err(format!("(5) {frame} after a reset, with an engine that runs"));
         }
         if self.wire_run
@@ -90,9 +92,7 @@ impl Oracle {
             && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND)
         {
             self.tally.healthy_ends += 1;
-            let reason =
-                self.over.is_some() || self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
-            if !reason {
+            if self.over.is_none() && !reason {
                 return Err(format!("(5) {frame} to an engine that runs, and nobody ended its run"));
             }
         }

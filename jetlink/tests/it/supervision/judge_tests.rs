@@ -1,0 +1,69 @@
+//! The judge by hand: schedules that break an invariant, beside ones that keep it.
+
+use super::oracle::{Input, Oracle, Retained, Truth};
+use super::wire::{Frame, Switch};
+use crate::support::scenario::{Ecu, SECOND, percent};
+use embassy_time::Duration;
+use jetlink::command::{Accepted, Command, Demand, Origin};
+
+const MS: u64 = 1_000;
+/// The reset, and the standby that comes after it.
+const RESET: u64 = 20 * SECOND;
+const STANDBY: u64 = RESET + 8_280 * MS;
+
+/// An AMT engine at idle that is reset in flight and gets standby: what the judge says. Its source is away in this time.
+fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
+    let config = Ecu::Amt.with(|s| {
+        s.timeouts.rc = Duration::from_millis(200);
+        s.recover_after = Duration::from_millis(500);
+        s.return_within = Duration::from_ticks(0);
+        s.takeover.within = Duration::from_ticks(0);
+        s.loss.hold = Duration::from_ticks(0);
+        s.loss.standby_after = Some(Duration::from_secs(3));
+    });
+    let Demand::Throttle(idle) = percent(0) else { unreachable!() };
+    let mut judge = Oracle::new(config, false, 36_000, 100_000);
+    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Command::Arm))?;
+    for step in 0..STANDBY / (25 * MS) {
+        let at = step * 25 * MS;
+        let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
+        let truth = Truth {
+            live: starts,
+            running: runs,
+            says_running: runs,
+            standby: !starts,
+            egt: if starts { 500.0 } else { 20.0 },
+            obeys_run: starts,
+            ..Truth::default()
+        };
+        judge.input(at, Input::Truth(truth))?;
+        if at == RESET {
+            let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), false)));
+            judge.input(at, Input::Boot { retained, down: 50 * MS })?;
+        }
+        if step.is_multiple_of(2) && !away.contains(&at) {
+            let run = Command::Run(Demand::Throttle(idle));
+            judge.input(at, commands(if starts { run } else { Command::Standby }))?;
+        }
+        if step % 5 == 1 {
+            let switch = if starts { Switch::Run } else { Switch::Standby };
+            judge.frame(at, Frame::Full(switch, 0))?;
+        }
+    }
+    judge.frame(STANDBY, Frame::Full(Switch::Standby, 0)).map(|_| ())
+}
+
+/// The last stage of loss ends a run also where its source is in control again before the frame with the standby goes out.
+#[test]
+fn the_last_stage_of_loss_may_end_a_run_just_before_its_source_is_back() {
+    // Lost 0.2 s after its last command at 4.95 s, standby is due 3 s later; back in control after 0.5 s.
+    let back = RESET + 7_725 * MS;
+    assert_eq!(standby_after_a_reset(RESET + 5 * SECOND..back), Ok(()));
+    assert_eq!(standby_after_a_reset(RESET + 5 * SECOND..STANDBY), Ok(()));
+    // It was never away, or is back for long.
+    for away in [RESET..RESET, RESET + 5 * SECOND..RESET + 6 * SECOND] {
+        let said = standby_after_a_reset(away);
+        assert!(said.as_ref().is_err_and(|said| said.starts_with("(5)")), "{said:?}");
+    }
+}
