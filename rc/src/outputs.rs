@@ -30,6 +30,8 @@ pub struct Outputs {
     pub(crate) settings: OutputSettings,
     valve: Valve,
     power: bool,
+    /// The valve is open for a service.
+    for_service: bool,
     /// Time since which an order of standby has not been followed.
     not_followed_since: Option<Instant>,
 }
@@ -51,6 +53,7 @@ impl Outputs {
             settings,
             valve: if runs { Valve::Open } else { Valve::Closed },
             power: powered,
+            for_service: false,
             not_followed_since: None,
         }
     }
@@ -70,7 +73,10 @@ impl Outputs {
         if let Some(valve) = self.decide_valve(telemetry) {
             self.valve = valve;
         }
-        if telemetry.armed {
+        let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+        // Also after a reset that has lost what was armed: the starter cools a hot turbine.
+        let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
+        if telemetry.armed || ordered || busy {
             self.power = true;
         } else if is_cold_and_at_rest(telemetry) {
             self.power = false;
@@ -86,10 +92,19 @@ impl Outputs {
         }
         match order {
             Order::EmergencyStop => Some(Valve::Closed),
+            // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again.
+            Order::Run(_) if telemetry.start_by.is_some() && telemetry.ordered.origin == Origin::Node => None,
             // A run is in force only by a permitted start, or because the engine lives.
             Order::Run(_) | Order::Pwm => Some(Valve::Open),
             // Standby never opens it for an engine: what still turns is being shut down.
-            Order::Standby if telemetry.fuel_service => Some(Valve::Open),
+            Order::Standby if telemetry.fuel_service => {
+                self.for_service = true;
+                Some(Valve::Open)
+            }
+            // The ECU may go on with a service by its own clock.
+            Order::Standby if self.for_service && telemetry.shaft_turns() != Some(true) => {
+                Some(Valve::Closed)
+            }
             Order::Standby if is_at_rest(telemetry) || not_followed => Some(Valve::Closed),
             Order::Listen | Order::Doubt(_) if lives(telemetry) => Some(Valve::Open),
             Order::Standby | Order::Listen | Order::Doubt(_) => None,
@@ -100,8 +115,11 @@ impl Outputs {
     /// commanded standby, reports nothing at all.
     fn not_followed(&mut self, telemetry: &Telemetry) -> bool {
         let ordered = telemetry.ordered;
-        let not_received = telemetry.link != LinkState::Up && ordered.origin != Origin::Node;
-        if ordered.order != Order::Standby || telemetry.obeyed && !not_received {
+        // The node orders standby in doubt, too: then nothing is concluded from silence, unless nothing came since its start.
+        let meant = ordered.origin != Origin::Node || telemetry.last_rx.is_none();
+        let not_received = meant && phase(telemetry).is_none();
+        let obeyed = telemetry.obeyed || telemetry.link != LinkState::Up;
+        if ordered.order != Order::Standby || obeyed && !not_received {
             self.not_followed_since = None;
             return false;
         }

@@ -30,6 +30,8 @@ const RETURN: Duration = Duration::from_secs(1);
 const HOLD_RETURN: Duration = Duration::from_millis(300);
 /// The same without a gap, for all positions but stop, which counts at once.
 const HOLD: Duration = Duration::from_millis(60);
+/// Least pulse of a stop beside a stick that cannot be read, in µs: an autopilot that starts gives 881 µs on all its outputs.
+const DRIVEN: u16 = 900;
 /// Time for which stick and switch have been steady before a start, an arming or a release.
 const STEADY: Duration = Duration::from_millis(500);
 
@@ -113,6 +115,8 @@ pub struct Pilot<'a> {
     shut_down: bool,
     /// The start of the last move waits for another engine.
     waits: bool,
+    /// First and last of the frames in a row whose switch is at stop while another channel cannot be read.
+    unreadable_stop: Option<(Instant, Instant)>,
     calibration: Option<Calibration>,
     counters: PilotCounters,
 }
@@ -142,6 +146,7 @@ impl<'a> Pilot<'a> {
             arm: false,
             shut_down: false,
             waits: false,
+            unreadable_stop: None,
             calibration: None,
             counters: PilotCounters::default(),
         })
@@ -236,8 +241,9 @@ impl<'a> Pilot<'a> {
         }
         let reading = match self.read(channels) {
             Ok(reading) => reading,
-            Err(why) => return Outcome::Ignored(why),
+            Err(why) => return self.unreadable(now, channels, why),
         };
+        self.unreadable_stop = None;
         let (before, settled) = self.settle(now, &reading);
         if !settled {
             return Outcome::Ignored(Ignored::Settling);
@@ -271,6 +277,23 @@ impl<'a> Pilot<'a> {
 
     fn command(&self, command: Command) -> Outcome {
         Outcome::Commanded(command, self.source.command(command))
+    }
+
+    /// A frame of which a channel cannot be read. Only a stop counts, once it has been held: a broken stick must not disable it.
+    fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored) -> Outcome {
+        let EngineSettings { throttle, switch, switch_reversed, .. } = self.settings;
+        let pulse = channels.get(switch).filter(|pulse| throttle != 0 && pulse.us() >= DRIVEN);
+        if pulse.and_then(|pulse| Position::of(pulse, switch_reversed)) != Some(Position::Stop) {
+            self.unreadable_stop = None;
+            return Outcome::Ignored(why);
+        }
+        let row = self.unreadable_stop.filter(|(_, last)| now.saturating_duration_since(*last) <= GAP);
+        let first = row.map_or(now, |(first, _)| first);
+        self.unreadable_stop = Some((first, now));
+        if now.saturating_duration_since(first) < HOLD_RETURN {
+            return Outcome::Ignored(why);
+        }
+        self.stop()
     }
 
     fn read(&self, channels: &Channels) -> Result<Reading, Ignored> {
@@ -414,7 +437,9 @@ impl<'a> Pilot<'a> {
         match position {
             None => return self.command(Command::Present),
             Some(Position::Run) => {
-                let moved = before == Some(Position::Standby);
+                // What was before a gap is no beginning of a move.
+                let in_sight = now.saturating_duration_since(self.since) >= RETURN;
+                let moved = before == Some(Position::Standby) && in_sight;
                 let steady = moved && self.is_steady(now);
                 self.standby_since = None;
                 self.waits &= telemetry.start_waits_until.is_some();

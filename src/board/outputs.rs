@@ -11,8 +11,11 @@ pub fn drive_output(number: u8, high: bool) {
         // One write that leaves the port's other pins alone.
         gpio.bsrr().write(|w| if high { w.set_bs(pin, true) } else { w.set_br(pin, true) });
     }
-    if gpio.moder().read().moder(pin) != Moder::OUTPUT {
+    // A bootloader may have made it an output already, an open drain perhaps.
+    if gpio.otyper().read().ot(pin) != Ot::PUSH_PULL {
         gpio.otyper().modify(|w| w.set_ot(pin, Ot::PUSH_PULL));
+    }
+    if gpio.moder().read().moder(pin) != Moder::OUTPUT {
         gpio.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::FLOATING));
         // Last: from here on the level counts.
         gpio.moder().modify(|w| w.set_moder(pin, Moder::OUTPUT));

@@ -5,7 +5,7 @@ use crate::calibration::CalibrationError;
 use crate::outputs::Valve;
 use crate::pilot::{Ignored, Outcome};
 use crate::settings::{EngineSettings, SettingsError};
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::engine::retained::Reset;
 use jetlink::engine::state::EngineState;
@@ -289,6 +289,45 @@ fn implausible_values_are_silence() {
                 world.rises_to(500).await;
             });
         }
+    }
+}
+
+/// Stick beyond its end points, or hand-over channel between two positions: the switch at stop still stops, once held for 0.3 s.
+#[test]
+fn stop_counts_beside_a_channel_that_cannot_be_read() {
+    for kind in Kind::ALL {
+        for stick in [900, 2100] {
+            run(kind, async |world| {
+                world.start().await;
+                world.radio.stick.set(1500);
+                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.radio.stick.set(stick);
+                // Not one that comes and goes.
+                world.radio.switch.set(STOP);
+                Timer::after_millis(250).await;
+                world.radio.switch.set(RUN);
+                Timer::after_millis(150).await;
+                assert!(!world.telemetry().stop_latched, "{kind:?}, {stick}");
+                world.radio.switch.set(STOP);
+                world.until("a stop", 1, || world.telemetry().stop_latched).await;
+            });
+        }
+    }
+}
+
+/// An autopilot that starts gives 881 µs on all outputs.
+#[test]
+fn outputs_that_nobody_drives_are_no_stop() {
+    for kind in Kind::ALL {
+        run(kind, async |world| {
+            world.start().await;
+            world.radio.stick.set(881);
+            world.radio.switch.set(881);
+            world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
+            Timer::after_secs(2).await;
+            assert!(!world.telemetry().stop_latched);
+            assert_eq!(world.state(), EngineState::Running);
+        });
     }
 }
 

@@ -37,6 +37,7 @@ fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
     telemetry.ordered = Ordered { order, origin: Origin::Rc };
     telemetry.stop_latched = order == Order::EmergencyStop;
     telemetry.link = LinkState::Up;
+    telemetry.last_rx = Some(T0);
     telemetry.report.phase = phase.map(|phase| Timed::new(phase, T0));
     telemetry.report.rpm = rpm.map(|rpm| Timed::new(Rpm::new(rpm), T0));
     telemetry
@@ -116,7 +117,28 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     telemetry.stop_latched = true;
     assert_eq!(of(&telemetry), CLOSES);
     // A test that another host has begun is none of ours.
-    assert_eq!(of(&snapshot(Order::Standby, Some(Phase::Service), Some(0))), STAYS);
+    let service = snapshot(Order::Standby, Some(Phase::Service), Some(0));
+    assert_eq!(of(&service), STAYS);
+    // But one that is ours is over for the valve when its permission is, whatever the ECU does by its own clock.
+    let mut outputs = outputs(Valve::Closed);
+    let mut ours = service;
+    ours.fuel_service = true;
+    outputs.update(&ours);
+    assert_eq!(outputs.valve(), Valve::Open);
+    outputs.update(&service);
+    assert_eq!(outputs.valve(), Valve::Closed);
+}
+
+/// A reset in a start has closed it. Found again, the start gets no fuel: the engine is hot, and its flame may be out.
+#[test]
+fn a_start_that_is_found_after_a_reset_gets_no_fuel_until_it_runs() {
+    let mut found = snapshot(RUN, Some(Phase::Starting), Some(30_000));
+    found.start_by = Some(T0 + Duration::from_secs(60));
+    assert_eq!(of(&found), OPENS, "by its source");
+    found.ordered.origin = Origin::Node;
+    assert_eq!(of(&found), STAYS, "found");
+    found.start_by = None;
+    assert_eq!(of(&found), OPENS, "it runs");
 }
 
 /// Time in ms until an open valve is closed by this snapshot, of 20 s.
@@ -152,6 +174,18 @@ fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
     // Nothing is received: what a person ordered counts, what the node did in doubt does not.
     assert_eq!(after(Order::Standby, Origin::Mavlink, true, lost), Some(5000));
     assert_eq!(after(Order::Standby, Origin::Node, true, lost), None);
+    // Nor does a match that was judged before the link was lost.
+    assert_eq!(after(Order::Standby, Origin::Node, false, lost), None);
+    // Unless nothing has been received since the node started: the record of an engine that ran opened it.
+    let mut silent = with(Order::Standby, Origin::Node, true, LinkState::Silent);
+    silent.last_rx = None;
+    assert_eq!(closes_after(settings, &silent), Some(5000));
+    // An AMT ECU with error sets reports neither state nor switch.
+    for (origin, expected) in [(Origin::Rc, Some(5000)), (Origin::Node, None)] {
+        let mut faulted = with(Order::Standby, origin, true, up);
+        faulted.report.phase = None;
+        assert_eq!(closes_after(settings, &faulted), expected, "{origin}");
+    }
     for order in [RUN, DOUBT, Order::Listen, Order::Pwm] {
         for link in [up, lost] {
             assert_eq!(after(order, Origin::Rc, false, link), None, "{order}, {link}");
@@ -170,6 +204,7 @@ fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
     let mut telemetry = snapshot(Order::Standby, Some(Phase::Running), Some(60_000));
     for second in 0..60 {
         telemetry.at = T0 + Duration::from_secs(second);
+        telemetry.report.phase = Some(Timed::new(Phase::Running, telemetry.at));
         telemetry.obeyed = second % 4 == 3;
         outputs.update(&telemetry);
     }
@@ -238,6 +273,17 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     for telemetry in [hot, turning, cooling, unknown, silent, old] {
         outputs.update(&telemetry);
         assert!(outputs.power(), "{telemetry:?}");
+    }
+    // After a reset that has lost what was armed it comes back while the engine starts, runs or cools, not for anything else.
+    let mut running = turning;
+    running.report.phase = Some(Timed::new(Phase::Running, T0));
+    egt(&mut cooling, 300);
+    for (telemetry, power) in
+        [(cooling, true), (running, true), (hot, false), (turning, false), (silent, false)]
+    {
+        let mut anew = Outputs::new(OutputSettings::DEFAULT, None);
+        anew.update(&telemetry);
+        assert_eq!(anew.power(), power, "{telemetry:?}");
     }
     let mut stopped = cold;
     (stopped.ordered.order, stopped.stop_latched) = (Order::EmergencyStop, true);
