@@ -58,7 +58,7 @@ impl Case<'_> {
             let lately = known.saturating_sub(self.two_states() + LATE);
             let before = h.samples(lately, at);
             let runs = !before.is_empty() && before.iter().all(|sample| sample.runs());
-            if !runs || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
+            if !runs || !self.could_know(known) || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
                 continue;
             }
             let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
@@ -95,6 +95,16 @@ impl Case<'_> {
                 );
             }
         }
+    }
+
+    /// Whether the node was up for long enough at once to know of the run that lasts until then: not in a loop of shorter resets.
+    fn could_know(&self, until: u64) -> bool {
+        let runs = self.h.times(|sample| sample.runs());
+        let Some(began) = runs.iter().find(|(from, to)| *from < until && until <= *to).map(|(from, _)| from)
+        else {
+            return false;
+        };
+        self.longest_up(began, until) >= self.two_states() + LATE
     }
 
     /// What run on the wire ignites has its valve open.

@@ -79,6 +79,18 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     lost(Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[]);
     lost(Cause::Watchdog).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // Nor can a node that is reset five times a second, since before the engine runs, know that it does.
+    let in_a_loop = |from: u64| {
+        let resets = move |h: &mut History| {
+            let downs = (from..=34_990).rev().step_by(200).collect::<Vec<_>>();
+            let reset =
+                |down: u64| Reset { down: down * 1000, up: down * 1000 + 10_000, cause: Cause::Watchdog };
+            h.resets.extend(downs.into_iter().rev().map(reset));
+        };
+        pin(flight(ZK5, 40.0), &closed).with(resets)
+    };
+    in_a_loop(3_000).breaks_beside(&[Rule::Doubt], &[]);
+    in_a_loop(33_000).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
     // Standby that is not obeyed: after 5 s, and not before.
     let standby = |closed: f64| {
         let story = flight(ZK5, 40.0)
