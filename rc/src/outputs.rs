@@ -30,7 +30,7 @@ pub struct Outputs {
     pub(crate) settings: OutputSettings,
     valve: Valve,
     power: bool,
-    /// The valve is open for a service.
+    /// The valve was opened for a service, in the standby that is still in force.
     for_service: bool,
     /// Time since which an order of standby has not been followed.
     not_followed_since: Option<Instant>,
@@ -87,6 +87,7 @@ impl Outputs {
     fn decide_valve(&mut self, telemetry: &Telemetry) -> Option<Valve> {
         let order = telemetry.ordered.order;
         let not_followed = self.not_followed(telemetry);
+        self.for_service &= order == Order::Standby;
         if telemetry.stop_latched {
             return Some(Valve::Closed);
         }

@@ -281,8 +281,8 @@ impl<'a> Pilot<'a> {
 
     /// A frame of which a channel cannot be read. Only a stop counts, once it has been held: a broken stick must not disable it.
     fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored) -> Outcome {
-        let EngineSettings { throttle, switch, switch_reversed, .. } = self.settings;
-        let pulse = channels.get(switch).filter(|pulse| throttle != 0 && pulse.us() >= DRIVEN);
+        let EngineSettings { switch, switch_reversed, .. } = self.settings;
+        let pulse = channels.get(switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
         if pulse.and_then(|pulse| Position::of(pulse, switch_reversed)) != Some(Position::Stop) {
             self.unreadable_stop = None;
             return Outcome::Ignored(why);

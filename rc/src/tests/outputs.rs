@@ -127,6 +127,13 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     assert_eq!(outputs.valve(), Valve::Open);
     outputs.update(&service);
     assert_eq!(outputs.valve(), Valve::Closed);
+    // It is forgotten with the next order: standby in doubt, by the node itself, closes nothing at a later flight.
+    outputs.update(&snapshot(RUN, Some(Phase::Running), Some(60_000)));
+    assert_eq!(outputs.valve(), Valve::Open);
+    let mut in_doubt = snapshot(Order::Standby, None, None);
+    (in_doubt.ordered.origin, in_doubt.link) = (Origin::Node, LinkState::Lost);
+    outputs.update(&in_doubt);
+    assert_eq!(outputs.valve(), Valve::Open);
 }
 
 /// A reset in a start has closed it. Found again, the start gets no fuel: the engine is hot, and its flame may be out.

@@ -51,7 +51,7 @@ impl Case<'_> {
         let h = self.h;
         let new: Vec<u64> = h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).map(|(at, _)| *at).collect();
         for at in new {
-            // For so long that the node can know it; a start that a reset interrupts is ended.
+            // Long enough for the node to know it. A start that a reset interrupts is ended.
             let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
             let begins = begins.next_back();
             let known = begins.map_or(at, |reset| reset.down);

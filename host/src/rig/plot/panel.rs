@@ -25,7 +25,7 @@ const SHORTEST_GAP: f64 = 4.0;
 /// Room above the highest value.
 const HEADROOM: f64 = 1.08;
 
-/// The height of a panel with so many lines of text.
+/// The height of a panel with this number of lines of text.
 pub fn height(lanes: usize) -> f64 {
     HEIGHT + LANE * lanes as f64
 }
