@@ -67,3 +67,55 @@ fn the_last_stage_of_loss_may_end_a_run_just_before_its_source_is_back() {
         assert!(said.as_ref().is_err_and(|said| said.starts_with("(5)")), "{said:?}");
     }
 }
+
+/// The source of a running AMT engine at idle is away from 20 s on. Where it `returns`, it comes back with 29 % after 0.7 s
+/// and wants nothing 0.1 s later. What the judge says of a frame with `throttle` after that.
+fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String> {
+    const BACK: u64 = 20_710 * MS;
+    const PRESENT: u64 = BACK + 100 * MS;
+    let config = Ecu::Amt.with(|s| {
+        s.timeouts.rc = Duration::from_millis(200);
+        s.recover_after = Duration::from_millis(500);
+        s.return_within = Duration::from_secs(1);
+    });
+    let mut judge = Oracle::new(config, false, 36_000, 100_000);
+    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Command::Arm))?;
+    for step in 0..BACK / (10 * MS) {
+        let at = step * 10 * MS;
+        let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
+        judge.input(
+            at,
+            Input::Truth(Truth {
+                live: starts,
+                running: runs,
+                says_running: runs,
+                standby: !starts,
+                egt: if starts { 500.0 } else { 20.0 },
+                obeys_run: starts,
+                ..Truth::default()
+            }),
+        )?;
+        if step.is_multiple_of(5) && at <= 20 * SECOND {
+            judge.input(at, commands(if starts { Command::Run(percent(0)) } else { Command::Standby }))?;
+        }
+        if step % 12 == 1 {
+            judge.frame(at, Frame::Full(if starts { Switch::Run } else { Switch::Standby }, 0))?;
+        }
+    }
+    if returns {
+        judge.input(BACK, commands(Command::Run(percent(29))))?;
+        judge.input(PRESENT, commands(Command::Present))?;
+    }
+    judge.frame(PRESENT + 30 * MS, Frame::Full(Switch::Run, throttle)).map(|_| ())
+}
+
+/// What a demand has risen to by the loss of its source is held, also where no frame has shown it.
+#[test]
+fn a_demand_may_rise_between_two_losses() {
+    assert_eq!(lost_again_before_a_frame(true, 45), Ok(()));
+    for (returns, throttle) in [(true, 350), (false, 45)] {
+        let said = lost_again_before_a_frame(returns, throttle);
+        assert!(said.is_err(), "{throttle}: {said:?}");
+    }
+}

@@ -443,6 +443,8 @@ impl Oracle {
         if let Some((_, Source { intent: Intent::Run(demand), .. })) = self.active_source(self.at) {
             self.may_have_risen(to, demand);
             self.wanted_until = self.wanted_until.max(to);
+            // What falls from here on is what it has risen to, also between two frames.
+            self.silent = None;
             // One that waits to take over does not count yet.
             if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
                 self.wanted_until_least = to;
