@@ -74,12 +74,18 @@ impl Case<'_> {
         let mut ends = Vec::new();
         // Since when nobody has commanded anything else.
         let mut since = None;
-        for commanded in h.commanded.iter().filter(|commanded| commanded.command.is_received()) {
+        let mut streams = [false; 4];
+        for commanded in &h.commanded {
             let (at, source) = (commanded.at, commanded.source);
+            // One that wants nothing any more does not command standby.
+            let wants_nothing = commanded.command == PilotCommand::Nothing && streams[source];
             if commanded.command != PilotCommand::Standby {
-                since = None;
+                if commanded.command.is_received() || wants_nothing {
+                    (since, streams) = (None, [false; 4]);
+                }
                 continue;
             }
+            streams[source] = true;
             let from = *since.get_or_insert(at);
             let Some(commands_for_long) = self.command_log.commands_since(source, at) else { continue };
             // A source that has been alone for long is in control.

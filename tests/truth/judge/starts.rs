@@ -55,10 +55,12 @@ impl Case<'_> {
                         .commands_since(source, at)
                         .is_some_and(|since| at >= since + recovered);
                     // Below a source that has been in control for a while and commands run it does not take effect.
+                    // One whose demand is close takes over as soon as it counts.
                     let behind = (0..source).any(|higher| {
                         matches!(self.command_log.fresh(higher, at), Some(PilotCommand::Run(_)))
                             && self.command_log.commands_since(higher, at).is_some_and(|since| {
-                                at >= since + recovered || self.new_since_a_reset(higher, since)
+                                at >= since + self.h.rules.recover_after
+                                    || self.new_since_a_reset(higher, since)
                             })
                     });
                     cancel(&mut starts, &|of| {
@@ -176,8 +178,14 @@ impl Case<'_> {
         }
         if waited {
             // Everything is checked again when it goes.
-            let demanded = self.command_log.last(start.source, began).map(|(_, command)| command);
-            if !matches!(demanded, Some(PilotCommand::Run(demanded)) if self.is_idle(demanded)) {
+            // It goes at an instant between two slots.
+            let before = began.saturating_sub(self.h.rules.period + 50 * MS);
+            let commands = self.command_log.until(start.source, began);
+            let last = commands.partition_point(|(at, _)| *at <= before).saturating_sub(1);
+            let mut demanded = commands[last..].iter().map(|(_, command)| command);
+            if !demanded
+                .any(|command| matches!(command, PilotCommand::Run(demanded) if self.is_idle(*demanded)))
+            {
                 return who("waited, and its source did not say run at idle any more");
             }
             if let Some(why) = self.interlock(began) {

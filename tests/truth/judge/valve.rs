@@ -86,7 +86,12 @@ impl Case<'_> {
             // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
-            if !lost && (run || !wanted && !ended) {
+            // The stages of loss end in standby. In a loop of short resets the valve closes before a frame is due.
+            let run_out = h.rules.standby_after.unwrap_or(10 * SECOND);
+            let silent =
+                at > run_out && !h.commanded(at - run_out, at).iter().any(|c| c.command.is_received());
+            let given_up = begins.is_some() && silent;
+            if !lost && !given_up && (run || !wanted && !ended) {
                 let why = if run { "run is on the wire" } else { "nobody commanded standby" };
                 self.verdict.finding(
                     Rule::CutOff,
@@ -104,6 +109,9 @@ impl Case<'_> {
         else {
             return false;
         };
+        // A loss of power erases what it knew.
+        let erased = self.h.resets.iter().filter(|reset| reset.cause == Cause::PowerOn && reset.up < until);
+        let began = erased.map(|reset| reset.up).max().map_or(began, |up| began.max(up));
         self.longest_up(began, until) >= self.two_states() + LATE
     }
 

@@ -162,6 +162,8 @@ fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
             .turbine(11.0, 14.0, Phase::Ignition, 5000.0, 20.0)
     };
     story(Some(4.2)).passes();
+    // Its demand is close, so that it takes over as soon as it counts.
+    story(Some(6.9)).passes();
     story(None).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
     // One that comes just before is not in control yet, unless the node was reset since it was received before.
     story(Some(7.5)).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
@@ -277,12 +279,16 @@ fn a_start_that_waited_is_checked_again_when_it_goes() {
         }
     };
     story().with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
-    let stick_up = |h: &mut History| {
-        for commanded in h.commanded.iter_mut().filter(|commanded| commanded.at > 7 * SECOND) {
-            commanded.command = PilotCommand::Run(Demanded::Throttle(300));
+    let stick_up = |from: u64| {
+        move |h: &mut History| {
+            for commanded in h.commanded.iter_mut().filter(|commanded| commanded.at > from) {
+                commanded.command = PilotCommand::Run(Demanded::Throttle(300));
+            }
         }
     };
-    story().with(stick_up).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    story().with(stick_up(7 * SECOND)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // It goes between two frames, before the stick is up.
+    story().with(stick_up(micros(9.97))).passes();
     story()
         .once(PILOT, 7.0, PilotCommand::Disarm)
         .once(PILOT, 7.5, PilotCommand::Arm)

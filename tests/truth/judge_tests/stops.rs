@@ -24,6 +24,17 @@ fn an_engine_that_is_shut_down_goes_out() {
     };
     waits(by_lower(68.1)).passes();
     waits(by_lower(85.0)).breaks(&[Rule::Obeyed]);
+    // One that wanted nothing meanwhile begins anew.
+    let again = |until| {
+        flight(ZK5, 60.0)
+            .streams(2, 60.0, 62.0, PilotCommand::Standby)
+            .streams(2, 62.0, 86.0, PilotCommand::Nothing)
+            .streams(2, 86.0, until, PilotCommand::Standby)
+            .wire(60.0, 110.0, IDLE)
+            .turbine(60.0, 110.0, Phase::Running, 60_000.0, 480.0)
+    };
+    again(86.3).breaks_beside(&[Rule::SilentTurbine], &[]);
+    again(110.0).breaks_beside(&[Rule::SilentTurbine], &[Rule::Obeyed]);
     let stopped =
         |h: &mut History| h.frames.iter_mut().filter(|f| f.at >= 60 * SECOND).for_each(|f| f.sent = STOP);
     by_command(PilotCommand::Stop, 60.2).with(stopped).passes();

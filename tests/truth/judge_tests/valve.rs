@@ -91,6 +91,27 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     in_a_loop(3_000).breaks_beside(&[Rule::Doubt], &[]);
     in_a_loop(33_000).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // Nor one that has just lost all that it knew.
+    let erased = |up: f64| {
+        let resets = move |h: &mut History| {
+            let cause = Cause::PowerOn;
+            h.resets.push(Reset { down: micros(up - 0.1), up: micros(up), cause });
+            h.resets.push(Reset { down: micros(34.99), up: 35 * SECOND, cause: Cause::Watchdog });
+        };
+        pin(flight(ZK5, 40.0), &closed).with(resets)
+    };
+    erased(34.9).breaks_beside(&[Rule::Doubt], &[]);
+    erased(33.0).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // A loop of resets in which nobody commands ends in standby.
+    let alone = |silent: f64| {
+        let quiet = move |h: &mut History| h.commanded.retain(|c| c.at < micros(35.0 - silent));
+        in_a_loop(33_000).with(quiet)
+    };
+    for (silent, rules) in [(5.0, &[Rule::CutOff][..]), (10.5, &[])] {
+        let verdict = alone(silent).judged();
+        let found: Vec<Rule> = verdict.rules().into_iter().filter(|rule| *rule == Rule::CutOff).collect();
+        assert_eq!(found, rules, "{:#?}", verdict.findings);
+    }
     // Standby that is not obeyed: after 5 s, and not before.
     let standby = |closed: f64| {
         let story = flight(ZK5, 40.0)

@@ -192,7 +192,10 @@ impl Oracle {
         } else {
             let healthy = self.wire_run && self.over.is_none() && self.latched.is_none() && self.ran;
             let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
-            if healthy && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately {
+            // Behind another source it does not count, and one that is in control and commands standby has ended the run.
+            let counts = answer == Ok(Accepted::InForce);
+            if healthy && counts && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately
+            {
                 return Err(format!("(5) one standby of {origin} counts, and the engine runs"));
             }
             let changed = fresh.is_none_or(|before| before.intent != Intent::Standby);
@@ -453,12 +456,14 @@ impl Oracle {
         let wanting = self.each().filter(|(_, source)| source.intent != Intent::Nothing);
         let last_command = wanting.map(|(_, source)| source.last_rx).max().unwrap_or(0) + down + CARRIED;
         self.wanted_until = self.wanted_until.saturating_add(down + CARRIED);
-        let resumed = self.retained.map(|(origin, demand, was_lost)| {
+        // An engine that was found running, and that nobody had taken over yet, has no source.
+        let of_a_source = self.retained.filter(|(origin, ..)| *origin != Origin::Node);
+        let resumed = of_a_source.map(|(origin, demand, was_lost)| {
             let silent_from = (last_command + self.age(origin)).min(at + self.age(origin));
             self.wanted_until = self.wanted_until.max(silent_from);
             (origin, Source { silent_from, was_lost, ..Source::new(at, Intent::Run(demand)) })
         });
-        let stream = self.retained.and_then(|(origin, ..)| self.sources[slot(origin)]);
+        let stream = of_a_source.and_then(|(origin, ..)| self.sources[slot(origin)]);
         self.steady_before = stream.filter(|source| at < source.silent_from + down).map_or(0, |source| {
             // One that was received from the last reset on may continue from before that one.
             let earlier = if source.since < self.booted + SECOND { self.steady_before } else { 0 };
