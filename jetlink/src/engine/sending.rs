@@ -46,7 +46,6 @@ impl Engine {
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;
-        run.lowered.observe(now, demand);
         run.shaped = demand;
         self.express(now);
     }
@@ -60,6 +59,9 @@ impl Engine {
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
                 self.link.release(run.life.reached());
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
+                if let Mode::Run(run) = &mut self.mode {
+                    run.lowered.observe(now, demand, matches!(sent, Order::Run(_)));
+                }
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }
             Mode::Pwm { life, start_by } => {

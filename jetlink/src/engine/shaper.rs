@@ -329,6 +329,7 @@ const LOWERED_BY: u32 = 20;
 /// Detects a demand lowered by more than the noise of a stick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lowered {
+    /// The highest that the ECU may have been sent last.
     from: Demand,
     at: Instant,
     falls_until: Option<Instant>,
@@ -349,7 +350,8 @@ impl Lowered {
         self.falls_until.map_or(Duration::from_ticks(0), |until| until.saturating_duration_since(now))
     }
 
-    pub fn observe(&mut self, now: Instant, demand: Demand) {
+    /// `sent`: it goes to the ECU. In doubt it may not: a demand that is lowered then counts until it does, and from then on.
+    pub fn observe(&mut self, now: Instant, demand: Demand, sent: bool) {
         let (value, from, band) = match (demand, self.from) {
             (Demand::Throttle(demand), Demand::Throttle(from)) => {
                 (demand.tenths().into(), from.tenths().into(), LOWERED_BY)
@@ -363,7 +365,7 @@ impl Lowered {
         if value >= from {
             self.from = demand;
         } else if from - value > band {
-            *self = Self::new(now, demand, FALL_EXPECTED);
+            *self = Self::new(now, if sent { demand } else { self.from }, FALL_EXPECTED);
         }
     }
 }

@@ -231,6 +231,29 @@ fn a_flame_out_is_a_fall_of_speed_without_a_command() {
     }
 }
 
+/// A demand that was lowered in a gap reaches the ECU only afterwards: then the shaft runs down because of it.
+#[test]
+fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
+    for (in_gap, limits) in [(20, &[][..]), (50, &[LimitKind::FlameOut])] {
+        let mut scenario = running(Ecu::Zk, |limits| limits.low_rpm = Limit::NONE);
+        scenario.values.rpm = Some(20_000);
+        scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(in_gap), Origin::Rc, 20 * SECOND);
+        assert!(matches!(scenario.order(), Order::Doubt(_)), "{:?}", scenario.order());
+        scenario.reports(Reports::Running).fly_us(run(in_gap), Origin::Rc, SECOND / 2);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
+        scenario.bench.events();
+        for i in 1..=30 {
+            scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+            let _ = scenario.command(run(in_gap));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        scenario.fly_us(run(in_gap), Origin::Rc, SECOND);
+        assert_eq!(scenario.limits(), limits, "{in_gap} % in the gap");
+    }
+}
+
 /// One odd shaft speed is no flame-out, whatever it is, and with or without a limit for what is plausible.
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
