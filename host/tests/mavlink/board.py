@@ -4,8 +4,8 @@ the telemetry UART, which carries both. In real time; the engine flown is the fi
 import sys
 
 from peers import *
+from pilot import RUNNING, STANDBY, emergency, parameters, refusals
 
-STANDBY, RUNNING = 3, 7
 CENTRE, BOOSTER = 28, 29
 COMPONENTS = (NODE, LEFT, RIGHT, CENTRE, BOOSTER)
 
@@ -52,32 +52,6 @@ def discovery(line):
     assert efi == {LEFT}, f"the autopilot's port carries one engine: {efi}"
 
 
-def parameters(line):
-    mark = len(line.received)
-    line.say(mav.MAVLink_param_request_list_message(VEHICLE, 0))
-
-    def all_listed():
-        values = line.since(mark, "PARAM_VALUE")
-        counts = {value.get_srcComponent(): value.param_count for value in values}
-        return values if len(counts) == len(COMPONENTS) and len(values) >= sum(counts.values()) else None
-
-    listed = {}
-    for value in until("all parameters", 60, all_listed):
-        assert value.param_type == 9 and value.get_srcSystem() == VEHICLE
-        listed.setdefault(value.get_srcComponent(), []).append((value.param_index, value.param_id))
-    for component, of_component in listed.items():
-        assert [index for index, _ in of_component] == list(range(len(of_component))), component
-        assert len({name for _, name in of_component}) == len(of_component)
-        print(f"component {component}: {len(of_component)} parameters")
-    assert line.read(LEFT, "LOSS_THR") == 0
-    assert line.set(LEFT, "LOSS_THR", 100) == 100
-    # A busy computer is no lost source.
-    assert line.set(LEFT, "SRC_MAV_TOUT", 20_000) == 20_000
-    for wrong in (5000, 0.5, float("nan")):
-        assert line.set(LEFT, "LOSS_THR", wrong) == 100, wrong
-    assert line.read(LEFT, "LOSS_THR") == 100
-
-
 def restart(line):
     """Parameters are retained over a restart of the node by command."""
     mark = len(line.received)
@@ -85,24 +59,6 @@ def restart(line):
     until("a heartbeat", 30, lambda: len(line.since(mark, "HEARTBEAT", LEFT)) > 2)
     assert line.read(LEFT, "LOSS_THR") == 100
     until("standby", 30, lambda: line.state(LEFT) == STANDBY)
-
-
-def refusals(line):
-    answer, text = line.command(LEFT, START, 1)
-    assert answer == NOT_NOW and "arm the vehicle" in text, (answer, text)
-    line.armed = True
-    wait(5)
-    assert line.state(LEFT) == STANDBY, "arming starts nothing"
-    assert line.command(LEFT, START, 1, 0, 5)[0] == DENIED, "a height delay"
-    assert line.command(LEFT, START, float("nan"))[0] == DENIED
-    assert line.command(LEFT, 400, 1)[0] == UNSUPPORTED
-    for system, component in ((VEHICLE, 0), (0, LEFT), (7, LEFT), (VEHICLE, 99)):
-        assert line.command(component, START, 1, system=system, answered=False)[0] is None, (system, component)
-    with line.lock:
-        line.write(b"\xfd\x20\x00\x00\x01\xff\xbe\x4c\x00\x00\x00\x00")
-        line.write(bytes(range(256)) * 2)
-    wait(4)
-    assert line.state(LEFT) == STANDBY
 
 
 def flight(line):
@@ -130,24 +86,14 @@ def flight(line):
     line.pulse = 1100
 
 
-def emergency(line):
-    assert line.command(BOOSTER, USER, 1, 0)[0] == DENIED, "without its number"
-    assert line.command(BOOSTER, USER, 1, 21196)[0] == ACCEPTED
-    until("it is shown", 3, lambda: line.last("HEARTBEAT", BOOSTER).system_status == 8)
-    assert line.last("HEARTBEAT", CENTRE).system_status != 8
-    assert line.command(BOOSTER, START, 1)[0] == NOT_NOW
-    assert line.command(BOOSTER, USER, 2, 21196)[0] == ACCEPTED
-    until("released", 4, lambda: line.last("HEARTBEAT", BOOSTER).system_status != 8)
-
-
 def main():
     line = Line(int(sys.argv[1]))
     discovery(line)
-    parameters(line)
+    parameters(line, LEFT, COMPONENTS, 60)
     restart(line)
-    refusals(line)
+    refusals(line, line, LEFT)
     flight(line)
-    emergency(line)
+    emergency(line, BOOSTER, CENTRE)
     # A node that restarts cuts the frame that it was sending.
     damaged = line.since(0, "BAD_DATA")
     assert len(damaged) <= 1, damaged

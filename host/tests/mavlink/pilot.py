@@ -23,45 +23,47 @@ def discovery(ground, plane):
     assert {message.get_srcComponent() for message in ground.since(0, "EFI_STATUS")} == {LEFT, RIGHT}
 
 
-def parameters(ground):
+def parameters(ground, engine, components, within):
+    """All of the node and of its engines, listed; one of an engine set, and wrong values refused."""
     mark = len(ground.received)
     ground.say(mav.MAVLink_param_request_list_message(VEHICLE, 0))
 
     def all_listed():
         values = ground.since(mark, "PARAM_VALUE")
         counts = {value.get_srcComponent(): value.param_count for value in values}
-        return values if len(counts) == 3 and len(values) >= sum(counts.values()) else None
+        return values if len(counts) == len(components) and len(values) >= sum(counts.values()) else None
 
-    values = until("all parameters", 20, all_listed)
+    values = until("all parameters", within, all_listed)
     wait(1)
     listed = {}
     for value in values:
         assert value.param_type == 9 and value.get_srcSystem() == VEHICLE
         listed.setdefault(value.get_srcComponent(), []).append((value.param_index, value.param_id))
+    assert set(listed) == set(components), set(listed)
     for component, of_component in listed.items():
         assert [index for index, _ in of_component] == list(range(len(of_component))), component
         assert len({name for _, name in of_component}) == len(of_component)
         print(f"component {component}: {len(of_component)} parameters")
-    assert ground.read(RIGHT, "LOSS_THR") == 0
-    assert ground.set(RIGHT, "LOSS_THR", 100) == 100
+    assert ground.read(engine, "LOSS_THR") == 0
+    assert ground.set(engine, "LOSS_THR", 100) == 100
     # A busy computer is no lost source.
-    assert ground.set(RIGHT, "SRC_MAV_TOUT", 20_000) == 20_000
-    assert ground.set(RIGHT, "LOSS_THR", 5000) == 100, "out of range"
-    assert ground.set(RIGHT, "LOSS_THR", 0.5) == 100, "not whole"
-    assert ground.read(RIGHT, "LOSS_THR") == 100
+    assert ground.set(engine, "SRC_MAV_TOUT", 20_000) == 20_000
+    for wrong, why in ((5000, "out of range"), (0.5, "not whole"), (float("nan"), "no number")):
+        assert ground.set(engine, "LOSS_THR", wrong) == 100, why
+    assert ground.read(engine, "LOSS_THR") == 100
 
 
-def refusals(ground, plane):
-    answer, text = ground.command(RIGHT, START, 1)
+def refusals(ground, plane, engine):
+    answer, text = ground.command(engine, START, 1)
     assert answer == NOT_NOW and "arm the vehicle" in text, (answer, text)
     plane.armed = True
     wait(8)
-    assert ground.state(RIGHT) == STANDBY, "arming starts nothing"
-    assert ground.command(RIGHT, START, 1, 0, 5)[0] == DENIED, "a height delay"
-    assert ground.command(RIGHT, START, float("nan"))[0] == DENIED
-    assert ground.command(RIGHT, 400, 1)[0] == UNSUPPORTED
+    assert ground.state(engine) == STANDBY, "arming starts nothing"
+    assert ground.command(engine, START, 1, 0, 5)[0] == DENIED, "a height delay"
+    assert ground.command(engine, START, float("nan"))[0] == DENIED
+    assert ground.command(engine, 400, 1)[0] == UNSUPPORTED
     assert ground.command(NODE, START, 1)[0] == UNSUPPORTED
-    for system, component in ((VEHICLE, 0), (0, RIGHT), (7, RIGHT), (VEHICLE, 99)):
+    for system, component in ((VEHICLE, 0), (0, engine), (7, engine), (VEHICLE, 99)):
         assert ground.command(component, START, 1, system=system, answered=False)[0] is None, (system, component)
     # What is not in the dialect, and what ends in the middle.
     ground.say(mav.MAVLink_radio_status_message(1, 1, 0, 0, 0, 0, 0))
@@ -69,7 +71,7 @@ def refusals(ground, plane):
         ground.write(b"\xfd\x20\x00\x00\x01\xff\xbe\x4c\x00\x00\x00\x00")
         ground.write(bytes(range(256)) * 2)
     wait(5)
-    assert ground.state(RIGHT) == STANDBY
+    assert ground.state(engine) == STANDBY
 
 
 def flight(ground, plane):
@@ -117,18 +119,18 @@ def restart(ground):
     assert ground.read(RIGHT, "MAV_THR_MAX") == 2000
 
 
-def emergency(ground):
-    assert ground.command(RIGHT, USER, 1, 0)[0] == DENIED, "without its number"
-    assert ground.command(RIGHT, USER, 1, 21196)[0] == ACCEPTED
-    until("it is shown", 2, lambda: ground.last("HEARTBEAT", RIGHT).system_status == 8)
-    assert ground.last("HEARTBEAT", LEFT).system_status != 8
-    answer, text = ground.command(RIGHT, START, 1)
+def emergency(ground, engine, other):
+    assert ground.command(engine, USER, 1, 0)[0] == DENIED, "without its number"
+    assert ground.command(engine, USER, 1, 21196)[0] == ACCEPTED
+    until("it is shown", 2, lambda: ground.last("HEARTBEAT", engine).system_status == 8)
+    assert ground.last("HEARTBEAT", other).system_status != 8
+    answer, text = ground.command(engine, START, 1)
     assert answer == NOT_NOW, text
-    assert ground.command(RIGHT, USER, 2, 0)[0] == DENIED
-    assert ground.command(RIGHT, USER, 2, 21196)[0] == ACCEPTED
-    until("released", 3, lambda: ground.last("HEARTBEAT", RIGHT).system_status != 8)
+    assert ground.command(engine, USER, 2, 0)[0] == DENIED
+    assert ground.command(engine, USER, 2, 21196)[0] == ACCEPTED
+    until("released", 3, lambda: ground.last("HEARTBEAT", engine).system_status != 8)
     wait(5)
-    answer, text = ground.command(RIGHT, START, 1)
+    answer, text = ground.command(engine, START, 1)
     assert answer == NOT_NOW and "disarm the vehicle" in text, (answer, text)
 
 
@@ -204,11 +206,11 @@ def main():
     plane = Plane(listener)
     ground = Ground(ground_port)
     discovery(ground, plane)
-    parameters(ground)
-    refusals(ground, plane)
+    parameters(ground, RIGHT, (NODE, LEFT, RIGHT), 20)
+    refusals(ground, plane, RIGHT)
     flight(ground, plane)
     restart(ground)
-    emergency(ground)
+    emergency(ground, RIGHT, LEFT)
     signing(ground, plane)
     # A node that restarts cuts the frame that it was sending, once a port.
     damaged = ground.since(0, "BAD_DATA") + plane.since(0, "BAD_DATA")
