@@ -179,6 +179,14 @@ fn an_output_has_a_name() {
 }
 
 #[test]
+fn a_dash_is_no_file() {
+    for option in ["--csv", "--plot", "--report", "--save-script"] {
+        let error = refused(&rig(&["--fast", option, "-"]), 2);
+        assert!(error.contains(&format!("{option} takes no \"-\": name /dev/stdout, or ./-")), "{error}");
+    }
+}
+
+#[test]
 fn two_names_of_one_file_are_one_file() {
     let folder = folder("hard-link");
     let (file, other) = (folder.join("a.csv"), folder.join("b.svg"));

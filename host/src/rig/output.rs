@@ -44,6 +44,12 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
             let what = if one.kind == Kind::InFolder { "folder" } else { "file" };
             return Err(Problem::Option(format!("{} needs the name of a {what}", one.option)));
         }
+        if one.path == "-" && one.kind != Kind::Read {
+            let option = one.option;
+            return Err(Problem::Option(format!(
+                "{option} takes no \"-\": name /dev/stdout, or ./- for a file"
+            )));
+        }
         let path = Path::new(&one.path);
         if let Some(found) = path.extension().and_then(|ending| ending.to_str())
             && let Kind::Whole(ending) = one.kind
