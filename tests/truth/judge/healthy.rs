@@ -110,12 +110,12 @@ impl Case<'_> {
 
     /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is sent.
     pub(super) fn longest_up(&self, from: u64, at: u64) -> u64 {
-        let (mut since, mut longest) = (from, 0);
-        for (down, up) in self.down.iter().filter(|(down, up)| *up > from && *down < at) {
-            longest = longest.max(down.saturating_sub(since));
-            since = up;
-        }
-        longest.max(at.saturating_sub(since))
+        longest_outside(&self.down, from, at)
+    }
+
+    /// The longest time in which the node was up and received every report.
+    pub(super) fn longest_received(&self, from: u64, at: u64) -> u64 {
+        longest_outside(&self.down.union(&self.blind).union(&self.h.noise), from, at)
     }
 
     pub(super) fn shut_down(&mut self) {
@@ -380,8 +380,10 @@ impl Case<'_> {
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.commanded(since, at).iter().any(|commanded| commanded.command == PilotCommand::Ctf);
-        // A turbine passes it that goes out, or whose values are damaged. It may be lit again in the same life.
-        let out = |sample: &Sample| sample.phase == Phase::Running && !sample.lit;
+        // A turbine passes it that goes out, or whose values are damaged. It may be lit again in the same life. Learning idle may
+        // be reported as running.
+        let out =
+            |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle) && !sample.lit;
         let limit_change = h.rules.limit_change == Some(false)
             && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
         limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
@@ -401,7 +403,11 @@ impl Case<'_> {
             <= before + self.command_log.age(source) + h.rules.return_within.saturating_sub(100 * MS);
         let since = before.saturating_sub(most);
         let steady = self.command_log.commands_since(source, before).is_some_and(|from| from <= since);
-        let alone = h.commanded(since, at).iter().all(|commanded| commanded.source == source);
+        // Standby below the stages of loss is not in control.
+        let alone = h.commanded(since, at).iter().all(|commanded| {
+            commanded.source == source
+                && (!commanded.command.is_received() || matches!(commanded.command, PilotCommand::Run(_)))
+        });
         let hidden =
             self.blind.union(&h.noise).union(&h.deaf).touches(since, at) || self.down.touches(since, at);
         let runs = self.runs.last_before(at).is_some_and(|(from, _)| from <= since);
@@ -527,4 +533,14 @@ impl Case<'_> {
             }
         }
     }
+}
+
+/// The longest time between two instants that none of these touches.
+fn longest_outside(spans: &Spans, from: u64, at: u64) -> u64 {
+    let (mut since, mut longest) = (from, 0);
+    for (begins, ends) in spans.iter().filter(|(begins, ends)| *ends > from && *begins < at) {
+        longest = longest.max(begins.saturating_sub(since));
+        since = ends;
+    }
+    longest.max(at.saturating_sub(since))
 }

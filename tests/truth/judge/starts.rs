@@ -283,10 +283,19 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
+            // Nothing that was sent since the flame went out has reached the ECU: it acts on what it was sent before.
+            let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
+            let deaf = out.filter(|out| {
+                let last = received.map_or(0, |frame| frame.at);
+                last <= *out && self.live.contains(last) && h.deaf.within(last + h.rules.period, at) > 0
+            });
+            if let Some(out) = deaf {
+                self.verdict.exempt("a relight by the ECU while the wire to it is cut", at - out);
+                continue;
+            }
             // With error sets only, the order continues until the exhaust shows that the engine is out, within 4 s: an ECU that clears its
             // fault before that, and starts again on the run that it was sent, cannot be seen. Nor can one whose exhaust is still hot
             // and falls slowly, because its fast fall was explained by a lower demand.
-            let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let tripped = out.is_some_and(|out| {
                 // A fall proves nothing within 5 s after the demand was lowered, by the stages of loss too.
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);

@@ -102,7 +102,8 @@ impl Case<'_> {
         }
     }
 
-    /// Whether the node was up for long enough at once to know of the run that lasts until then: not in a loop of shorter resets.
+    /// Whether the node received reports for long enough at once to know of the run that lasts until then: not in a loop of shorter
+    /// resets, nor while the wire is cut.
     fn could_know(&self, until: u64) -> bool {
         let runs = self.h.times(|sample| sample.runs());
         let Some(began) = runs.iter().find(|(from, to)| *from < until && until <= *to).map(|(from, _)| from)
@@ -112,7 +113,7 @@ impl Case<'_> {
         // A loss of power erases what it knew.
         let erased = self.h.resets.iter().filter(|reset| reset.cause == Cause::PowerOn && reset.up < until);
         let began = erased.map(|reset| reset.up).max().map_or(began, |up| began.max(up));
-        self.longest_up(began, until) >= self.two_states() + LATE
+        self.longest_received(began, until) >= self.two_states() + LATE
     }
 
     /// What run on the wire ignites has its valve open.

@@ -127,6 +127,31 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
     story(46.0, true).breaks(&[Rule::Ignition]);
 }
 
+/// And while the wire to it is cut, whatever the node sends.
+#[test]
+fn what_does_not_reach_an_ecu_does_not_ignite() {
+    let story = |cut: bool| {
+        started(AMT)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 60_000.0, 480.0)
+            .streams(PILOT, 31.0, 40.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(31.0, 40.0, IDLE)
+            .wire(40.0, 43.0, STANDBY)
+            .turbine(40.0, 41.0, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(41.0, 43.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(41.0, Mark::Ignition)
+            .with(|h| {
+                let out = 39_950 * MS..60 * SECOND;
+                h.frames.iter_mut().filter(|f| cut && out.contains(&f.at)).for_each(|f| f.arrived = false);
+                h.deaf = Spans::from(&[(out.start, if cut { out.end } else { out.start })]);
+            })
+    };
+    let found = |cut| {
+        let verdict = story(cut).judged();
+        verdict.rules().into_iter().filter(|rule| *rule == Rule::Ignition).count()
+    };
+    assert_eq!([found(true), found(false)], [0, 1]);
+}
+
 #[test]
 fn a_cancelled_start_does_not_ignite() {
     let story = |command| {

@@ -102,6 +102,17 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     erased(34.9).breaks_beside(&[Rule::Doubt], &[]);
     erased(33.0).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // Nor one whose wire was cut since before the engine ran.
+    let cut = |from: u64| {
+        let cut = move |h: &mut History| {
+            h.mute = Spans::from(&[(from * SECOND, 40 * SECOND)]);
+            let cause = Cause::Watchdog;
+            h.resets.push(Reset { down: micros(34.99), up: 35 * SECOND, cause });
+        };
+        let verdict = pin(flight(ZK5, 40.0), &closed).with(cut).judged();
+        verdict.rules().contains(&Rule::CutOff)
+    };
+    assert_eq!([cut(29), cut(33)], [false, true]);
     // A loop of resets in which nobody commands ends in standby.
     let alone = |silent: f64| {
         let quiet = move |h: &mut History| h.commanded.retain(|c| c.at < micros(35.0 - silent));
