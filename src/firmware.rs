@@ -354,7 +354,7 @@ async fn trial(node: &'static Node<N>) {
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 #[embassy_executor::task]
 async fn self_test(starting: u32, oscillator: Oscillator) {
-    board::selftest::report(starting, oscillator).await
+    board::selftest::report(board::NAME, starting, oscillator).await
 }
 
 #[cfg(feature = "count")]

@@ -17,7 +17,7 @@ type Module = Vec<String>;
 /// The modules of one crate, and the file of each.
 #[derive(Default)]
 struct Crate {
-    /// Names by which its files call its root: `crate`, and where a binary uses its own library, the library's name.
+    /// The file of each module.
     files: BTreeMap<Module, PathBuf>,
     /// The source of each file, without its tests.
     items: BTreeMap<PathBuf, Vec<(Module, Vec<Item>)>>,
@@ -191,30 +191,50 @@ impl Paths<'_> {
         }
     }
 
-    /// The paths in what a macro is given.
-    fn tokens(&mut self, tokens: TokenStream) {
-        let mut path: Vec<String> = Vec::new();
-        let mut colons = 0;
+    /// The paths in what a macro is given, or is made of. `before`: the path of the braces that they stand in; `depth`: how many
+    /// modules of the macro.
+    fn tokens(&mut self, tokens: TokenStream, before: &[String], depth: usize) {
+        let mut path = before.to_vec();
+        let (mut colons, mut module) = (0, None);
         for token in tokens {
             match token {
                 TokenTree::Ident(ident) => {
                     if colons != 2 {
-                        self.path(&std::mem::take(&mut path));
+                        let found = std::mem::replace(&mut path, before.to_vec());
+                        module = (found == ["mod"]).then_some(());
+                        self.of_macro(&found, depth);
                     }
                     path.push(ident.to_string());
                     colons = 0;
                 }
                 TokenTree::Punct(punct) if punct.as_char() == ':' => colons += 1,
+                TokenTree::Group(group) if colons == 2 => {
+                    let before_group = std::mem::replace(&mut path, before.to_vec());
+                    self.tokens(group.stream(), &before_group, depth);
+                    colons = 0;
+                }
                 token => {
-                    self.path(&std::mem::take(&mut path));
+                    let found = std::mem::replace(&mut path, before.to_vec());
+                    self.of_macro(&found, depth);
                     colons = 0;
                     if let TokenTree::Group(group) = token {
-                        self.tokens(group.stream());
+                        let inner = usize::from(module.take().is_some());
+                        self.tokens(group.stream(), &[], depth + inner);
                     }
                 }
             }
         }
-        self.path(&path);
+        self.of_macro(&path, depth);
+    }
+
+    /// A path in a module of a macro: the first `super` of each such module leads to the file itself.
+    fn of_macro(&mut self, path: &[String], depth: usize) {
+        let up = path.iter().take_while(|ident| *ident == "super").count();
+        if depth == 0 || up == 0 {
+            self.path(path);
+        } else if up > depth {
+            self.path(&path[depth..]);
+        }
     }
 }
 
@@ -230,7 +250,7 @@ impl<'ast> Visit<'ast> for Paths<'_> {
     }
 
     fn visit_macro(&mut self, found: &'ast syn::Macro) {
-        self.tokens(found.tokens.clone());
+        self.tokens(found.tokens.clone(), &[], 0);
     }
 
     fn visit_attribute(&mut self, _: &'ast Attribute) {}
@@ -414,6 +434,16 @@ fn planted_circle_is_found() {
             "pub fn f() { assert!(crate::b::f()) }",
             "pub fn f() -> bool { println!(\"{}\", crate::a::X); true }",
         ),
+        (
+            "group in the body of a macro",
+            "macro_rules! m { () => { use super::{b, c}; pub fn f() { b::f() } } }",
+            "pub fn f() { super::a::f() }",
+        ),
+        (
+            "group in a module of a macro",
+            "macro_rules! m { () => { mod own { use super::super::{b, c}; } } }",
+            "macro_rules! m { () => { mod own { pub fn f() { super::super::a::f() } } } }",
+        ),
         ("module by name", "use crate::b; pub fn f() { b::f() }", "use crate::a; pub fn f() { a::f() }"),
     ] {
         let folder =
@@ -424,7 +454,8 @@ fn planted_circle_is_found() {
         std::fs::write(folder.join("b.rs"), b).unwrap();
         let found = std::panic::catch_unwind(|| assert_one_way(&folder.join("lib.rs")));
         // Without the way back there is none.
-        std::fs::write(folder.join("b.rs"), "pub struct B; pub fn f() -> bool { true }").unwrap();
+        let own = "pub struct B; pub fn f() -> bool { true } macro_rules! m { () => { mod own { use super::a; } } }";
+        std::fs::write(folder.join("b.rs"), own).unwrap();
         assert_one_way(&folder.join("lib.rs"));
         std::fs::remove_dir_all(&folder).unwrap();
         assert!(found.is_err(), "{what}");

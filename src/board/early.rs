@@ -47,8 +47,6 @@ pub fn begin(bypass: bool, first: impl FnOnce(ResetCause)) -> Early {
     #[cfg(feature = "ardupilot-bootloader")]
     let cause = if take_restart() && cause == ResetCause::Unknown { ResetCause::Restart } else { cause };
     first(cause);
-    #[cfg(feature = "selftest")]
-    super::selftest::look_at_tx(&super::table::TX);
     // `__pre_init` has started the watchdog. Now 2.0 s at 32 kHz; 1.4 s to 3.9 s on an F427, 2.0 s to 2.2 s on an H743, by the LSI's
     // range (17 to 47 kHz, DS9405, table 42; 29.4 to 33.6 kHz, DS12110, table 146). The start takes some milliseconds, and
     // 0.1 s more without a crystal.

@@ -118,17 +118,17 @@ fn run_out(round: u32) -> ! {
 }
 
 /// Reports, 5 s after the start and then every 30 s.
-pub async fn report(starting: u32, oscillator: Oscillator) -> ! {
+pub async fn report(board: &str, starting: u32, oscillator: Oscillator) -> ! {
     Timer::after_secs(5).await;
     loop {
-        block(starting, oscillator).await;
+        block(board, starting, oscillator).await;
         Timer::after_secs(30).await;
     }
 }
 
 /// The block to paste.
-async fn block(starting: u32, oscillator: Oscillator) {
-    defmt::info!("selftest: begin, jetlink {=str} on {=str}", env!("CARGO_PKG_VERSION"), super::table::NAME);
+async fn block(board: &str, starting: u32, oscillator: Oscillator) {
+    defmt::info!("selftest: begin, jetlink {=str} on {=str}", env!("CARGO_PKG_VERSION"), board);
     chip::facts::chip();
     oscillators(oscillator);
     let before = (DWT::cycle_count(), Instant::now());

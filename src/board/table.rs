@@ -47,7 +47,7 @@ macro_rules! board {
 
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
         #[cfg(feature = "selftest")]
-        pub const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
+        const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
 
         /// What `__pre_init` does for this board: pull-ups on every ECU port, then the watchdog.
         const FIRST_STEPS: &[&[Step]] = &[
@@ -98,7 +98,11 @@ macro_rules! board {
             first: impl FnOnce(ResetCause),
         ) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
-            let early = early::begin(matches!(hse.mode, HseMode::Bypass), first);
+            let early = early::begin(matches!(hse.mode, HseMode::Bypass), |cause| {
+                first(cause);
+                #[cfg(feature = "selftest")]
+                super::selftest::look_at_tx(&TX);
+            });
             let p = embassy_stm32::init(chip::clocks(early.oscillator, hse));
             early::finish(early);
             $(super::stm32::hold(p.$held, Level::$level);)*
