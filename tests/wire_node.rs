@@ -208,7 +208,7 @@ fn a_latched_stop_survives_a_reset_in_flight() {
 /// One command to all engines: they start one after the other; one of two is lost: the other is informed, and left alone
 /// or reduced; and its timing is not touched.
 #[test]
-fn a_group_of_two() {
+fn a_lost_engine_reduces_the_other_of_its_group() {
     for (option, expected) in [(None, 600), (Some(500), 300)] {
         clock::reset();
         let (mut left, left_ecu) = amt(2400);

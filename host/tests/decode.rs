@@ -334,7 +334,7 @@ fn each_raw_value_of_amt_is_printed_as_the_formula_gives_it() {
 // ---------------------------------------------------------------------------------------------
 
 #[test]
-fn first_printed_example() {
+fn the_first_example_of_the_interface_is_printed() {
     let outcome = decode(&["--protocol", "zk"], &ZK_EXAMPLE);
     assert_eq!(
         outcome.stdout,
@@ -348,7 +348,7 @@ fn first_printed_example() {
 }
 
 #[test]
-fn second_printed_example() {
+fn the_second_example_of_the_interface_is_printed() {
     let outcome = decode(&["--protocol", "zk"], &[0xF6, 0x00, 0x00, 0xA0, 0x00, 0x10, 0xAB]);
     assert_eq!(
         outcome.stdout,

@@ -100,7 +100,7 @@ fn the_tour_passes_with_seeds_that_step_down_behind_the_silence() {
 }
 
 #[test]
-fn many_kinds_of_engines() {
+fn every_kind_of_engine_passes() {
     for engines in [
         ["ecu=amt,engine=mercury,baud=115200", "ecu=amt,engine=nike", "ecu=amt,engine=lynx,baud=9600"],
         ["ecu=amt,engine=pegasus,baud=4800", "ecu=zk,version=1,baud=2400,stop=1", "ecu=zk,version=2,stop=2"],
@@ -485,7 +485,7 @@ fn the_source_is_lost_in_flight() {
 }
 
 #[test]
-fn a_hot_start() {
+fn a_hot_start_is_reported_and_not_repeated() {
     let (text, _) = scenario("hot-start", 8);
     assert_ne!(summary(&text, "commands rejected"), ["0"], "{text}");
     // However much was reported before.
@@ -506,7 +506,7 @@ fn a_hot_start() {
 }
 
 #[test]
-fn a_flame_out() {
+fn after_a_flame_out_the_other_engine_counts_it_as_failed() {
     let (text, _) = scenario("flame-out", 13);
     // Both engines are dead then.
     let expected = ["number of other engines that failed: 1", "no other engine counts as failed any more"];
@@ -515,7 +515,7 @@ fn a_flame_out() {
 }
 
 #[test]
-fn a_reset_in_flight() {
+fn a_reset_in_flight_leaves_a_gap_within_its_bound() {
     let (text, happened) = scenario("reset-in-flight", 21);
     let gap = |of: &str| -> (f64, f64) {
         let line =

@@ -27,6 +27,7 @@ impl Demand {
 
 /// Command to an engine. The latest replaces the previous one; nothing is queued.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Command {
     /// Stop at once, without cooling. Latched: sent until [`Command::ReleaseStop`].
     EmergencyStop,
@@ -93,6 +94,7 @@ impl Origin {
 
 /// Effect of a command that was not refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Accepted {
     /// It is in force.
     InForce,
@@ -291,7 +293,7 @@ sentences!(Rejected {
     Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
     Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
     Self::NotSupported => "the ECU of this engine does not support this command";
-    Self::ServiceTime => "the service has had its time: stop repeating it for a while, then try again";
+    Self::ServiceTime => "the service has run for as long as it may: pause its command, then try again";
     Self::Busy => "the ECU has not confirmed the previous service command yet: try again";
 } {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;

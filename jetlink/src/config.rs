@@ -324,7 +324,7 @@ pub const fn check_port_is_free(engines: &[EngineConfig], port: u8, user: &str) 
             let sentence = Sentence::of_engine(row, engines[row].name)
                 .text("port ")
                 .number(port as usize)
-                .text(" is that of ")
+                .text(" is used by ")
                 .text(user);
             panic!("{}", sentence.as_str());
         }

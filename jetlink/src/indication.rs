@@ -5,6 +5,7 @@ use embassy_time::Duration;
 /// What the status LED shows, from the least urgent to the most urgent: of several engines the most urgent counts.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Indication {
     /// Every engine is at rest and disarmed.
     #[default]

@@ -4,7 +4,7 @@
 //! An engine is a [`Channel`](channel::Channel). A task owns its UART and runs its [`Runner`](runner::Runner), which keeps
 //! the reply window (AMT, 30 ms) or the cadence (ZK). A [`Source`](channel::Source) commands the engine, which arbitrates
 //! between its sources, guards starts, and goes to its fail-safe without a source. A [`Handle`](channel::Handle) gives
-//! telemetry, events, and progress for a watchdog.
+//! telemetry and events.
 //!
 //! **A wrong byte costs an engine or an aircraft. Nothing here has run on hardware yet.**
 //!
@@ -69,7 +69,7 @@
 //! | [`link`], [`ecu::amt::link`], [`ecu::zk::link`], [`ecu::any`] | one protocol's conversation: reply window, cadence, loss |
 //! | [`engine`], [`config`], [`telemetry`] | one engine: sources, starts, lives, stages of loss, limits |
 //! | [`channel`], [`runner`] | bytes and time between one engine and one UART; sources and handles |
-//! | [`node`], [`health`], [`indication`] | all engines of one board, and the board's health; what a status LED shows |
+//! | [`node`], [`health`], [`watch`], [`indication`] | all engines of one board, and the board's health; which runners are stuck; what a status LED shows |
 //!
 //! Codecs, links and engines do no IO and read no clock: time is an argument. So every timing rule can be tested as a table.
 //!

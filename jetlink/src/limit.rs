@@ -38,6 +38,7 @@ impl<T> Limit<T> {
 
 /// Kind of a limit, with the unit of its values.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum LimitKind {
     /// Shaft speed above its limit, in rpm.
     OverSpeed,

@@ -272,7 +272,9 @@ impl core::fmt::Display for SettingError {
         match self {
             Self::Unknown => f.write_str("no setting has this name: see the table of settings"),
             Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
-            Self::Off(setting) => write!(f, "{}: turn on what it belongs to first", setting.name),
+            Self::Off(setting) => {
+                write!(f, "{}: what it belongs to is off: turn that on first", setting.name)
+            }
         }
     }
 }

@@ -120,7 +120,7 @@ fn valve_opens_for_a_start_and_is_closed_by_a_stop_within_10_ms_and_over_a_reset
 }
 
 #[test]
-fn standby_closes_the_valve_once_the_engine_stands() {
+fn standby_closes_the_valve_once_the_engine_is_at_rest() {
     on_each_board(|board| {
         const STANDBY: Nanos = 30 * SECOND;
         let (sender, receiver) = std::sync::mpsc::channel();
@@ -240,6 +240,6 @@ fn valve_closes_when_an_ordered_standby_is_not_obeyed_and_never_while_run_is_ord
         let took = changes[0].0 - STANDBY;
         println!("{}: closed {:.1} s after standby", board.name, took as f64 / 1e9);
         assert!((5000 * MILLIS..5400 * MILLIS).contains(&took), "{took}");
-        assert_eq!(report.ecu::<ZkEcu>(ZK).turbine().phase(), Phase::Running, "it does not hear it");
+        assert_eq!(report.ecu::<ZkEcu>(ZK).turbine().phase(), Phase::Running, "it does not receive it");
     });
 }

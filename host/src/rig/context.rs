@@ -252,7 +252,7 @@ impl<'a> EngineContext<'a> {
             // It takes effect when the rules of sources say so: see `standby_of`.
             (Ok(Accepted::Held), _) => {}
             // Refused, behind another source, a start that waits, the first of two commands: nothing changes yet.
-            (Ok(Accepted::Behind(_) | Accepted::StartWaits | Accepted::RepeatStandby) | Err(_), _) => {}
+            _ => {}
         }
     }
 

@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_list_of_faults() {
+    fn each_fault_of_a_list_is_read() {
         let engines = engines(&[]).unwrap();
         let text =
             "noise=0.02,lose=0.01,jitter=3ms,delay=2ms,from=30s,until=90s,cut=right@40s+5s,hot-start=left";

@@ -50,7 +50,7 @@ pub struct Counters {
     pub demands_late: u32,
     /// Pulse widths that are not accepted.
     pub demands_odd: u32,
-    /// Texts that were lost, because too many came.
+    /// Texts that were dropped: there were too many.
     pub texts_lost: u32,
     /// Events of engines that were lost before they became texts.
     pub events_lost: u32,

@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn every_id_by_hand() {
+    fn each_id_is_read_as_documented() {
         for (high, low, command) in [
             (0x13, 0xE8, ZkCommand::Control { sw: Sw::None, throttle: 1000 }),
             (0x18, 0x00, ZkCommand::Control { sw: Sw::Standby, throttle: 0 }),

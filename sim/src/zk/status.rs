@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn each_frame_by_hand() {
+    fn each_status_is_written_as_documented() {
         // rpm / 10 = 12345 = 0x3039; state 11; error 13 = 0b01_101; 700 + 50 = 0x2EE; switch 2
         let v = Values { rpm: 123_450.0, state: 11, error: 13, egt: 700.0, switch: 2, ..REST };
         assert_eq!(data(v, 1), [0x39, 0x30, 0b1010_1011, 0b0100_1001, 0xEE]);

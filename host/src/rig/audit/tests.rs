@@ -181,7 +181,7 @@ fn a_rise_ends_with_the_commanded_demand() {
 }
 
 #[test]
-fn a_run_is_withdrawn_only_where_the_engine_has_stopped_or_fell_silent_in_its_start() {
+fn a_run_is_cancelled_only_where_the_engine_has_stopped_or_fell_silent_in_its_start() {
     let now = 20 * SECOND + 100 * MILLIS;
     for (phase, allowed) in
         [(Phase::Running, false), (Phase::FuelRamp, false), (Phase::Cooling, true), (Phase::Stopped, true)]

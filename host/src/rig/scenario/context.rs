@@ -501,6 +501,7 @@ impl<'a> ScenarioContext<'a> {
             Some(Ok(Accepted::StartWaits)) => "waits for another engine's start".to_owned(),
             Some(Ok(Accepted::RepeatStandby)) => "one more command".to_owned(),
             Some(Ok(Accepted::Behind(other))) => format!("behind {}", other.name()),
+            Some(Ok(_)) => "accepted".to_owned(),
             Some(Err(why)) => why.to_string(),
         }
     }

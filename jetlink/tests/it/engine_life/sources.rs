@@ -152,7 +152,7 @@ fn a_short_gap_is_no_loss() {
     }
 }
 
-/// A source that is present and commands nothing: not in control, no demand held, never standby. Said by the source in control
+/// A source that is present and commands nothing: not in control, no demand held, never standby. From the source in control
 /// it is silence from the first such command on.
 #[test]
 fn a_source_that_is_present_counts_as_silent() {

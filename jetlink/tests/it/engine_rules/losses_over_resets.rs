@@ -137,7 +137,7 @@ fn a_source_that_is_received_once_between_resets_gets_back_in_control() {
 
 /// A source that is received in every fourth boot of a loop of resets is never in control, and is not silent either: no standby goes out.
 #[test]
-fn a_source_that_is_heard_now_and_then_in_a_reset_loop_keeps_its_engine() {
+fn a_source_that_is_received_now_and_then_in_a_reset_loop_keeps_its_engine() {
     const LOOP_US: u64 = 85_000;
     // An AMT engine that nothing confirms loses its order with the serial delay time.
     let ecu = Ecu::Zk;
