@@ -60,7 +60,7 @@ impl Case<'_> {
                         matches!(self.command_log.fresh(higher, at), Some(PilotCommand::Run(_)))
                             && self.command_log.commands_since(higher, at).is_some_and(|since| {
                                 at >= since + self.h.rules.recover_after
-                                    || self.new_since_a_reset(higher, since)
+                                    || self.new_to_the_node(higher, since)
                             })
                     });
                     cancel(&mut starts, &|of| {
@@ -196,9 +196,10 @@ impl Case<'_> {
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
     }
 
-    /// Whether the node was reset since this source was received before: to the node it is a new one, and in control at once.
-    fn new_since_a_reset(&self, source: usize, since: u64) -> bool {
-        let before = self.command_log.last(source, since.saturating_sub(1)).map_or(0, |(when, _)| when);
+    /// Whether this source was never received before, or the node was reset since: to the node it is a new one, which may be in
+    /// control at once.
+    fn new_to_the_node(&self, source: usize, since: u64) -> bool {
+        let Some((before, _)) = self.command_log.last(source, since.saturating_sub(1)) else { return true };
         self.h.resets.iter().any(|reset| (before..=since).contains(&reset.up))
     }
 
@@ -301,11 +302,18 @@ impl Case<'_> {
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
+                // Without a flame the shaft turns on for a while, and may be reported as running.
+                let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
+                let burnt = burnt
+                    .iter()
+                    .any(|sample| sample.lit && matches!(sample.phase, Phase::LearningIdle | Phase::Running));
+                // What was sent before the fault cleared is what the ECU acts on, a moment after it too.
+                let before = h.samples(out, sent.saturating_sub(h.rules.period + 50 * MS));
                 self.is_amt()
-                    // Without a flame the shaft turns on for a while.
-                    && self.runs.touches(out.saturating_sub(10 * SECOND), out)
+                    && burnt
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
+                    && before.iter().all(|sample| sample.fault)
                     && since.iter().all(|sample| sample.egt > 290.0)
                     // Nor does a node see the exhaust fall that is reset again before it has.
                     && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
@@ -466,6 +474,10 @@ impl Case<'_> {
         }
         // A node that was reset has to see the fall anew.
         let up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
+        // Nor is it seen while nothing is received.
+        let dark =
+            self.blind.iter().filter(|(from, to)| to - from > self.gap() && *to <= at).map(|(_, to)| to);
+        let up = dark.max().unwrap_or_default().max(up);
         self.fallen(out.max(up), at).map_or(cold, |fallen| fallen.min(cold))
     }
 

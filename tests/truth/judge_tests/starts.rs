@@ -90,6 +90,16 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     story(43.5, false).passes();
     story(46.0, true).passes();
     story(46.0, false).breaks(&[Rule::Ignition]);
+    // It acts on what it was sent before the fault cleared, a moment after it too.
+    let cleared = |last_run: u64| {
+        story(43.5, false).with(move |h| {
+            let after = h.samples.iter_mut().filter(|s| (micros(42.6)..micros(43.5)).contains(&s.at));
+            after.for_each(|sample| sample.fault = false);
+            h.frames.retain(|frame| frame.at < last_run);
+        })
+    };
+    cleared(micros(42.6)).passes();
+    cleared(micros(43.5)).breaks(&[Rule::Ignition]);
     // Within 5 s after the demand was lowered a fall proves nothing, and after them a slow one does not.
     let lowered = |clears, degrees_per_s: f64| {
         story(clears, false).with(|h| {
@@ -174,7 +184,12 @@ fn a_cancelled_start_does_not_ignite() {
 fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
     let story = |higher: Option<f64>| {
         let story = match higher {
-            Some(from) => ready(ZK5).streams(0, from, 13.9, PilotCommand::Run(Demanded::Throttle(0))),
+            Some(from) => ready(ZK5).once(0, 0.2, PilotCommand::Run(Demanded::Throttle(0))).streams(
+                0,
+                from,
+                13.9,
+                PilotCommand::Run(Demanded::Throttle(0)),
+            ),
             None => ready(ZK5),
         };
         story
@@ -196,6 +211,8 @@ fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
         h.resets.push(Reset { down: 2 * SECOND, up: 2 * SECOND + 20 * MS, cause: Cause::Watchdog });
     };
     story(Some(7.5)).with(reset).passes();
+    // Or it was never received before.
+    story(Some(7.5)).with(|h| h.commanded.retain(|c| c.at > SECOND)).passes();
 }
 
 #[test]
@@ -337,6 +354,16 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     };
     story(44.0, false).passes();
     story(50.0, false).breaks(&[Rule::RunAtRest]);
+    // A fall that nobody received is seen from then on.
+    let dark = |sent_until| {
+        let dark = 39_900 * MS..44 * SECOND;
+        let cut = |h: &mut History| {
+            h.frames.retain(|frame| !dark.contains(&frame.at));
+            h.mute = Spans::from(&[(dark.start, dark.end)]);
+        };
+        story(sent_until, false).with(cut).judged().rules().contains(&Rule::RunAtRest)
+    };
+    assert_eq!([dark(48.5), dark(56.0)], [false, true]);
     // It may be the lower demand: then it has to be cold, and the thermocouple has to be whole.
     story(60.0, true).passes();
     story(69.0, true).breaks(&[Rule::RunAtRest]);
