@@ -6,6 +6,8 @@ use sim::turbine::Phase;
 
 /// After a lower demand a falling exhaust proves nothing for this long.
 const LOWERED: u64 = 5 * SECOND;
+/// A source that was lost may be in control after this time without a gap: other settings after a reset.
+const RECOVERS: u64 = 300 * MS;
 /// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by this many °C a second for
 /// this many seconds.
 const FALL: f64 = 19.0;
@@ -59,7 +61,7 @@ impl Case<'_> {
                     let behind = (0..source).any(|higher| {
                         matches!(self.command_log.fresh(higher, at), Some(PilotCommand::Run(_)))
                             && self.command_log.commands_since(higher, at).is_some_and(|since| {
-                                at >= since + self.h.rules.recover_after
+                                at >= since + self.h.rules.recover_after.min(RECOVERS)
                                     || self.new_to_the_node(higher, since)
                             })
                     });

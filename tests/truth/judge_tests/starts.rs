@@ -206,13 +206,13 @@ fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
     story(Some(6.9)).passes();
     story(None).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
     // One that comes just before is not in control yet, unless the node was reset since it was received before.
-    story(Some(7.5)).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
+    story(Some(7.8)).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
     let reset = |h: &mut History| {
         h.resets.push(Reset { down: 2 * SECOND, up: 2 * SECOND + 20 * MS, cause: Cause::Watchdog });
     };
-    story(Some(7.5)).with(reset).passes();
+    story(Some(7.8)).with(reset).passes();
     // Or it was never received before.
-    story(Some(7.5)).with(|h| h.commanded.retain(|c| c.at > SECOND)).passes();
+    story(Some(7.8)).with(|h| h.commanded.retain(|c| c.at > SECOND)).passes();
 }
 
 #[test]
