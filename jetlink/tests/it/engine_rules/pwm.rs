@@ -73,3 +73,21 @@ fn a_lower_sources_standby_ends_a_hand_over_only_after_5_s() {
     let after = scenario.now_us() - from;
     assert!(after > 5 * SECOND, "shut down {} ms after MAVLink began to stream standby", after / 1000);
 }
+
+/// A hand-over counts as a start: until its engine runs, the others of its group wait.
+#[test]
+fn a_hand_over_keeps_other_engines_from_a_start_until_its_own_runs() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    let blocks = |scenario: &Scenario| scenario.bench.machine.blocks_other_starts(at_us(scenario.now_us()));
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+    assert!(!blocks(&scenario));
+    scenario.command(Command::HandOverToPwm).unwrap();
+    for (reports, expected) in [(Reports::Starting, true), (Reports::Running, false)] {
+        scenario.reports(reports);
+        for _ in 0..100 {
+            let _ = scenario.command(Command::HandOverToPwm);
+            scenario.pass_us(SECOND / 10);
+        }
+        assert_eq!(blocks(&scenario), expected, "{reports:?}");
+    }
+}
