@@ -14,6 +14,7 @@ mod engine_rules;
 mod engine_sources;
 mod engine_start;
 mod engine_stop;
+mod engine_transmitter;
 mod led_table;
 mod reading_points;
 mod runner_watch;
