@@ -51,6 +51,8 @@ struct Doubt {
     faults: bool,
     /// Since then the exhaust of an ECU that sends only faults was that of a burning engine.
     burned: bool,
+    /// The last frame with a state was not to be answered (AMT).
+    withheld: bool,
     confirming: u8,
     ending: u8,
 }
@@ -65,6 +67,7 @@ impl Doubt {
             cause: Cause::Report,
             faults: false,
             burned: false,
+            withheld: false,
             confirming: 0,
             ending: 0,
         }
@@ -257,6 +260,9 @@ impl Life {
         };
         let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
+        if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
+            doubt.withheld = !self.answers;
+        }
         end
     }
 
@@ -395,7 +401,8 @@ impl Life {
             }
             // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
             Sign::Damaged => !doubt.after_gap(),
-            Sign::Stateless => !doubt.after_gap() && doubt.ending == 0,
+            // It adds nothing to the last set that had a state.
+            Sign::Stateless => !doubt.after_gap() && !doubt.withheld,
             Sign::Faulted { .. } => match (doubt.cause, exhaust) {
                 (_, Burning::Yes) => true,
                 (_, Burning::No) => false,

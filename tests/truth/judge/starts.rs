@@ -304,6 +304,8 @@ impl Case<'_> {
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
+                let up =
+                    h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
                 // Without a flame the shaft turns on for a while, and may be reported as running.
                 let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
                 let burnt = burnt
@@ -319,7 +321,7 @@ impl Case<'_> {
                     && since.iter().all(|sample| sample.egt > 290.0)
                     // Nor does a node see the exhaust fall that is reset again before it has.
                     && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
-                        || counts > out && self.fallen(counts, at).is_none())
+                        || self.fallen(counts.max(up), at).is_none())
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);
@@ -528,7 +530,12 @@ impl Case<'_> {
                         Some("the engine was not armed")
                     } else if stop
                         || since.iter().any(|later| {
-                            later.command == PilotCommand::Standby && later.source <= commanded.source
+                            let otherwise = |higher| {
+                                matches!(self.command_log.fresh(higher, later.at), Some(PilotCommand::Run(_)))
+                            };
+                            later.command == PilotCommand::Standby
+                                && later.source <= commanded.source
+                                && !(0..later.source).any(otherwise)
                         })
                     {
                         Some("it was taken back")

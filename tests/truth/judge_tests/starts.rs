@@ -83,6 +83,7 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
             .with(|h| {
                 for sample in h.samples.iter_mut().filter(|sample| sample.phase == Phase::Cooling) {
                     sample.fault = true;
+                    sample.egt = 700.0 - 25.0 * (sample.at - 40 * SECOND) as f64 / SECOND as f64;
                 }
                 h.resets = (80..92).filter(|_| resets).map(up).collect();
             })
@@ -90,6 +91,10 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     story(43.5, false).passes();
     story(46.0, true).passes();
     story(46.0, false).breaks(&[Rule::Ignition]);
+    // A slow fall may be that of an engine that burns.
+    let slow =
+        |h: &mut History| h.samples.iter_mut().filter(|s| s.fault).for_each(|s| s.egt = 0.7 * s.egt + 210.0);
+    story(46.0, false).with(slow).passes();
     // It acts on what it was sent before the fault cleared, a moment after it too.
     let cleared = |last_run: u64| {
         story(43.5, false).with(move |h| {
@@ -467,6 +472,14 @@ fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     story().once(2, 4.0, PilotCommand::Pwm).breaks(&[Rule::Pwm]);
     let disarmed = |h: &mut History| h.commanded.retain(|commanded| commanded.command != PilotCommand::Arm);
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(disarmed).breaks(&[Rule::Pwm]);
+    // A higher source's standby takes it back, unless a still higher one commands otherwise.
+    let taken =
+        |pilot: usize| story().once(pilot, 4.0, PilotCommand::Pwm).once(1, 5.0, PilotCommand::Standby);
+    let by_third =
+        |h: &mut History| h.commanded.iter_mut().filter(|c| c.at < 4 * SECOND).for_each(|c| c.source = 2);
+    taken(2).with(by_third).breaks(&[Rule::Pwm]);
+    let otherwise = PilotCommand::Run(Demanded::Throttle(400));
+    taken(2).with(by_third).streams(0, 4.5, 10.0, otherwise).passes();
     // For one life of the ECU.
     let dip = |h: &mut History| h.unpowered = Spans::from(&[(6 * SECOND, 7 * SECOND)]);
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(dip).breaks(&[Rule::Pwm]);

@@ -637,3 +637,31 @@ fn the_stages_of_loss_continue_over_a_gap_that_took_the_order() {
         assert_eq!(silent_over_a_gap(hold, gap), (hold.max(gap), hold + 20), "hold {hold} s, gap {gap} s");
     }
 }
+
+/// A set without a state says nothing about an engine in doubt: it is answered like the last set that had a state. In start
+/// clearance with a shaft that coasts "run" would start the engine (AMT-3).
+#[test]
+fn amt_a_set_without_a_state_is_answered_like_the_last_one_with_a_state() {
+    let turning = 60;
+    let set = |state| amt_frames::normal(state, amt_frames::RUN, turning);
+    for (name, sets, answered) in [
+        ("clearance", &[amt_frames::CLEARANCE, amt_frames::CLEARANCE][..], false),
+        ("clearance, then running", &[amt_frames::CLEARANCE, amt_frames::FULL_OPERATION], true),
+        ("running", &[amt_frames::FULL_OPERATION], true),
+    ] {
+        let mut scenario = flying(Ecu::Amt);
+        // A hot exhaust: the shaft may turn because the engine burns, or coast.
+        scenario.values.egt_celsius = 500;
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
+        for state in sets {
+            let _ = scenario.command(run(50));
+            receive(&mut scenario, &set(*state));
+        }
+        assert_eq!(ends(&mut scenario), [], "{name}");
+        scenario.sent();
+        let _ = scenario.command(run(50));
+        receive(&mut scenario, &amt_frames::alternate(0x06));
+        let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
+        assert_eq!(scenario.sent(), expected, "{name}");
+    }
+}
