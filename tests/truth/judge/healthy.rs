@@ -173,13 +173,13 @@ impl Case<'_> {
     }
 
     /// When a source that was in control for sure last commanded run: it had commanded for a while, with nobody above it.
-    fn last_run_in_control(&self, source: usize, at: u64, commanding: u64) -> Option<u64> {
+    fn last_run_in_control(&self, source: usize, at: u64, commanding: u64, above_for: u64) -> Option<u64> {
         let rules = &self.h.rules;
         self.command_log.in_control_for_sure(source, at, commanding).filter(|when| {
             // While it waits to take over from a higher one that was lost, the stages of loss of that one continue. One that comes
             // and goes is none to wait for.
             let lost = |above| {
-                let last = self.command_log.in_control_for_sure(above, *when, rules.recover_after)?;
+                let last = self.command_log.in_control_for_sure(above, *when, above_for)?;
                 Some(last + self.command_log.age(above) + rules.takeover)
             };
             let commands = self.command_log.until(source, *when).iter().rev();
@@ -201,8 +201,8 @@ impl Case<'_> {
         let rules = &self.h.rules;
         // It was in control for sure at this command.
         // What goes out now was found a slot ago.
-        let Some(sure) = self.last_run_in_control(higher, at, rules.recover_after + rules.takeover + slack)
-        else {
+        let long = rules.recover_after + rules.takeover + slack;
+        let Some(sure) = self.last_run_in_control(higher, at, long, rules.recover_after) else {
             return false;
         };
         let nothing = self.nothing_after(higher, sure, at);
@@ -275,11 +275,14 @@ impl Case<'_> {
             return false;
         }
         // A source that commands now and then is not in control, and the stages continue.
-        let sure =
-            |source| self.last_run_in_control(source, at, rules.recover_after + rules.takeover + slack);
-        let sure = (0..4).filter_map(sure).max();
+        let long = rules.recover_after + rules.takeover;
+        let sure = |above_for| {
+            (0..4).filter_map(|source| self.last_run_in_control(source, at, long + slack, above_for)).max()
+        };
         let last = self.command_log.last_run(at).unwrap_or(0);
-        let received = sure.unwrap_or(last).min(last);
+        // One whose demand is close takes over at once, another one only after its wait, for which it may never be there.
+        let received = [sure(rules.recover_after), sure(long)].into_iter().flatten().min();
+        let received = received.unwrap_or(last).min(last);
         // Silence is retained wherever the memory is.
         let power = |reset: &&Reset| reset.up <= at && reset.cause == Cause::PowerOn;
         let up = h.resets.iter().filter(power).map(|reset| reset.up).max();
@@ -329,7 +332,9 @@ impl Case<'_> {
             // With nothing retained, and error sets only, nobody knows that it ran.
             // After them two sets have to agree before there is a reply.
             let sets = at.saturating_sub(3 * h.rules.period);
-            let faults = |up| h.samples(up, sets).iter().all(|sample| sample.fault);
+            // From the first set on: that of the beginning may have been sent before.
+            let first = 2 * h.rules.period;
+            let faults = |up| h.samples(up + first, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
             // After a brown-out that it ran is known, and only an exhaust that can be read lets it continue.
             let brown_out =

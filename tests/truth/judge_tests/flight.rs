@@ -258,6 +258,15 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     };
     story(AMT).with(faults).with(early(Cause::PowerOn)).passes();
     story(AMT).with(early(Cause::PowerOn)).breaks(&[Rule::GivenUp]);
+    // Or from the first set on, which may have been begun before them.
+    let begun_before = |h: &mut History| {
+        let first = 37_250 * MS..37_260 * MS;
+        h.samples
+            .iter_mut()
+            .filter(|sample| first.contains(&sample.at))
+            .for_each(|sample| sample.fault = false);
+    };
+    story(AMT).with(faults).with(begun_before).with(early(Cause::PowerOn)).passes();
     story(AMT).with(faults).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
     story(AMT).with(faults).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);

@@ -167,6 +167,22 @@ fn what_does_not_reach_an_ecu_does_not_ignite() {
     assert_eq!([found(true), found(false)], [0, 1]);
 }
 
+/// Noise makes a command of its own once in a while. What is sent has to be something else.
+#[test]
+fn what_noise_commands_is_not_the_nodes() {
+    let story = |sent, noise: bool| {
+        ready(ZK5)
+            .wire(4.0, 8.0, sent)
+            .mark(7.0, Mark::Ignition)
+            .turbine(5.0, 7.0, Phase::Standby, 0.0, 15.0)
+            .turbine(7.0, 8.0, Phase::Ignition, 5000.0, 20.0)
+            .with(move |h| h.noise_to_ecu = Spans::from(&[(6 * SECOND, if noise { 8 } else { 6 } * SECOND)]))
+    };
+    story(STANDBY, true).passes();
+    story(STANDBY, false).breaks(&[Rule::Ignition]);
+    story(IDLE, true).breaks_beside(&[Rule::RunAtRest], &[Rule::Ignition]);
+}
+
 #[test]
 fn a_cancelled_start_does_not_ignite() {
     let story = |command| {
@@ -336,6 +352,13 @@ fn a_start_that_waited_is_checked_again_when_it_goes() {
     story().with(stick_up(7 * SECOND)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     // It goes between two frames, before the stick is up.
     story().with(stick_up(micros(9.97))).passes();
+    // A disarm at the instant of its first frame cancels it with the next.
+    let disarmed_as_it_goes = |h: &mut History| {
+        h.frames.retain(|frame| frame.at < micros(10.02) || frame.at > micros(10.15));
+        h.frames.iter_mut().filter(|frame| frame.at > micros(10.02)).for_each(|frame| frame.sent = STANDBY);
+        h.marks = vec![(micros(10.01), Mark::Ignition)];
+    };
+    story().once(PILOT, 10.0, PilotCommand::Disarm).with(disarmed_as_it_goes).breaks(&[]);
     story()
         .once(PILOT, 7.0, PilotCommand::Disarm)
         .once(PILOT, 7.5, PilotCommand::Arm)
