@@ -41,11 +41,12 @@ impl Case<'_> {
                 // In standby radio control is in control in both positions.
                 PilotCommand::Standby => any(|sticks| sticks.position != Position::Stop),
                 PilotCommand::Run(Demanded::Throttle(tenths)) => {
-                    // A damaged frame in the middle of a move may be the median: a value between the two.
+                    // A damaged frame in the middle of a move may be the median: a value between the two, or one beside it whose last
+                    // bits are damaged.
                     let sticks = lately.iter().filter(|sticks| sticks.on).map(|sticks| sticks.tenths);
                     let (low, high) =
                         sticks.fold((u32::MAX, 0), |(low, high), tenths| (low.min(tenths), high.max(tenths)));
-                    (low.saturating_sub(5)..=high + 5).contains(&tenths)
+                    (low.saturating_sub(8)..=high + 8).contains(&tenths)
                         && any(|sticks| sticks.position == Position::Run)
                 }
                 PilotCommand::Release | PilotCommand::Arm => {

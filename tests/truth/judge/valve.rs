@@ -83,6 +83,11 @@ impl Case<'_> {
                 let last = own.find(|own| !matches!(own.command, PilotCommand::Arm | PilotCommand::Nothing));
                 last.is_some_and(|last| standby(last.command))
             });
+            // What ended a run for good, no later run takes back: that one needs a start.
+            let for_good = |of: &crate::history::Commanded| {
+                matches!(of.command, PilotCommand::ShutDown | PilotCommand::Stop | PilotCommand::Ctf)
+            };
+            let wanted = wanted || h.commanded(at.saturating_sub(20 * SECOND), at).iter().any(for_good);
             // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));

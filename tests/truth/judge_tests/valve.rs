@@ -123,6 +123,15 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
         let found: Vec<Rule> = verdict.rules().into_iter().filter(|rule| *rule == Rule::CutOff).collect();
         assert_eq!(found, rules, "{:#?}", verdict.findings);
     }
+    // CTF ends it, whatever its source streams afterwards.
+    let ctf = |at: f64| {
+        let again = |h: &mut History| {
+            h.resets.push(Reset { down: micros(34.99), up: 35 * SECOND, cause: Cause::Watchdog });
+        };
+        let verdict = pin(flight(AMT, 40.0), &closed).once(PILOT, at, PilotCommand::Ctf).with(again).judged();
+        verdict.rules().contains(&Rule::CutOff)
+    };
+    assert_eq!([ctf(34.5), ctf(39.0)], [false, true]);
     // Standby that is not obeyed: after 5 s, and not before.
     let standby = |closed: f64| {
         let story = flight(ZK5, 40.0)
