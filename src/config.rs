@@ -8,7 +8,7 @@ use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 use jetlink_rc::config::RadioConfig;
-use jetlink_rc::wiring::{OutputConfig, check_outputs};
+use jetlink_rc::wiring::{OutputConfig, OutputPin, check_free, check_outputs};
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see
 /// `docs/boards.md` for their names and pins.
@@ -52,15 +52,18 @@ pub const TELEMETRY: Line = Line::new(57_600);
 
 /// Receiver of radio control, on an ECU port without an engine, and what its channels do for each engine, in the order of
 /// [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
-#[cfg(not(any(feature = "radio-sbus", feature = "radio-crsf")))]
+#[cfg(not(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm")))]
 pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = None;
 
-/// Test images only (features `radio-sbus` and `radio-crsf`): a receiver on the board's port for it.
-#[cfg(any(feature = "radio-sbus", feature = "radio-crsf"))]
+/// Test images only (features `radio-sbus`, `radio-crsf` and `radio-pwm`): a receiver on the board's port for it, or on its inputs for
+/// servo pulses.
+#[cfg(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm"))]
 pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
     use jetlink_rc::settings::EngineSettings;
     let engines = [EngineSettings::DEFAULT; ENGINES.len()];
-    Some(if cfg!(feature = "radio-crsf") {
+    Some(if cfg!(feature = "radio-pwm") {
+        RadioConfig::pwm([EngineSettings::PULSES; ENGINES.len()])
+    } else if cfg!(feature = "radio-crsf") {
         RadioConfig::crsf(radio_port(), engines)
     } else {
         // Where the UARTs do not invert, an inverter is in the line.
@@ -69,7 +72,7 @@ pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
 };
 
 /// Port of the board for a receiver (build.rs); without a board, one that no engine has.
-#[cfg(any(feature = "radio-sbus", feature = "radio-crsf"))]
+#[cfg(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm"))]
 const fn radio_port() -> u8 {
     match option_env!("JETLINK_RADIO_PORT") {
         Some(port) => port.as_bytes()[0] - b'0',
@@ -86,7 +89,6 @@ pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = None;
 /// it has them. With the last engine the low level energises.
 #[cfg(feature = "outputs")]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
-    use jetlink_rc::wiring::OutputPin;
     let mut engines = [OutputConfig::NONE; ENGINES.len()];
     let mut i = 0;
     while i < ENGINES.len() {
@@ -113,11 +115,20 @@ const fn outputs_of_board() -> u8 {
     }
 }
 
+/// An active buzzer on an output of the board, which beeps as the status LED flashes ([README](../README.md#the-status-led)), but not
+/// while all is well. For example `Some(OutputPin::high(11))`.
+pub const BUZZER: Option<OutputPin> = None;
+
 const _: () = check(&ENGINES);
 const _: () = if let Some(outputs) = OUTPUTS {
     check_outputs(&outputs);
+    if let Some(buzzer) = BUZZER {
+        check_free(&outputs, &[buzzer.number], "this output is the buzzer's");
+    }
 };
 const _: () = if let Some(radio) = RADIO {
     radio.check();
-    check_port_is_free(&ENGINES, radio.port, "the receiver of radio control");
+    if let Some(port) = radio.uart() {
+        check_port_is_free(&ENGINES, port, "the receiver of radio control");
+    }
 };

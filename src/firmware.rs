@@ -4,10 +4,12 @@
 //! |---|---|---|
 //! | `engine`, one for each ECU | interrupt, above the rest | runs the engine over its UART |
 //! | `events`, one for each ECU | thread mode | logs events |
-//! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives the LED |
+//! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives LED and buzzer |
 //! | `mavlink` | thread mode | MAVLink on the telemetry port: commands, throttle, telemetry, parameters |
 //! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
-//! | `outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
+//! | `radio_pulses`, with servo pulses | thread mode | the same by a timer |
+//! | `drive_outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
+//! | `log_outputs`, with outputs | thread mode | logs each change of an output and why |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
@@ -17,6 +19,7 @@
 
 use crate::board::{self, EcuPort, Executor, Format, Led, Oscillator, PORTS, Watchdog};
 use crate::mavlink::{Mavlink, Settings};
+use crate::outputs::SHARED;
 use crate::radio::Radio;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
@@ -51,15 +54,19 @@ const FORMATS: [Option<Format>; PORTS.len()] = {
         i += 1;
     }
     if let Some(radio) = &RADIO {
-        assert!(
-            (radio.port as usize) < FOR_USE,
-            "this board has no such port for the receiver of radio control"
-        );
-        assert!(
-            !radio.inverted || board::INVERTS_RX,
-            "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
-        );
-        formats[radio.port as usize] = Some(Format::of_radio(radio));
+        if let Some(line) = radio.protocol.line() {
+            assert!(
+                (radio.port as usize) < FOR_USE,
+                "this board has no such port for the receiver of radio control"
+            );
+            assert!(
+                !radio.inverted || board::INVERTS_RX,
+                "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
+            );
+            formats[radio.port as usize] = Some(Format::of_radio(line, radio.inverted));
+        } else {
+            assert!(board::pulses::OUTPUTS.is_some(), "this board has no inputs for servo pulses");
+        }
     }
     #[cfg(feature = "play-ecu")]
     {
@@ -72,7 +79,7 @@ const FORMATS: [Option<Format>; PORTS.len()] = {
 fn main() -> ! {
     board::guard::arm();
     let mut outputs = None;
-    let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause.retained());
+    let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause);
     let mut board = board::init(FORMATS, Format::of_line(TELEMETRY), restore);
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {}",
@@ -84,6 +91,7 @@ fn main() -> ! {
         defmt::error!("the crystal does not run: on the chip's own oscillator");
     }
     log_ports();
+    crate::outputs::buzz(false);
 
     #[cfg(all(feature = "selftest", feature = "stm32"))]
     {
@@ -91,7 +99,7 @@ fn main() -> ! {
         board::selftest::count_cycles();
     }
 
-    let (node, service, radio) = build(board.reset_cause.retained(), board.oscillator);
+    let (node, service, radio) = build(board.reset_cause.retained(), board.oscillator, &mut outputs);
     // Building the node takes much more stack than the rest of the firmware, so the two are measured apart.
     let starting = board::stack::deepest();
     board::stack::paint();
@@ -112,8 +120,13 @@ fn main() -> ! {
             spawner.spawn(defmt::unwrap!(mavlink(service, board.telemetry)));
         }
         if let (Some(radio), Some(config)) = (radio, RADIO) {
-            let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
-            spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
+            match config.uart() {
+                Some(port) => {
+                    let port = defmt::unwrap!(board.ports[usize::from(port)].take());
+                    spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
+                }
+                None => spawner.spawn(defmt::unwrap!(radio_pulses(radio))),
+            }
         }
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
@@ -130,6 +143,7 @@ fn main() -> ! {
         if OUTPUTS.is_some()
             && let Some(outputs) = outputs
         {
+            spawner.spawn(defmt::unwrap!(log_outputs()));
             engines.spawn(defmt::unwrap!(drive_outputs(node, outputs)));
         }
         #[cfg(feature = "play-ecu")]
@@ -145,6 +159,7 @@ fn main() -> ! {
 fn build(
     reset: Reset,
     oscillator: Oscillator,
+    outputs: &mut Option<crate::outputs::All>,
 ) -> (&'static Node<N>, Option<Mavlink>, Option<&'static Radio>) {
     let mut settings = Settings::new();
     crate::mavlink::load(&mut settings);
@@ -153,9 +168,14 @@ fn build(
         Oscillator::Crystal => ClockSource::Crystal,
         Oscillator::Internal => ClockSource::Internal,
     });
-    let radio = crate::radio::build(node, &settings.engines);
+    let radio = crate::radio::build(node, &settings.engines, &settings.attached.radio);
+    if OUTPUTS.is_some()
+        && let Some(outputs) = outputs
+    {
+        crate::outputs::configure(outputs, &settings.attached.outputs);
+    }
     // Not with `count`: its instructions would be counted, too.
-    let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, settings));
+    let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, settings, radio));
     (node, mavlink, radio)
 }
 
@@ -173,7 +193,7 @@ fn log_ports() {
             Some(engine) => {
                 defmt::info!("port {=usize}, {=str}: {=str}, {}", port, name, engine.name, engine.line)
             }
-            None if RADIO.is_some_and(|radio| usize::from(radio.port) == port) => {
+            None if RADIO.and_then(|radio| radio.uart()).is_some_and(|radio| usize::from(radio) == port) => {
                 defmt::info!("port {=usize}, {=str}: radio control", port, name)
             }
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
@@ -232,9 +252,9 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
         second.next().await;
         let mut shows =
             if node.health().needs_attention() { Indication::Fault } else { Indication::default() };
-        for handle in node.handles() {
+        for (engine, handle) in node.handles().iter().enumerate() {
             let telemetry = handle.telemetry();
-            defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry));
+            defmt::info!("{=str}: {}", handle.name(), StatusLine(&telemetry, engine));
             shows = shows.max(telemetry.indication());
         }
         if node.health().clock == ClockSource::Internal {
@@ -252,15 +272,17 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
         let pattern = shows.pattern();
         for _ in 0..pattern.flashes {
             led.set(true);
+            crate::outputs::buzz(shows.beeps());
             Timer::after(pattern.lit).await;
             led.set(false);
+            crate::outputs::buzz(false);
             Timer::after(Pattern::DARK).await;
         }
     }
 }
 
 /// State of an engine in one line. Values that the ECU does not report, or not lately, are left out.
-struct StatusLine<'a>(&'a Telemetry);
+struct StatusLine<'a>(&'a Telemetry, usize);
 
 impl defmt::Format for StatusLine<'_> {
     fn format(&self, f: defmt::Formatter) {
@@ -303,6 +325,14 @@ impl defmt::Format for StatusLine<'_> {
         if *stop_latched {
             defmt::write!(f, ", emergency stop latched");
         }
+        if OUTPUTS.is_some() {
+            if let Some(open) = SHARED.valve_is_open(self.1) {
+                defmt::write!(f, "; fuel valve {=str}", if open { "open" } else { "closed" });
+            }
+            if let Some(on) = SHARED.power_is_on(self.1) {
+                defmt::write!(f, ", starter and ignition {=str}", if on { "on" } else { "off" });
+            }
+        }
         let on_the_line = [counters.framing_errors, counters.noise_errors, counters.overruns];
         if on_the_line != [0; 3] {
             let [framing, noise, overruns] = on_the_line;
@@ -329,8 +359,18 @@ async fn radio_control(radio: &'static Radio, port: EcuPort) {
 }
 
 #[embassy_executor::task]
+async fn radio_pulses(radio: &'static Radio) {
+    crate::radio::serve_pulses(radio).await
+}
+
+#[embassy_executor::task]
 async fn drive_outputs(node: &'static Node<N>, outputs: crate::outputs::All) {
     crate::outputs::serve(node, outputs).await
+}
+
+#[embassy_executor::task]
+async fn log_outputs() {
+    crate::outputs::log().await
 }
 
 #[cfg(feature = "play-ecu")]

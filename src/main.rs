@@ -5,6 +5,8 @@
 #![deny(missing_docs)]
 
 #[cfg(target_os = "none")]
+mod attached;
+#[cfg(target_os = "none")]
 mod board;
 #[cfg(all(target_os = "none", feature = "demo"))]
 mod demo;

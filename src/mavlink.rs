@@ -5,7 +5,9 @@
     allow(dead_code, reason = "with `count` it is not served: its instructions would be counted, too")
 )]
 
+use crate::attached::{self, ANY, Choice, Chosen, With};
 use crate::board::{self, EcuPort, Storage};
+use crate::radio::Radio;
 use embassy_futures::block_on;
 use embassy_futures::select::{Either, select};
 use jetlink::command::Origin;
@@ -13,18 +15,27 @@ use jetlink::config::{EngineConfig, validate};
 use jetlink::node::Node;
 use jetlink_fw::config::{ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
-use jetlink_mavlink::record::{apply_to_engine, apply_to_node};
+use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
-use jetlink_mavlink::store::{AtRest, Found, Store};
+use jetlink_mavlink::store::{AtRest, Found, KEYS};
 use static_cell::StaticCell;
 
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
 
 /// Runs the service of this node on its one port.
-pub type Runner = jetlink_mavlink::runner::Runner<'static, N, 1>;
+pub type Runner = jetlink_mavlink::runner::Runner<'static, N, 1, Chosen>;
+
+/// Most records that are stored, by this image or another one.
+const RECORDS: usize = {
+    let own = 1 + N * (1 + ANY as usize);
+    if own > KEYS { own } else { KEYS }
+};
+
+/// Where settings are stored.
+type Store = jetlink_mavlink::store::Store<'static, Storage, RECORDS>;
 
 /// Whether all engines are known to be at rest: what the store checks before it erases.
 static AT_REST: AtRest = AtRest::new();
@@ -35,7 +46,9 @@ pub struct Settings {
     /// Of each engine, with what is stored.
     pub engines: [EngineConfig; N],
     own: [EngineSettings; N],
-    store: Option<&'static mut Store<'static, Storage>>,
+    /// Of radio control and outputs.
+    pub attached: attached::Settings,
+    store: Option<&'static mut Store>,
     found: Found,
 }
 
@@ -46,6 +59,7 @@ impl Settings {
             node: NodeSettings::DEFAULT,
             engines: ENGINES,
             own: [EngineSettings::DEFAULT; N],
+            attached: attached::Settings::new(),
             store: None,
             found: Found::Empty,
         }
@@ -55,13 +69,16 @@ impl Settings {
 /// Reads the stored settings. Not inlined: reading takes much stack.
 #[inline(never)]
 pub fn load(settings: &mut Settings) {
-    static STORE: StaticCell<Store<'static, Storage>> = StaticCell::new();
+    static STORE: StaticCell<Store> = StaticCell::new();
     let Some(storage) = board::storage() else {
         defmt::info!("settings: this board stores none");
         return;
     };
     // It waits for nothing: only writes and erases do.
     let (store, found) = block_on(Store::load(storage, &AT_REST, &mut |key, record| {
+        if ANY && let Some(engine) = engine_of_attached(key) {
+            return settings.attached.apply(engine, record);
+        }
         let Some(engine) = usize::from(key).checked_sub(1) else {
             return apply_to_node(&mut settings.node, record);
         };
@@ -85,15 +102,15 @@ pub fn load(settings: &mut Settings) {
 /// The service and what it stores with.
 pub struct Mavlink {
     runner: &'static Runner,
-    store: Option<&'static mut Store<'static, Storage>>,
+    store: Option<&'static mut Store>,
 }
 
 /// Builds the service. Not inlined: it is built on the stack, and `main` never returns its stack.
 #[inline(never)]
 #[expect(clippy::disallowed_methods, reason = "the service begins now")]
-pub fn build(node: &'static Node<N>, settings: Settings) -> Mavlink {
+pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
-    let Settings { node: of_node, engines, own, store, found } = settings;
+    let Settings { node: of_node, engines, own, attached, store, found } = settings;
     let sources = node.sources(Origin::Mavlink).into_iter();
     let engines = sources.zip(engines).zip(own).map(|((source, config), settings)| EngineParts {
         source: defmt::unwrap!(source),
@@ -103,7 +120,8 @@ pub fn build(node: &'static Node<N>, settings: Settings) -> Mavlink {
     let ports = [PortConfig::uart(TELEMETRY.baud)];
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
-        let mut service = Service::new(now, of_node, SigningState::NONE, engines, ports);
+        let attached = With::<ANY>::attach(radio, &attached);
+        let mut service = Service::with(now, of_node, SigningState::NONE, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
         Runner::new(service)

@@ -1,12 +1,16 @@
 //! Fuel valves, and power of starters and ignitions, on pins of the board.
 
-use crate::board;
+use crate::board::{self, ResetCause};
 use core::array::from_fn;
-use embassy_time::{Duration, Ticker};
-use jetlink::engine::retained::Reset;
+use embassy_sync::pubsub::WaitResult;
+use embassy_time::{Duration, Instant, Ticker};
 use jetlink::node::Node;
-use jetlink_fw::config::{ENGINES, OUTPUTS};
+use jetlink_fw::config::{BUZZER, ENGINES, OUTPUTS, RADIO};
 use jetlink_rc::outputs::Outputs;
+use jetlink_rc::settings::OutputSettings;
+use jetlink_rc::shared::Shared;
+use jetlink_rc::starts::LIVED;
+use jetlink_rc::wiring::OutputConfig;
 
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
@@ -17,27 +21,63 @@ const EVERY: Duration = Duration::from_millis(5);
 /// Outputs of all engines.
 pub type All = [Outputs; N];
 
+/// The outputs for the log and for MAVLink.
+pub static SHARED: Shared<N> = Shared::new();
+
 const _: () = if let Some(outputs) = OUTPUTS {
     jetlink_rc::wiring::check_board(&outputs, board::OUTPUTS_LOW_BEFORE);
 };
 
-/// Drives the pins from the engines' retained state, if there are outputs. Call it before anything else.
-pub fn restore(reset: Reset) -> Option<All> {
-    // Not `map`: without outputs nothing of it is in the image.
-    if OUTPUTS.is_some() { Some(restore_all(reset)) } else { None }
+/// Inputs for servo pulses are no outputs.
+const _: () = if let (Some(outputs), Some(radio), Some(inputs)) = (OUTPUTS, RADIO, board::pulses::OUTPUTS)
+    && radio.uart().is_none()
+{
+    jetlink_rc::wiring::check_free(&outputs, &inputs, "this output is an input for servo pulses");
+};
+
+const _: () = if let Some(buzzer) = BUZZER {
+    let alone = OutputConfig::valve(buzzer);
+    jetlink_rc::wiring::check_board(&[alone], board::OUTPUTS_LOW_BEFORE);
+    if let (Some(radio), Some(inputs)) = (RADIO, board::pulses::OUTPUTS)
+        && radio.uart().is_none()
+    {
+        jetlink_rc::wiring::check_free(&[alone], &inputs, "the buzzer is on an input for servo pulses");
+    }
+};
+
+/// Makes the buzzer beep, or silent. The first call has to come before any task runs: the mode of a port's pins is one register.
+pub fn buzz(beeps: bool) {
+    if let Some(pin) = BUZZER {
+        board::drive_output(pin.number, beeps != pin.low);
+    }
 }
 
-fn restore_all(reset: Reset) -> All {
+/// Drives the pins from the engines' retained state, if there are outputs. Call it before anything else.
+pub fn restore(cause: ResetCause) -> Option<All> {
+    // Not `map`: without outputs nothing of it is in the image.
+    if OUTPUTS.is_some() { Some(restore_all(cause)) } else { None }
+}
+
+fn restore_all(cause: ResetCause) -> All {
     let configs = defmt::unwrap!(OUTPUTS);
+    let reset = cause.retained();
+    let has_failed = board::starts::begin(cause);
     let all = from_fn(|engine| {
         // Name, port and protocol are what a record is known by, and none of them is a parameter.
         let config = ENGINES.get(engine);
         let memory = config.and_then(|config| board::engines::RETAINED.0.get(usize::from(config.port)));
         let record = memory.zip(config).and_then(|(memory, config)| memory.load(config.fingerprint(), reset));
-        Outputs::new(configs[engine].settings, record)
+        Outputs::new(configs[engine].settings, record, has_failed)
     });
     drive(&all);
     all
+}
+
+/// Takes the settings that are stored.
+pub fn configure(all: &mut All, settings: &[OutputSettings]) {
+    for (outputs, settings) in all.iter_mut().zip(settings) {
+        outputs.configure(*settings);
+    }
 }
 
 /// Drives all pins.
@@ -52,12 +92,41 @@ fn drive(all: &All) {
 /// Follows the engines. In their executor: nothing in thread mode delays a valve.
 #[expect(clippy::disallowed_methods, reason = "outputs keep their own time")]
 pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
+    let configs = defmt::unwrap!(OUTPUTS);
+    for (engine, (config, outputs)) in configs.iter().zip(&all).enumerate() {
+        SHARED.set(engine, config, outputs, outputs.restored());
+    }
+    let mut has_lived = false;
     let mut ticker = Ticker::every(EVERY);
     loop {
-        for (handle, outputs) in node.handles().iter().zip(&mut all) {
-            outputs.update(&handle.telemetry());
+        let mut changes = [[None; 2]; N];
+        for ((handle, outputs), changes) in node.handles().iter().zip(&mut all).zip(&mut changes) {
+            *changes = outputs.update(&handle.telemetry());
         }
         drive(&all);
+        for (engine, ((config, outputs), changes)) in configs.iter().zip(&all).zip(changes).enumerate() {
+            SHARED.set(engine, config, outputs, changes.into_iter().flatten());
+        }
+        // A valve that was closed for failed starts stays closed over further resets, until its engine is at rest.
+        if !has_lived && Instant::now() >= Instant::MIN + LIVED && !all.iter().any(Outputs::is_cut) {
+            has_lived = true;
+            board::starts::has_lived();
+        }
         ticker.next().await;
+    }
+}
+
+/// Logs each change of an output and why. In thread mode, below the outputs themselves.
+pub async fn log() -> ! {
+    let mut changes = defmt::unwrap!(SHARED.changes());
+    loop {
+        match changes.next_message().await {
+            WaitResult::Message((engine, change)) => {
+                if let Some(engine) = ENGINES.get(engine) {
+                    defmt::info!("{=str}: {=str}: {=str}", engine.name, change.what(), change.why().text());
+                }
+            }
+            WaitResult::Lagged(lost) => defmt::warn!("outputs: {=u64} changes lost", lost),
+        }
     }
 }

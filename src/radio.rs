@@ -1,13 +1,15 @@
 //! A receiver of radio control on an ECU port. It is served in thread mode, so that no engine's task waits for it.
 
-use crate::board::EcuPort;
+use crate::board::{self, EcuPort};
 use core::cell::RefCell;
+use embassy_time::Instant;
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
 use jetlink::node::Node;
 use jetlink_fw::config::{ENGINES, RADIO};
 use jetlink_rc::pilot::{Outcome, Pilot};
 use jetlink_rc::runner;
+use jetlink_rc::settings::EngineSettings;
 use static_cell::StaticCell;
 
 /// Number of engines of this node.
@@ -17,20 +19,28 @@ const N: usize = ENGINES.len();
 pub type Radio = RefCell<jetlink_rc::service::Service<'static, N>>;
 
 /// Sets up radio control of all engines, if there is a receiver.
-pub fn build(node: &'static Node<N>, engines: &[EngineConfig; N]) -> Option<&'static Radio> {
+pub fn build(
+    node: &'static Node<N>,
+    engines: &[EngineConfig; N],
+    settings: &[EngineSettings],
+) -> Option<&'static Radio> {
     // Not `map`: without a receiver nothing of it is in the image.
-    if RADIO.is_some() { Some(build_radio(node, engines)) } else { None }
+    if RADIO.is_some() { Some(build_radio(node, engines, settings)) } else { None }
 }
 
 /// Not inlined: it is built on the stack, and `main` never returns its stack.
 #[inline(never)]
-fn build_radio(node: &'static Node<N>, engines: &[EngineConfig; N]) -> &'static Radio {
+fn build_radio(
+    node: &'static Node<N>,
+    engines: &[EngineConfig; N],
+    settings: &[EngineSettings],
+) -> &'static Radio {
     static SERVICE: StaticCell<Radio> = StaticCell::new();
     let radio = defmt::unwrap!(RADIO);
     let sources = node.sources(Origin::Rc).into_iter();
-    let pilots = sources.zip(engines).zip(radio.engines).map(|((source, config), settings)| {
-        // The settings were checked while this was compiled.
-        defmt::unwrap!(Pilot::new(defmt::unwrap!(source), config, settings).ok())
+    let pilots = sources.zip(engines).zip(settings).map(|((source, config), settings)| {
+        // The settings were checked while this was compiled, or when they were read.
+        defmt::unwrap!(Pilot::new(defmt::unwrap!(source), config, *settings).ok())
     });
     SERVICE.init_with(|| RefCell::new(jetlink_rc::service::Service::new(radio.protocol.input(), pilots)))
 }
@@ -39,18 +49,31 @@ fn build_radio(node: &'static Node<N>, engines: &[EngineConfig; N]) -> &'static 
 pub async fn serve(radio: &'static Radio, port: EcuPort) -> ! {
     // TX stays at its idle level: nothing is sent to a receiver.
     let EcuPort { rx, errors, tx: _tx, .. } = port;
+    runner::run(radio, rx, errors, logged()).await
+}
+
+/// Serves the board's inputs for servo pulses.
+pub async fn serve_pulses(radio: &'static Radio) -> ! {
+    board::pulses::begin();
+    runner::run_pulses(radio, board::pulses::next, logged()).await
+}
+
+/// Logs what comes of frames.
+fn logged() -> impl FnMut(Instant, usize, Outcome) {
     let mut received = false;
-    runner::run(radio, rx, errors, |_, engine, outcome| {
+    move |_, engine, outcome| {
         if !received {
             received = true;
             defmt::info!("radio control: frames are received");
         }
         // What becomes of a command is in the engine's events.
-        if outcome == Outcome::NotSteady
-            && let Some(engine) = ENGINES.get(engine)
-        {
-            defmt::info!("{=str}: no start, the stick was not at idle or not steady", engine.name);
+        let why = match outcome {
+            Outcome::NotSteady => "the stick was not at idle or not steady",
+            Outcome::SettingsDamaged => "the stored settings are damaged",
+            _ => return,
+        };
+        if let Some(engine) = ENGINES.get(engine) {
+            defmt::info!("{=str}: no start, {=str}", engine.name, why);
         }
-    })
-    .await
+    }
 }

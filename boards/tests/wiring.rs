@@ -105,6 +105,39 @@ impl Svg {
         self.text(ECU_LEFT + 16, y + 3 * ROW + 28, 14, "start", 4, MANUAL);
     }
 
+    /// An output, what it drives, and the valve.
+    fn valve(&mut self, y: u32) {
+        self.rect((40, y - 50), (BOARD_RIGHT - 40, 3 * ROW + 90));
+        self.text(56, y - 24, 17, "start", 1, "jetlink's board, an output");
+        for (row, signal) in ["3.3 V, a few mA", "ground"].into_iter().enumerate() {
+            self.text(BOARD_RIGHT - 12, y + 2 * ROW * row as u32 + 5, 16, "end", 1, signal);
+        }
+        self.text(56, y + 3 * ROW + 28, 14, "start", 2, "pins: docs/boards.md");
+        self.signal((BOARD_RIGHT, y), (CONVERTER.0, y));
+        self.wire((BOARD_RIGHT, y + 2 * ROW), (CONVERTER.0, y + 2 * ROW));
+        // The level that energises nothing, while the pin floats.
+        let x = BOARD_RIGHT + 70;
+        self.wire((x, y), (x, y + 2 * ROW));
+        self.rect((x - 8, y + 18), (16, 2 * ROW - 36));
+        self.text(x + 16, y + ROW + 5, 15, "start", 1, "10 kΩ");
+        self.rect((CONVERTER.0, y - 50), (CONVERTER.1 - CONVERTER.0, 3 * ROW + 90));
+        self.text(CONVERTER.0 + 16, y - 24, 17, "start", 1, "driver and relay, or latching relay");
+        let lines = ["driver: transistor for the coil", "a diode across the coil", "5 s delay at switch-off"];
+        for (row, line) in lines.into_iter().enumerate() {
+            self.text(CONVERTER.0 + 16, y + ROW * row as u32 + 24, 15, "start", 1, line);
+        }
+        self.text(CONVERTER.0 + 16, y + 3 * ROW + 28, 14, "start", 4, "without it a reset is a flame-out");
+        self.signal((CONVERTER.1, y + ROW), (ECU_LEFT, y + ROW));
+        self.wire((CONVERTER.1, y + 2 * ROW), (ECU_LEFT, y + 2 * ROW));
+        self.rect((ECU_LEFT, y - 50), (WIDTH - 40 - ECU_LEFT, 3 * ROW + 90));
+        self.text(ECU_LEFT + 16, y - 24, 17, "start", 1, "fuel valve");
+        self.text(ECU_LEFT + 16, y + 5, 14, "start", 2, "in the fuel line, before the pump");
+        for (row, line) in ["supply", "ground"].into_iter().enumerate() {
+            self.text(ECU_LEFT + 12, y + ROW * (row as u32 + 1) + 5, 16, "start", 1, line);
+        }
+        self.text(ECU_LEFT + 16, y + 3 * ROW + 28, 14, "start", 4, "closed without power");
+    }
+
     /// TX, RX and ground from one x to another.
     fn three(&mut self, y: u32, from: u32, to: u32) {
         self.signal((from, y + ROW), (to, y + ROW));
@@ -159,8 +192,13 @@ fn drawing(colours: Colours) -> String {
     svg.pull_up(y);
     svg.ecu(y, "ZK ECU", "TTL, 3.3 V: ask first");
 
+    let y = 690;
+    let text = "A fuel valve on an output (docs/rc.md): closed without power, and held for 5 s while the pin floats.";
+    svg.text(40, y - 66, 18, "start", 1, text);
+    svg.valve(y);
+
     // Two columns, as the boards come.
-    let top = 680;
+    let top = 960;
     let mut ends = [top; 2];
     svg.text(40, top - 20, 18, "start", 1, "The board's side: ECU ports by number, as in src/config.rs");
     for board in BOARDS {

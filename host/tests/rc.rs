@@ -66,7 +66,7 @@ fn at(rows: &str, engine: &str, seconds: f64) -> [String; 5] {
 
 #[test]
 fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
-    for kind in ["sbus", "crsf"] {
+    for kind in ["sbus", "crsf", "pwm", "sbus,throttle=1,switch=6"] {
         let head = "jetlink rig script, version 0.1.0\nseed 1\nengine name=left\nengine name=right,ecu=zk,baud=115200\n";
         let script = file(&format!("rc-{kind}.txt"), &format!("{head}rc {kind}\n{FLOWN}"));
         let rows = script.with_extension("csv");
@@ -110,6 +110,57 @@ fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
     }
 }
 
+/// What the CSV has in a column of an engine, from its first row on: each value once, with the time of its first row.
+fn changes(rows: &str, engine: &str, column: &str) -> Vec<(f64, String)> {
+    let mut csv = csv::Reader::from_reader(rows.as_bytes());
+    let heads = csv.headers().expect("heads").clone();
+    let place = |head: &str| heads.iter().position(|other| other == head).expect("a column");
+    let (time, name, column) = (place("t_s"), place("engine"), place(column));
+    let mut changes: Vec<(f64, String)> = Vec::new();
+    for row in csv.records().map(|row| row.expect("a row")).filter(|row| row[name] == *engine) {
+        if changes.last().is_none_or(|(_, last)| *last != row[column]) {
+            changes.push((row[time].parse().expect("seconds"), row[column].to_owned()));
+        }
+    }
+    changes
+}
+
+#[test]
+fn valves_follow_their_engines_and_each_change_has_its_reason() {
+    let head =
+        "jetlink rig script, version 0.1.0\nseed 1\nengine name=left\nengine name=right,ecu=zk,baud=115200\n";
+    for (valves, with) in [(true, "valves\n"), (false, "")] {
+        let script = file(&format!("rc-valves-{valves}.txt"), &format!("{head}rc sbus\n{with}{FLOWN}"));
+        let rows = script.with_extension("csv");
+        let output = rig(&["--script", script.to_str().unwrap(), "--fast", "--csv", rows.to_str().unwrap()]);
+        assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+        let rows = std::fs::read_to_string(rows).expect("written");
+        assert_eq!(rows.contains("fuel valve"), valves);
+        for engine in ["left", "right"] {
+            let of = |column| changes(&rows, engine, column);
+            if !valves {
+                let nothing = |column| of(column).iter().all(|(_, state)| state.is_empty());
+                assert!(nothing("fuel_valve") && nothing("starter_power"));
+                continue;
+            }
+            let valve = of("fuel_valve");
+            let states: Vec<&str> = valve.iter().map(|(_, state)| state.as_str()).collect();
+            assert_eq!(states, ["closed", "open", "closed"], "{engine}: {valve:?}");
+            // The second engine waits for the first.
+            let opened = if engine == "left" { 23.0..26.0 } else { 26.0..89.0 };
+            assert!(opened.contains(&valve[1].0) && (valve[2].0 - 140.0).abs() < 0.3, "{engine}: {valve:?}");
+            assert_eq!(of("starter_power").last().map(|(_, state)| state.as_str()), Some("on"), "it cools");
+        }
+        for reason in [
+            "fuel valve open: the engine is ordered to run",
+            "fuel valve closed: emergency stop",
+            "starter and ignition on: ",
+        ] {
+            assert_eq!(rows.contains(reason), valves, "{reason}");
+        }
+    }
+}
+
 #[test]
 fn wrong_options_are_refused() {
     let script = |name: &str, text: &str| {
@@ -118,7 +169,10 @@ fn wrong_options_are_refused() {
     let endless = script("rc-endless.txt", "rc sbus\n1.0 all start\n");
     let outside = script("rc-outside.txt", "rc sbus=tcpin:127.0.0.1:1\n1.0 end\n");
     for (arguments, part) in [
-        (&["--rc", "pwm"][..], "`pwm` is not a receiver"),
+        (&["--rc", "ppm"][..], "`ppm` is not a receiver"),
+        (&["--rc", "pwm=tcpin:127.0.0.1:1"], "pwm has no address"),
+        (&["--rc", "pwm,switch=5"], "`switch=5` is not a channel"),
+        (&["--rc", "sbus,throttle=5"], "a channel each"),
         (&["--rc", "sbus=here"], "`here` is not an address"),
         (&["--rc", "crsf=udpout:127.0.0.1:1"], "udpout only sends"),
         (&["--rc", "sbus=tcpin:256.0.0.1:1"], "cannot open tcpin:256.0.0.1:1: "),

@@ -1,4 +1,4 @@
-//! What the status LED of a node shows: one table, for firmware and README.
+//! What the status LED of a node shows, and when its buzzer beeps: one table, for firmware and README.
 
 use embassy_time::Duration;
 
@@ -65,6 +65,14 @@ impl Indication {
             Self::SourceLost => Pattern::long(1),
             Self::StopLatched => Pattern::long(2),
             Self::Fault => Pattern::short(5),
+        }
+    }
+
+    /// Whether a buzzer beeps with the LED, at the length of its flashes. At rest, and while all engines run as they should, it is silent.
+    pub const fn beeps(self) -> bool {
+        match self {
+            Self::AtRest | Self::Running => false,
+            Self::Armed | Self::SourceLost | Self::StopLatched | Self::Fault => true,
         }
     }
 

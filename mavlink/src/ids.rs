@@ -34,10 +34,15 @@ pub const COMPONENT_AUTOPILOT: u8 = 1;
 pub const MESSAGE_HEARTBEAT: u32 = 0;
 /// Message `SERVO_OUTPUT_RAW`.
 pub const MESSAGE_SERVO_OUTPUT_RAW: u32 = 36;
+/// Message `RC_CHANNELS`.
+pub const MESSAGE_RC_CHANNELS: u32 = 65;
 /// Message `EFI_STATUS`.
 pub const MESSAGE_EFI_STATUS: u32 = 225;
 /// Message `NAMED_VALUE_FLOAT`.
 pub const MESSAGE_NAMED_VALUE_FLOAT: u32 = 251;
+
+/// Message `RELAY_STATUS`.
+pub const MESSAGE_RELAY_STATUS: u32 = 376;
 
 /// `MAV_TYPE_GENERIC`.
 pub const TYPE_GENERIC: u8 = 0;

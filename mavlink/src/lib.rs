@@ -12,6 +12,7 @@
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
 //! | `engine` | one engine: its switch, its demand source, what arms it |
+//! | [`attached`] | what else is attached: a receiver of radio control, fuel valves |
 //! | [`report`], `text`, [`port`] | messages of an engine; texts; a port and its share of telemetry |
 //! | [`service`], [`runner`] | all together; the clock and the ports |
 //!
@@ -23,6 +24,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod attached;
 mod dialect;
 mod engine;
 mod fields;

@@ -1107,6 +1107,156 @@ impl MessageData for PARAM_VALUE_DATA {
         }
     }
 }
+///Channels of a receiver in µs; 65535 is no value.
+///
+///ID: 65
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(Arbitrary))]
+#[cfg_attr(feature = "ts-rs", derive(TS))]
+#[cfg_attr(feature = "ts-rs", ts(export))]
+pub struct RC_CHANNELS_DATA {
+    pub time_boot_ms: u32,
+    pub chan1_raw: u16,
+    pub chan2_raw: u16,
+    pub chan3_raw: u16,
+    pub chan4_raw: u16,
+    pub chan5_raw: u16,
+    pub chan6_raw: u16,
+    pub chan7_raw: u16,
+    pub chan8_raw: u16,
+    pub chan9_raw: u16,
+    pub chan10_raw: u16,
+    pub chan11_raw: u16,
+    pub chan12_raw: u16,
+    pub chan13_raw: u16,
+    pub chan14_raw: u16,
+    pub chan15_raw: u16,
+    pub chan16_raw: u16,
+    pub chan17_raw: u16,
+    pub chan18_raw: u16,
+    pub chancount: u8,
+    pub rssi: u8,
+}
+impl RC_CHANNELS_DATA {
+    pub const ENCODED_LEN: usize = 42usize;
+    pub const DEFAULT: Self = Self {
+        time_boot_ms: 0_u32,
+        chan1_raw: 0_u16,
+        chan2_raw: 0_u16,
+        chan3_raw: 0_u16,
+        chan4_raw: 0_u16,
+        chan5_raw: 0_u16,
+        chan6_raw: 0_u16,
+        chan7_raw: 0_u16,
+        chan8_raw: 0_u16,
+        chan9_raw: 0_u16,
+        chan10_raw: 0_u16,
+        chan11_raw: 0_u16,
+        chan12_raw: 0_u16,
+        chan13_raw: 0_u16,
+        chan14_raw: 0_u16,
+        chan15_raw: 0_u16,
+        chan16_raw: 0_u16,
+        chan17_raw: 0_u16,
+        chan18_raw: 0_u16,
+        chancount: 0_u8,
+        rssi: 0_u8,
+    };
+    #[cfg(feature = "arbitrary")]
+    pub fn random<R: rand::Rng>(rng: &mut R) -> Self {
+        use arbitrary::{Unstructured, Arbitrary};
+        let mut buf = [0u8; 1024];
+        rng.fill_bytes(&mut buf);
+        let mut unstructured = Unstructured::new(&buf);
+        Self::arbitrary(&mut unstructured).unwrap_or_default()
+    }
+}
+impl Default for RC_CHANNELS_DATA {
+    fn default() -> Self {
+        Self::DEFAULT.clone()
+    }
+}
+impl MessageData for RC_CHANNELS_DATA {
+    type Message = MavMessage;
+    const ID: u32 = 65u32;
+    const NAME: &'static str = "RC_CHANNELS";
+    const EXTRA_CRC: u8 = 118u8;
+    const ENCODED_LEN: usize = 42usize;
+    fn deser(
+        _version: MavlinkVersion,
+        __input: &[u8],
+    ) -> Result<Self, ::mavlink_core::error::ParserError> {
+        let avail_len = __input.len();
+        let mut payload_buf;
+        let mut buf = if avail_len < Self::ENCODED_LEN {
+            payload_buf = [0; Self::ENCODED_LEN];
+            payload_buf[0..avail_len].copy_from_slice(__input);
+            Bytes::new(&payload_buf)
+        } else {
+            Bytes::new(__input)
+        };
+        let mut __struct = Self::default();
+        __struct.time_boot_ms = buf.get_u32_le()?;
+        __struct.chan1_raw = buf.get_u16_le()?;
+        __struct.chan2_raw = buf.get_u16_le()?;
+        __struct.chan3_raw = buf.get_u16_le()?;
+        __struct.chan4_raw = buf.get_u16_le()?;
+        __struct.chan5_raw = buf.get_u16_le()?;
+        __struct.chan6_raw = buf.get_u16_le()?;
+        __struct.chan7_raw = buf.get_u16_le()?;
+        __struct.chan8_raw = buf.get_u16_le()?;
+        __struct.chan9_raw = buf.get_u16_le()?;
+        __struct.chan10_raw = buf.get_u16_le()?;
+        __struct.chan11_raw = buf.get_u16_le()?;
+        __struct.chan12_raw = buf.get_u16_le()?;
+        __struct.chan13_raw = buf.get_u16_le()?;
+        __struct.chan14_raw = buf.get_u16_le()?;
+        __struct.chan15_raw = buf.get_u16_le()?;
+        __struct.chan16_raw = buf.get_u16_le()?;
+        __struct.chan17_raw = buf.get_u16_le()?;
+        __struct.chan18_raw = buf.get_u16_le()?;
+        __struct.chancount = buf.get_u8()?;
+        __struct.rssi = buf.get_u8()?;
+        Ok(__struct)
+    }
+    fn ser(&self, version: MavlinkVersion, bytes: &mut [u8]) -> usize {
+        let mut __tmp = BytesMut::new(bytes);
+        if __tmp.remaining() < Self::ENCODED_LEN {
+            panic!(
+                "buffer is too small (need {} bytes, but got {})", Self::ENCODED_LEN,
+                __tmp.remaining(),
+            )
+        }
+        __tmp.put_u32_le(self.time_boot_ms);
+        __tmp.put_u16_le(self.chan1_raw);
+        __tmp.put_u16_le(self.chan2_raw);
+        __tmp.put_u16_le(self.chan3_raw);
+        __tmp.put_u16_le(self.chan4_raw);
+        __tmp.put_u16_le(self.chan5_raw);
+        __tmp.put_u16_le(self.chan6_raw);
+        __tmp.put_u16_le(self.chan7_raw);
+        __tmp.put_u16_le(self.chan8_raw);
+        __tmp.put_u16_le(self.chan9_raw);
+        __tmp.put_u16_le(self.chan10_raw);
+        __tmp.put_u16_le(self.chan11_raw);
+        __tmp.put_u16_le(self.chan12_raw);
+        __tmp.put_u16_le(self.chan13_raw);
+        __tmp.put_u16_le(self.chan14_raw);
+        __tmp.put_u16_le(self.chan15_raw);
+        __tmp.put_u16_le(self.chan16_raw);
+        __tmp.put_u16_le(self.chan17_raw);
+        __tmp.put_u16_le(self.chan18_raw);
+        __tmp.put_u8(self.chancount);
+        __tmp.put_u8(self.rssi);
+        if matches!(version, MavlinkVersion::V2) {
+            let len = __tmp.len();
+            ::mavlink_core::utils::remove_trailing_zeroes(&bytes[..len])
+        } else {
+            __tmp.len()
+        }
+    }
+}
 ///RC channels in µs, for one component.
 ///
 ///ID: 70
@@ -1286,6 +1436,84 @@ impl MessageData for RC_CHANNELS_OVERRIDE_DATA {
             __tmp.put_u16_le(self.chan16_raw);
             __tmp.put_u16_le(self.chan17_raw);
             __tmp.put_u16_le(self.chan18_raw);
+            let len = __tmp.len();
+            ::mavlink_core::utils::remove_trailing_zeroes(&bytes[..len])
+        } else {
+            __tmp.len()
+        }
+    }
+}
+///Relays, a bit for each: which are on, and which are there.
+///
+///ID: 376
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(Arbitrary))]
+#[cfg_attr(feature = "ts-rs", derive(TS))]
+#[cfg_attr(feature = "ts-rs", ts(export))]
+pub struct RELAY_STATUS_DATA {
+    pub time_boot_ms: u32,
+    pub on: u16,
+    pub present: u16,
+}
+impl RELAY_STATUS_DATA {
+    pub const ENCODED_LEN: usize = 8usize;
+    pub const DEFAULT: Self = Self {
+        time_boot_ms: 0_u32,
+        on: 0_u16,
+        present: 0_u16,
+    };
+    #[cfg(feature = "arbitrary")]
+    pub fn random<R: rand::Rng>(rng: &mut R) -> Self {
+        use arbitrary::{Unstructured, Arbitrary};
+        let mut buf = [0u8; 1024];
+        rng.fill_bytes(&mut buf);
+        let mut unstructured = Unstructured::new(&buf);
+        Self::arbitrary(&mut unstructured).unwrap_or_default()
+    }
+}
+impl Default for RELAY_STATUS_DATA {
+    fn default() -> Self {
+        Self::DEFAULT.clone()
+    }
+}
+impl MessageData for RELAY_STATUS_DATA {
+    type Message = MavMessage;
+    const ID: u32 = 376u32;
+    const NAME: &'static str = "RELAY_STATUS";
+    const EXTRA_CRC: u8 = 199u8;
+    const ENCODED_LEN: usize = 8usize;
+    fn deser(
+        _version: MavlinkVersion,
+        __input: &[u8],
+    ) -> Result<Self, ::mavlink_core::error::ParserError> {
+        let avail_len = __input.len();
+        let mut payload_buf;
+        let mut buf = if avail_len < Self::ENCODED_LEN {
+            payload_buf = [0; Self::ENCODED_LEN];
+            payload_buf[0..avail_len].copy_from_slice(__input);
+            Bytes::new(&payload_buf)
+        } else {
+            Bytes::new(__input)
+        };
+        let mut __struct = Self::default();
+        __struct.time_boot_ms = buf.get_u32_le()?;
+        __struct.on = buf.get_u16_le()?;
+        __struct.present = buf.get_u16_le()?;
+        Ok(__struct)
+    }
+    fn ser(&self, version: MavlinkVersion, bytes: &mut [u8]) -> usize {
+        let mut __tmp = BytesMut::new(bytes);
+        if __tmp.remaining() < Self::ENCODED_LEN {
+            panic!(
+                "buffer is too small (need {} bytes, but got {})", Self::ENCODED_LEN,
+                __tmp.remaining(),
+            )
+        }
+        __tmp.put_u32_le(self.time_boot_ms);
+        __tmp.put_u16_le(self.on);
+        __tmp.put_u16_le(self.present);
+        if matches!(version, MavlinkVersion::V2) {
             let len = __tmp.len();
             ::mavlink_core::utils::remove_trailing_zeroes(&bytes[..len])
         } else {
@@ -1701,10 +1929,18 @@ pub enum MavMessage {
     ///
     ///ID: 22
     PARAM_VALUE(PARAM_VALUE_DATA),
+    ///Channels of a receiver in µs; 65535 is no value.
+    ///
+    ///ID: 65
+    RC_CHANNELS(RC_CHANNELS_DATA),
     ///RC channels in µs, for one component.
     ///
     ///ID: 70
     RC_CHANNELS_OVERRIDE(RC_CHANNELS_OVERRIDE_DATA),
+    ///Relays, a bit for each: which are on, and which are there.
+    ///
+    ///ID: 376
+    RELAY_STATUS(RELAY_STATUS_DATA),
     ///Outputs of an autopilot in µs; port 0 has 1 to 16, port 1 has 17 to 32; 0 is no output.
     ///
     ///ID: 36
@@ -1721,8 +1957,8 @@ pub enum MavMessage {
 impl MavMessage {
     pub const fn all_ids() -> &'static [u32] {
         &[
-            0u32, 20u32, 21u32, 22u32, 23u32, 36u32, 70u32, 75u32, 76u32, 77u32, 80u32,
-            225u32, 251u32, 253u32, 256u32,
+            0u32, 20u32, 21u32, 22u32, 23u32, 36u32, 65u32, 70u32, 75u32, 76u32, 77u32,
+            80u32, 225u32, 251u32, 253u32, 256u32, 376u32,
         ]
     }
     pub const fn all_messages() -> &'static [(&'static str, u32)] {
@@ -1733,6 +1969,7 @@ impl MavMessage {
             (PARAM_VALUE_DATA::NAME, PARAM_VALUE_DATA::ID),
             (PARAM_SET_DATA::NAME, PARAM_SET_DATA::ID),
             (SERVO_OUTPUT_RAW_DATA::NAME, SERVO_OUTPUT_RAW_DATA::ID),
+            (RC_CHANNELS_DATA::NAME, RC_CHANNELS_DATA::ID),
             (RC_CHANNELS_OVERRIDE_DATA::NAME, RC_CHANNELS_OVERRIDE_DATA::ID),
             (COMMAND_INT_DATA::NAME, COMMAND_INT_DATA::ID),
             (COMMAND_LONG_DATA::NAME, COMMAND_LONG_DATA::ID),
@@ -1742,6 +1979,7 @@ impl MavMessage {
             (NAMED_VALUE_FLOAT_DATA::NAME, NAMED_VALUE_FLOAT_DATA::ID),
             (STATUSTEXT_DATA::NAME, STATUSTEXT_DATA::ID),
             (SETUP_SIGNING_DATA::NAME, SETUP_SIGNING_DATA::ID),
+            (RELAY_STATUS_DATA::NAME, RELAY_STATUS_DATA::ID),
         ]
     }
 }
@@ -1788,9 +2026,15 @@ impl Message for MavMessage {
             PARAM_VALUE_DATA::ID => {
                 PARAM_VALUE_DATA::deser(version, payload).map(Self::PARAM_VALUE)
             }
+            RC_CHANNELS_DATA::ID => {
+                RC_CHANNELS_DATA::deser(version, payload).map(Self::RC_CHANNELS)
+            }
             RC_CHANNELS_OVERRIDE_DATA::ID => {
                 RC_CHANNELS_OVERRIDE_DATA::deser(version, payload)
                     .map(Self::RC_CHANNELS_OVERRIDE)
+            }
+            RELAY_STATUS_DATA::ID => {
+                RELAY_STATUS_DATA::deser(version, payload).map(Self::RELAY_STATUS)
             }
             SERVO_OUTPUT_RAW_DATA::ID => {
                 SERVO_OUTPUT_RAW_DATA::deser(version, payload)
@@ -1822,7 +2066,9 @@ impl Message for MavMessage {
             Self::PARAM_REQUEST_READ(..) => PARAM_REQUEST_READ_DATA::NAME,
             Self::PARAM_SET(..) => PARAM_SET_DATA::NAME,
             Self::PARAM_VALUE(..) => PARAM_VALUE_DATA::NAME,
+            Self::RC_CHANNELS(..) => RC_CHANNELS_DATA::NAME,
             Self::RC_CHANNELS_OVERRIDE(..) => RC_CHANNELS_OVERRIDE_DATA::NAME,
+            Self::RELAY_STATUS(..) => RELAY_STATUS_DATA::NAME,
             Self::SERVO_OUTPUT_RAW(..) => SERVO_OUTPUT_RAW_DATA::NAME,
             Self::SETUP_SIGNING(..) => SETUP_SIGNING_DATA::NAME,
             Self::STATUSTEXT(..) => STATUSTEXT_DATA::NAME,
@@ -1841,7 +2087,9 @@ impl Message for MavMessage {
             Self::PARAM_REQUEST_READ(..) => PARAM_REQUEST_READ_DATA::ID,
             Self::PARAM_SET(..) => PARAM_SET_DATA::ID,
             Self::PARAM_VALUE(..) => PARAM_VALUE_DATA::ID,
+            Self::RC_CHANNELS(..) => RC_CHANNELS_DATA::ID,
             Self::RC_CHANNELS_OVERRIDE(..) => RC_CHANNELS_OVERRIDE_DATA::ID,
+            Self::RELAY_STATUS(..) => RELAY_STATUS_DATA::ID,
             Self::SERVO_OUTPUT_RAW(..) => SERVO_OUTPUT_RAW_DATA::ID,
             Self::SETUP_SIGNING(..) => SETUP_SIGNING_DATA::ID,
             Self::STATUSTEXT(..) => STATUSTEXT_DATA::ID,
@@ -1860,7 +2108,9 @@ impl Message for MavMessage {
             PARAM_REQUEST_READ_DATA::NAME => Some(PARAM_REQUEST_READ_DATA::ID),
             PARAM_SET_DATA::NAME => Some(PARAM_SET_DATA::ID),
             PARAM_VALUE_DATA::NAME => Some(PARAM_VALUE_DATA::ID),
+            RC_CHANNELS_DATA::NAME => Some(RC_CHANNELS_DATA::ID),
             RC_CHANNELS_OVERRIDE_DATA::NAME => Some(RC_CHANNELS_OVERRIDE_DATA::ID),
+            RELAY_STATUS_DATA::NAME => Some(RELAY_STATUS_DATA::ID),
             SERVO_OUTPUT_RAW_DATA::NAME => Some(SERVO_OUTPUT_RAW_DATA::ID),
             SETUP_SIGNING_DATA::NAME => Some(SETUP_SIGNING_DATA::ID),
             STATUSTEXT_DATA::NAME => Some(STATUSTEXT_DATA::ID),
@@ -1890,8 +2140,12 @@ impl Message for MavMessage {
             }
             PARAM_SET_DATA::ID => Some(Self::PARAM_SET(PARAM_SET_DATA::default())),
             PARAM_VALUE_DATA::ID => Some(Self::PARAM_VALUE(PARAM_VALUE_DATA::default())),
+            RC_CHANNELS_DATA::ID => Some(Self::RC_CHANNELS(RC_CHANNELS_DATA::default())),
             RC_CHANNELS_OVERRIDE_DATA::ID => {
                 Some(Self::RC_CHANNELS_OVERRIDE(RC_CHANNELS_OVERRIDE_DATA::default()))
+            }
+            RELAY_STATUS_DATA::ID => {
+                Some(Self::RELAY_STATUS(RELAY_STATUS_DATA::default()))
             }
             SERVO_OUTPUT_RAW_DATA::ID => {
                 Some(Self::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA::default()))
@@ -1933,8 +2187,14 @@ impl Message for MavMessage {
             PARAM_VALUE_DATA::ID => {
                 Some(Self::PARAM_VALUE(PARAM_VALUE_DATA::random(rng)))
             }
+            RC_CHANNELS_DATA::ID => {
+                Some(Self::RC_CHANNELS(RC_CHANNELS_DATA::random(rng)))
+            }
             RC_CHANNELS_OVERRIDE_DATA::ID => {
                 Some(Self::RC_CHANNELS_OVERRIDE(RC_CHANNELS_OVERRIDE_DATA::random(rng)))
+            }
+            RELAY_STATUS_DATA::ID => {
+                Some(Self::RELAY_STATUS(RELAY_STATUS_DATA::random(rng)))
             }
             SERVO_OUTPUT_RAW_DATA::ID => {
                 Some(Self::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA::random(rng)))
@@ -1959,7 +2219,9 @@ impl Message for MavMessage {
             Self::PARAM_REQUEST_READ(body) => body.ser(version, bytes),
             Self::PARAM_SET(body) => body.ser(version, bytes),
             Self::PARAM_VALUE(body) => body.ser(version, bytes),
+            Self::RC_CHANNELS(body) => body.ser(version, bytes),
             Self::RC_CHANNELS_OVERRIDE(body) => body.ser(version, bytes),
+            Self::RELAY_STATUS(body) => body.ser(version, bytes),
             Self::SERVO_OUTPUT_RAW(body) => body.ser(version, bytes),
             Self::SETUP_SIGNING(body) => body.ser(version, bytes),
             Self::STATUSTEXT(body) => body.ser(version, bytes),
@@ -1978,7 +2240,9 @@ impl Message for MavMessage {
             PARAM_REQUEST_READ_DATA::ID => PARAM_REQUEST_READ_DATA::EXTRA_CRC,
             PARAM_SET_DATA::ID => PARAM_SET_DATA::EXTRA_CRC,
             PARAM_VALUE_DATA::ID => PARAM_VALUE_DATA::EXTRA_CRC,
+            RC_CHANNELS_DATA::ID => RC_CHANNELS_DATA::EXTRA_CRC,
             RC_CHANNELS_OVERRIDE_DATA::ID => RC_CHANNELS_OVERRIDE_DATA::EXTRA_CRC,
+            RELAY_STATUS_DATA::ID => RELAY_STATUS_DATA::EXTRA_CRC,
             SERVO_OUTPUT_RAW_DATA::ID => SERVO_OUTPUT_RAW_DATA::EXTRA_CRC,
             SETUP_SIGNING_DATA::ID => SETUP_SIGNING_DATA::EXTRA_CRC,
             STATUSTEXT_DATA::ID => STATUSTEXT_DATA::EXTRA_CRC,

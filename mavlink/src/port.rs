@@ -73,11 +73,11 @@ pub(crate) enum Class {
     Telemetry,
 }
 
-/// Rates of what one engine sends on a port; `None`: as the settings have it.
+/// Rate of one message on a port.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Schedule {
-    pub interval: Interval,
-    pub next: Instant,
+pub struct Schedule {
+    pub(crate) interval: Interval,
+    pub(crate) next: Instant,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -88,12 +88,12 @@ pub(crate) enum Interval {
 }
 
 impl Schedule {
-    const fn new(now: Instant) -> Self {
+    pub(crate) const fn new(now: Instant) -> Self {
         Self { interval: Interval::Default, next: now }
     }
 
     /// Whether it is due, with this interval by default. `None`: off by default.
-    pub fn is_due(&mut self, now: Instant, default: Option<Duration>) -> bool {
+    pub(crate) fn is_due(&mut self, now: Instant, default: Option<Duration>) -> bool {
         let every = match self.interval {
             Interval::Default => default,
             Interval::Off => None,

@@ -1,11 +1,12 @@
 //! Records of settings, as they are stored: the settings of one component by their names, so that another firmware's table may have
 //! others.
 
-use crate::settings::{EngineSettings, NodeSettings, find_row};
+use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 use crate::store::RECORD;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 use jetlink::config::EngineConfig;
+use jetlink::setting::Row;
 
 /// A record.
 pub type Record = Vec<u8, RECORD>;
@@ -19,17 +20,32 @@ pub(crate) fn hash(name: &str) -> u16 {
 
 /// What a record is of, in its first byte.
 const NODE: u8 = 0;
+/// Of what is attached. Protocols of ECUs have the numbers between.
+const ATTACHED: u8 = 0xFF;
+
+/// Key of the record of what is attached, for the first engine; the engines' own keys are from 1 on.
+const FIRST_ATTACHED: u8 = 0x81;
+
+/// Key of the record of what is attached, for an engine from 0.
+pub(crate) fn attached_key(engine: usize) -> Option<u8> {
+    u8::try_from(engine).ok()?.checked_add(FIRST_ATTACHED)
+}
+
+/// The engine, from 0, whose attached settings are in the record of this key.
+pub fn engine_of_attached(key: u8) -> Option<usize> {
+    key.checked_sub(FIRST_ATTACHED).map(usize::from)
+}
 
 /// An engine's record fits one with the same kind of ECU.
 fn kind(config: &EngineConfig) -> u8 {
     config.ecu.protocol_number()
 }
 
-fn write(kind: u8, engine: Option<&EngineConfig>, value: &dyn Fn(&str) -> Option<i32>) -> Record {
+fn write(kind: u8, table: Table<'_>, value: &dyn Fn(&str) -> Option<i32>) -> Record {
     let mut record = Record::new();
     // There is space for 40 parameters and the kind; a test.
     let _ = record.push(kind);
-    find_row(engine, &mut |row| {
+    find_row(table, &mut |row| {
         if let Some(value) = value(row.name) {
             let _ = record.extend_from_slice(&hash(row.name).to_le_bytes());
             let _ = record.extend_from_slice(&value.to_le_bytes());
@@ -40,7 +56,7 @@ fn write(kind: u8, engine: Option<&EngineConfig>, value: &dyn Fn(&str) -> Option
 }
 
 /// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
-fn read(kind: u8, record: &[u8], engine: Option<&EngineConfig>) -> impl Iterator<Item = (&'static str, i32)> {
+fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'static str, i32)> {
     let values = match record.split_first() {
         Some((&found, values)) if found == kind => values,
         _ => &[],
@@ -48,24 +64,37 @@ fn read(kind: u8, record: &[u8], engine: Option<&EngineConfig>) -> impl Iterator
     let (values, _) = values.as_chunks();
     values.iter().filter_map(move |&[h0, h1, v0, v1, v2, v3]| {
         let value = i32::from_le_bytes([v0, v1, v2, v3]);
-        let row = find_row(engine, &mut |row| hash(row.name) == u16::from_le_bytes([h0, h1]))?;
+        let row = find_row(table, &mut |row| hash(row.name) == u16::from_le_bytes([h0, h1]))?;
         row.allows(value).then_some((row.name, value))
     })
 }
 
 /// The record of the node.
 pub(crate) fn of_node(settings: &NodeSettings) -> Record {
-    write(NODE, None, &|name| settings.number(name))
+    write(NODE, Table::Node, &|name| settings.number(name))
 }
 
 /// The record of an engine.
 pub(crate) fn of_engine(config: &EngineConfig, settings: &EngineSettings) -> Record {
-    write(kind(config), Some(config), &|name| config.number(name).or_else(|| settings.own(name)))
+    write(kind(config), Table::Engine(config), &|name| config.number(name).or_else(|| settings.own(name)))
+}
+
+/// The record of what is attached, for one engine.
+pub(crate) fn of_attached(rows: &'static [&'static [Row]], value: &dyn Fn(&str) -> Option<i32>) -> Record {
+    write(ATTACHED, Table::Attached(rows), value)
+}
+
+/// Takes the settings of what is attached from a record: names and values, each within its range. Check the whole.
+pub fn read_attached(
+    rows: &'static [&'static [Row]],
+    record: &[u8],
+) -> impl Iterator<Item = (&'static str, i32)> {
+    read(ATTACHED, record, Table::Attached(rows))
 }
 
 /// Takes the settings of the node from its record.
 pub fn apply_to_node(settings: &mut NodeSettings, record: &[u8]) {
-    for (name, value) in read(NODE, record, None) {
+    for (name, value) in read(NODE, record, Table::Node) {
         settings.set(name, value);
     }
 }
@@ -73,7 +102,7 @@ pub fn apply_to_node(settings: &mut NodeSettings, record: &[u8]) {
 /// Takes the settings of an engine from its record. Those that do not fit together stay as they were.
 pub fn apply_to_engine(config: &mut EngineConfig, settings: &mut EngineSettings, record: &[u8]) {
     let (mut new, mut own) = (*config, *settings);
-    for (name, value) in read(kind(config), record, Some(config)) {
+    for (name, value) in read(kind(config), record, Table::Engine(config)) {
         if !own.set_own(name, value) {
             // Its name and its range have been checked.
             let _ = new.change(name, value);

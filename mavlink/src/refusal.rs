@@ -13,7 +13,7 @@ pub enum Refusal {
     Engine(Rejected),
     /// A system that may not command.
     NotAllowed(u8),
-    /// A parameter of the command has a value that it cannot have.
+    /// A parameter of the command, or a setting beside others, has a value that it cannot have.
     Malformed(&'static str),
     /// The vehicle is disarmed.
     NotArmed,

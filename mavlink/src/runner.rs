@@ -2,6 +2,7 @@
 //!
 //! All loops of a node are polled by one task, which can be the least important one: nothing of an engine waits for it.
 
+use crate::attached::{Attached, Nothing};
 use crate::service::{Request, Service};
 use crate::store::{AtRest, Flash, NotSaved, Store};
 use core::array::from_fn;
@@ -26,8 +27,8 @@ const LOOK: Duration = Duration::from_millis(50);
 const ANSWERED: Duration = Duration::from_millis(200);
 
 /// Runs a service on its ports.
-pub struct Runner<'a, const N: usize, const P: usize> {
-    service: RefCell<Service<'a, N, P>>,
+pub struct Runner<'a, const N: usize, const P: usize, A: Attached = Nothing> {
+    service: RefCell<Service<'a, N, P, A>>,
     /// Something has arrived.
     arrived: Signal<NoopRawMutex, ()>,
     /// Something may have to be stored.
@@ -36,15 +37,15 @@ pub struct Runner<'a, const N: usize, const P: usize> {
     waiting: [Signal<NoopRawMutex, ()>; P],
 }
 
-impl<const N: usize, const P: usize> fmt::Debug for Runner<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> fmt::Debug for Runner<'_, N, P, A> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Runner").field("service", &self.service).finish_non_exhaustive()
     }
 }
 
-impl<'a, const N: usize, const P: usize> Runner<'a, N, P> {
+impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
     /// For this service.
-    pub fn new(service: Service<'a, N, P>) -> Self {
+    pub fn new(service: Service<'a, N, P, A>) -> Self {
         Self {
             service: RefCell::new(service),
             arrived: Signal::new(),
@@ -55,7 +56,7 @@ impl<'a, const N: usize, const P: usize> Runner<'a, N, P> {
 
     /// Does what is due, until the node has to do something itself. `after` comes after each step, for what has to be kept.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
-    pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P>)) -> Request {
+    pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P, A>)) -> Request {
         let mut request = None;
         loop {
             let now = Instant::now();
@@ -91,7 +92,7 @@ impl<'a, const N: usize, const P: usize> Runner<'a, N, P> {
     /// Stores settings. `at_rest` is what the store checks before it erases. It has to run from the start on, and is not to be
     /// dropped while something is stored.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
-    pub async fn keep<F: Flash>(&self, store: &mut Store<'_, F>, at_rest: &AtRest) {
+    pub async fn keep<F: Flash, const KEYS: usize>(&self, store: &mut Store<'_, F, KEYS>, at_rest: &AtRest) {
         let watch = async {
             loop {
                 at_rest.set(self.service.borrow().is_at_rest());
@@ -110,7 +111,7 @@ impl<'a, const N: usize, const P: usize> Runner<'a, N, P> {
                 let place = if all { None } else { places.next() };
                 let result = if all {
                     let result = store.format().await.map_err(|_| NotSaved::Failed);
-                    places = 0..if result.is_ok() { N + 1 } else { 0 };
+                    places = 0..if result.is_ok() { self.service.borrow().places() } else { 0 };
                     result
                 } else {
                     let next = match place {

@@ -137,6 +137,44 @@ impl Sent for STATUSTEXT_DATA {
     }
 }
 
+impl Sent for RELAY_STATUS_DATA {
+    fn write(&self, to: &mut Payload) {
+        to.put(0, &self.time_boot_ms.to_le_bytes());
+        to.put(4, &self.on.to_le_bytes());
+        to.put(6, &self.present.to_le_bytes());
+    }
+}
+
+impl Sent for RC_CHANNELS_DATA {
+    fn write(&self, to: &mut Payload) {
+        to.put(0, &self.time_boot_ms.to_le_bytes());
+        let channels = [
+            self.chan1_raw,
+            self.chan2_raw,
+            self.chan3_raw,
+            self.chan4_raw,
+            self.chan5_raw,
+            self.chan6_raw,
+            self.chan7_raw,
+            self.chan8_raw,
+            self.chan9_raw,
+            self.chan10_raw,
+            self.chan11_raw,
+            self.chan12_raw,
+            self.chan13_raw,
+            self.chan14_raw,
+            self.chan15_raw,
+            self.chan16_raw,
+            self.chan17_raw,
+            self.chan18_raw,
+        ];
+        for (i, channel) in channels.into_iter().enumerate() {
+            to.put(4 + 2 * i, &channel.to_le_bytes());
+        }
+        to.put(40, &[self.chancount, self.rssi]);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,5 +202,7 @@ mod tests {
         is_as_generated::<EFI_STATUS_DATA>();
         is_as_generated::<NAMED_VALUE_FLOAT_DATA>();
         is_as_generated::<STATUSTEXT_DATA>();
+        is_as_generated::<RELAY_STATUS_DATA>();
+        is_as_generated::<RC_CHANNELS_DATA>();
     }
 }

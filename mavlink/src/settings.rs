@@ -41,7 +41,7 @@ settings! {
     }
 }
 
-/// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that no board has, for
+/// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that few boards have, for
 /// a governor, which takes rpm demands that MAVLink does not carry, or for numbers that follow from the protocol.
 pub const ONLY_IN_CONFIG: [&str; 22] = [
     "SRC_EMERG_TOUT",
@@ -83,16 +83,27 @@ pub(crate) fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'stati
     config.rows().filter(|row| is_parameter(row.name)).chain(EngineSettings::ROWS)
 }
 
-/// The first parameter that is the one: of an engine, or of the node without one. All that looks at the tables does it here: each walk of
-/// its own is some 400 bytes of flash.
+/// A table of parameters, which is stored as one record.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Table<'a> {
+    /// Of the node.
+    Node,
+    /// Of an engine, without what is attached.
+    Engine(&'a EngineConfig),
+    /// Of what is attached, for one engine.
+    Attached(&'static [&'static [Row]]),
+}
+
+/// The first parameter that is the one. All that looks at the tables does it here: each walk of its own is some 400 bytes of flash.
 #[inline(never)]
 pub(crate) fn find_row(
-    engine: Option<&EngineConfig>,
+    table: Table<'_>,
     is_it: &mut dyn FnMut(&'static Row) -> bool,
 ) -> Option<&'static Row> {
-    match engine {
-        None => node_rows().find(|row| is_it(row)),
-        Some(config) => engine_rows(config).find(|row| is_it(row)),
+    match table {
+        Table::Node => node_rows().find(|row| is_it(row)),
+        Table::Engine(config) => engine_rows(config).find(|row| is_it(row)),
+        Table::Attached(rows) => rows.iter().copied().flatten().find(|row| is_it(row)),
     }
 }
 

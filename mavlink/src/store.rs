@@ -29,7 +29,7 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// Largest record.
 pub const RECORD: usize = 256;
 /// Most records: of the node, and of eight engines.
-const KEYS: usize = 9;
+pub const KEYS: usize = 9;
 /// Sequence number and digest, in front of each record.
 const HEAD: usize = 8;
 /// With the key, and rounded up to the largest word of a flash memory.
@@ -182,8 +182,9 @@ struct Newest {
     own: u32,
 }
 
-/// Records by key: 0 is the node, the others are engines.
-pub struct Store<'a, F: Flash> {
+/// Records by key: 0 is the node, the others are engines, and what else is attached. `KEYS` is the most of them; those that another image
+/// stored count, too.
+pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     map: Map<'a, F>,
     at_rest: &'a AtRest,
     newest: Vec<Newest, KEYS>,
@@ -195,13 +196,13 @@ pub struct Store<'a, F: Flash> {
     dirty: bool,
 }
 
-impl<F: Flash> Debug for Store<'_, F> {
+impl<F: Flash, const KEYS: usize> Debug for Store<'_, F, KEYS> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Store").field("newest", &self.newest).finish_non_exhaustive()
     }
 }
 
-impl<'a, F: Flash> Store<'a, F> {
+impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
     const CONFIG: MapConfig<Guard<'a, F>> = MapConfig::new(0..2 * Self::SECTOR);
 

@@ -2,10 +2,11 @@
 
 use crate::crsf::{self, Crsf};
 use crate::input::Input;
+use crate::pwm::{PWM_CHANNELS, Pwm};
 use crate::sbus::{self, Sbus};
 use crate::settings::{EngineSettings, SettingsError};
 
-/// Protocol of a receiver on a UART.
+/// Protocol of a receiver.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Protocol {
@@ -13,20 +14,27 @@ pub enum Protocol {
     Sbus,
     /// CRSF: 420 000 baud, 8N1.
     Crsf,
+    /// Servo pulses, each channel on a pin of a timer.
+    Pwm,
+}
+
+/// Line of a receiver on a UART.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct RadioLine {
+    /// Bits per second.
+    pub baud: u32,
+    /// Even parity and two stop bits, instead of none and one.
+    pub is_8e2: bool,
 }
 
 impl Protocol {
-    /// Baud rate.
-    pub const fn baud(self) -> u32 {
+    /// Its line; `None`: it is on no UART.
+    pub const fn line(self) -> Option<RadioLine> {
         match self {
-            Self::Sbus => sbus::BAUD,
-            Self::Crsf => crsf::BAUD,
+            Self::Sbus => Some(RadioLine { baud: sbus::BAUD, is_8e2: true }),
+            Self::Crsf => Some(RadioLine { baud: crsf::BAUD, is_8e2: false }),
+            Self::Pwm => None,
         }
-    }
-
-    /// Whether its line has even parity and two stop bits, instead of none and one.
-    pub const fn is_8e2(self) -> bool {
-        matches!(self, Self::Sbus)
     }
 
     /// An input that has received nothing.
@@ -34,6 +42,7 @@ impl Protocol {
         match self {
             Self::Sbus => Input::Sbus(Sbus::new()),
             Self::Crsf => Input::Crsf(Crsf::new()),
+            Self::Pwm => Input::Pwm(Pwm::new()),
         }
     }
 }
@@ -56,7 +65,7 @@ impl Protocol {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RadioConfig<const N: usize> {
-    /// ECU port of the board that it is on, from 0. No engine is there.
+    /// ECU port of the board that it is on, from 0. No engine is there. Servo pulses are on none.
     pub port: u8,
     /// Protocol.
     pub protocol: Protocol,
@@ -77,6 +86,16 @@ impl<const N: usize> RadioConfig<N> {
         Self { port, protocol: Protocol::Crsf, inverted: false, engines }
     }
 
+    /// Servo pulses on the board's inputs for them. Channels are those of the inputs, from 1: see [`EngineSettings::PULSES`].
+    pub const fn pwm(engines: [EngineSettings; N]) -> Self {
+        Self { port: 0, protocol: Protocol::Pwm, inverted: false, engines }
+    }
+
+    /// The ECU port that it is on, if it is on one.
+    pub const fn uart(&self) -> Option<u8> {
+        if self.protocol.line().is_some() { Some(self.port) } else { None }
+    }
+
     /// Checks the settings of each engine, at compile time.
     ///
     /// # Panics
@@ -87,15 +106,19 @@ impl<const N: usize> RadioConfig<N> {
             match self.engines[engine].check() {
                 Ok(()) => {}
                 Err(SettingsError::OutOfRange(setting)) => panic!("{}", setting.message),
-                Err(SettingsError::EndPoints) => panic!("rc.high has to be 300 µs above rc.low or more"),
-                Err(SettingsError::ShaftSpeeds) => {
-                    panic!("rc.rpm_low and rc.rpm_high: set both, the second above the first")
-                }
-                Err(SettingsError::SameChannel) => {
-                    panic!("rc.throttle, rc.switch and rc.hand_over need a channel each")
-                }
-                Err(SettingsError::EngineTurns) => unreachable!(),
+                Err(error) => panic!("{}", error.text()),
             }
+            let EngineSettings { rpm_low, rpm_high, throttle, switch, hand_over, .. } = self.engines[engine];
+            let most = PWM_CHANNELS as u8;
+            assert!(
+                !matches!(self.protocol, Protocol::Pwm)
+                    || throttle <= most && switch <= most && hand_over <= most,
+                "servo pulses have four channels: see EngineSettings::PULSES"
+            );
+            assert!(
+                rpm_low.is_some() == rpm_high.is_some(),
+                "rc.rpm_low and rc.rpm_high: set both or none, the second above the first"
+            );
             engine += 1;
         }
     }

@@ -13,6 +13,8 @@
 //! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
 //! | [`service`], [`runner`] | one receiver and its engines; the UART that it is on |
 //! | [`outputs`], [`wiring`] | fuel valve, power of starter and ignition; the pins that drive them |
+//! | [`starts`] | a firmware that fails at each start |
+//! | [`shared`], `parameters` | outputs as others see them; with the feature `mavlink`, settings as parameters and what it reports |
 //!
 //! **A value counts when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
 //! a switch, with or without a checksum.
@@ -37,6 +39,8 @@ mod count;
 pub mod crsf;
 pub mod input;
 pub mod outputs;
+#[cfg(feature = "mavlink")]
+pub mod parameters;
 pub mod pilot;
 mod position;
 pub mod pwm;
@@ -44,6 +48,8 @@ pub mod runner;
 pub mod sbus;
 pub mod service;
 pub mod settings;
+pub mod shared;
+pub mod starts;
 #[cfg(test)]
 mod tests;
 pub mod wiring;

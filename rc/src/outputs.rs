@@ -11,6 +11,10 @@ use jetlink::report::{LinkState, Phase};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Celsius;
 
+/// Time until it is known that an ECU does not follow, as the engine's supervision has it.
+const KNOWN_AFTER: Duration = Duration::from_secs(3);
+/// Fall of the exhaust temperature that counts, in 0.1 °C.
+const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
 const COLD: Celsius = Celsius::from_tenths(1000);
 
@@ -24,16 +28,137 @@ pub enum Valve {
     Open,
 }
 
+/// Why an output is as it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Why {
+    /// The record from before a reset.
+    Retained,
+    /// After a reset without a record that calls for more.
+    NotRecorded,
+    /// The firmware failed in start after start with the valve open.
+    FailedStarts,
+    /// An emergency stop is latched.
+    StopLatched,
+    /// The engine is ordered to run.
+    Ordered,
+    /// The ECU reports that the engine runs.
+    Lives,
+    /// A service that moves fuel is permitted.
+    Service,
+    /// Such a service has ended.
+    ServiceOver,
+    /// The ECU reports an engine at rest.
+    AtRest,
+    /// The ECU reports that it does not follow an order of standby.
+    NotObeyed,
+    /// Standby is ordered, and nothing is received.
+    NotReceived,
+    /// Standby is ordered, and the engine does not slow down.
+    KeepsRunning,
+    /// The engine is armed.
+    Armed,
+    /// The ECU reports that the engine starts, runs or cools.
+    Busy,
+    /// The ECU reports an engine that is cold and at rest.
+    Cold,
+}
+
+impl Why {
+    /// The reason, for people.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Retained => "as recorded before the reset",
+            Self::NotRecorded => "no record of a running engine",
+            Self::FailedStarts => "the firmware failed in start after start",
+            Self::StopLatched => "emergency stop",
+            Self::Ordered => "the engine is ordered to run",
+            Self::Lives => "the ECU reports a running engine",
+            Self::Service => "a service is permitted",
+            Self::ServiceOver => "the service is over",
+            Self::AtRest => "the engine is at rest",
+            Self::NotObeyed => "the ECU does not obey standby",
+            Self::NotReceived => "standby, and the ECU is not received",
+            Self::KeepsRunning => "standby, and the engine does not slow down",
+            Self::Armed => "the engine is armed",
+            Self::Busy => "the ECU starts, runs or cools the engine",
+            Self::Cold => "the engine is cold and at rest",
+        }
+    }
+
+    /// Whether it closes the valve of an engine that may still run.
+    pub const fn is_alarming(self) -> bool {
+        matches!(self, Self::FailedStarts | Self::NotObeyed | Self::NotReceived | Self::KeepsRunning)
+    }
+}
+
+/// An output that changed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Change {
+    /// The fuel valve.
+    Valve(Valve, Why),
+    /// The power of starter and ignition.
+    Power(bool, Why),
+}
+
+impl Change {
+    /// The output and what it does now, for people.
+    pub const fn what(self) -> &'static str {
+        match self {
+            Self::Valve(Valve::Open, _) => "fuel valve open",
+            Self::Valve(Valve::Closed, _) => "fuel valve closed",
+            Self::Power(true, _) => "starter and ignition on",
+            Self::Power(false, _) => "starter and ignition off",
+        }
+    }
+
+    /// Why.
+    pub const fn why(self) -> Why {
+        match self {
+            Self::Valve(_, why) | Self::Power(_, why) => why,
+        }
+    }
+}
+
+impl core::fmt::Display for Change {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}: {}", self.what(), self.why().text())
+    }
+}
+
+/// What slows down after an order of standby: the least that was reported.
+#[derive(Clone, Copy, Debug)]
+struct Least {
+    rpm: Option<u32>,
+    /// Exhaust temperature in 0.1 °C.
+    egt: Option<i16>,
+    since: Instant,
+}
+
+impl Least {
+    /// Whether the engine has slowed down since: its shaft by a tenth, or its exhaust by 20 °C.
+    fn has_fallen(&self, rpm: Option<u32>, egt: Option<i16>) -> bool {
+        let slower = self.rpm.zip(rpm).is_some_and(|(least, rpm)| rpm < least - least / 10);
+        slower || self.egt.zip(egt).is_some_and(|(least, egt)| egt < least.saturating_sub(EGT_FALL))
+    }
+}
+
 /// Outputs of one engine.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     pub(crate) settings: OutputSettings,
     valve: Valve,
     power: bool,
+    /// The firmware failed in start after start: the valve stays closed until the engine is at rest.
+    cut: bool,
     /// The valve was opened for a service, in the standby that is still in force.
     for_service: bool,
     /// Time since which an order of standby has not been followed.
     not_followed_since: Option<Instant>,
+    /// Under an order of standby, an engine that turns.
+    least: Option<Least>,
 }
 
 impl Outputs {
@@ -41,8 +166,8 @@ impl Outputs {
     /// ([`crate::wiring::OutputConfig::levels`]) before anything else.
     ///
     /// The valve is open only if the record says that the engine runs and that nothing stops it. A start that was under way is
-    /// none: the engine ends it.
-    pub fn new(settings: OutputSettings, retained: Option<RetainedState>) -> Self {
+    /// none: the engine ends it. `has_failed`: the firmware has failed in start after start ([`crate::starts`]), and the valve is closed.
+    pub fn new(settings: OutputSettings, retained: Option<RetainedState>, has_failed: bool) -> Self {
         let runs = retained.is_some_and(|record| {
             record.ran && !matches!(record.order, Order::EmergencyStop | Order::Standby)
         });
@@ -51,11 +176,30 @@ impl Outputs {
             retained.is_some_and(|record| record.armed || record.ran || record.order == Order::EmergencyStop);
         Self {
             settings,
-            valve: if runs { Valve::Open } else { Valve::Closed },
+            valve: if runs && !has_failed { Valve::Open } else { Valve::Closed },
             power: powered,
+            cut: runs && has_failed,
             for_service: false,
             not_followed_since: None,
+            least: None,
         }
+    }
+
+    /// What the outputs are after a reset, as changes.
+    pub fn restored(&self) -> [Change; 2] {
+        let why = |on| if on { Why::Retained } else { Why::NotRecorded };
+        let of_valve = if self.cut { Why::FailedStarts } else { why(self.valve == Valve::Open) };
+        [Change::Valve(self.valve, of_valve), Change::Power(self.power, why(self.power))]
+    }
+
+    /// Whether the valve is closed because the firmware failed in start after start, until the engine is at rest.
+    pub const fn is_cut(&self) -> bool {
+        self.cut
+    }
+
+    /// Takes settings that were stored, before the first update.
+    pub const fn configure(&mut self, settings: OutputSettings) {
+        self.settings = settings;
     }
 
     /// The valve.
@@ -68,53 +212,69 @@ impl Outputs {
         self.power
     }
 
-    /// Follows the engine. Call it at every snapshot of its telemetry, and ten times a second: a wait has no other clock.
-    pub fn update(&mut self, telemetry: &Telemetry) {
-        if let Some(valve) = self.decide_valve(telemetry) {
+    /// Follows the engine, and returns what changed. Call it at every snapshot of its telemetry, and ten times a second: a wait has no
+    /// other clock.
+    pub fn update(&mut self, telemetry: &Telemetry) -> [Option<Change>; 2] {
+        let decided = self.decide_valve(telemetry).filter(|(valve, _)| *valve != self.valve);
+        if let Some((valve, _)) = decided {
             self.valve = valve;
         }
-        let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
-        // Also after a reset that has lost what was armed: the starter cools a hot turbine.
-        let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
-        if telemetry.armed || ordered || busy {
-            self.power = true;
-        } else if is_cold_and_at_rest(telemetry) {
-            self.power = false;
+        let valve = decided.map(|(valve, why)| Change::Valve(valve, why));
+        let decided = decide_power(telemetry).filter(|(power, _)| *power != self.power);
+        if let Some((power, _)) = decided {
+            self.power = power;
         }
+        let power = decided.map(|(power, why)| Change::Power(power, why));
+        [valve, power]
     }
 
     /// `None`: it stays as it is.
-    fn decide_valve(&mut self, telemetry: &Telemetry) -> Option<Valve> {
+    fn decide_valve(&mut self, telemetry: &Telemetry) -> Option<(Valve, Why)> {
         let order = telemetry.ordered.order;
         let not_followed = self.not_followed(telemetry);
         self.for_service &= order == Order::Standby;
+        // A flame that is out gets no fuel again until somebody starts the engine anew.
+        let stopped = matches!(order, Order::Standby | Order::EmergencyStop);
+        self.cut &= !(stopped && is_at_rest(telemetry));
+        let closed = |why| Some((Valve::Closed, why));
+        let open = |why| Some((Valve::Open, why));
         if telemetry.stop_latched {
-            return Some(Valve::Closed);
+            return closed(Why::StopLatched);
+        }
+        if self.cut {
+            return closed(Why::FailedStarts);
         }
         match order {
-            Order::EmergencyStop => Some(Valve::Closed),
+            Order::EmergencyStop => closed(Why::StopLatched),
             // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again.
             Order::Run(_) if telemetry.start_by.is_some() && telemetry.ordered.origin == Origin::Node => None,
             // A run is in force only by a permitted start, or because the engine lives.
-            Order::Run(_) | Order::Pwm => Some(Valve::Open),
+            Order::Run(_) | Order::Pwm => open(Why::Ordered),
             // Standby never opens it for an engine: what still turns is being shut down.
             Order::Standby if telemetry.fuel_service => {
                 self.for_service = true;
-                Some(Valve::Open)
+                open(Why::Service)
             }
             // The ECU may go on with a service by its own clock.
             Order::Standby if self.for_service && telemetry.shaft_turns() != Some(true) => {
-                Some(Valve::Closed)
+                closed(Why::ServiceOver)
             }
-            Order::Standby if is_at_rest(telemetry) || not_followed => Some(Valve::Closed),
-            Order::Listen | Order::Doubt(_) if lives(telemetry) => Some(Valve::Open),
-            Order::Standby | Order::Listen | Order::Doubt(_) => None,
+            Order::Standby if is_at_rest(telemetry) => closed(Why::AtRest),
+            Order::Standby => not_followed.and_then(closed),
+            Order::Listen | Order::Doubt(_) if lives(telemetry) => open(Why::Lives),
+            Order::Listen | Order::Doubt(_) => None,
         }
     }
 
     /// Whether standby has not been followed for too long: the ECU reports that it does something else or, where a source has
-    /// commanded standby, reports nothing at all.
-    fn not_followed(&mut self, telemetry: &Telemetry) -> bool {
+    /// commanded standby, reports nothing at all. Or the engine does not slow down, whatever the ECU says that it does.
+    fn not_followed(&mut self, telemetry: &Telemetry) -> Option<Why> {
+        let reported = self.not_reported(telemetry);
+        let turning = self.keeps_running(telemetry);
+        reported.or(turning)
+    }
+
+    fn not_reported(&mut self, telemetry: &Telemetry) -> Option<Why> {
         let ordered = telemetry.ordered;
         // The node orders standby in doubt, too: then nothing is concluded from silence, unless nothing came since its start.
         let meant = ordered.origin != Origin::Node || telemetry.last_rx.is_none();
@@ -122,11 +282,53 @@ impl Outputs {
         let obeyed = telemetry.obeyed || telemetry.link != LinkState::Up;
         if ordered.order != Order::Standby || obeyed && !not_received {
             self.not_followed_since = None;
-            return false;
+            return None;
         }
         let since = *self.not_followed_since.get_or_insert(telemetry.at);
-        let after: Option<Duration> = self.settings.not_obeyed;
-        after.is_some_and(|after| telemetry.at.saturating_duration_since(since) >= after)
+        let after: Duration = self.settings.not_obeyed?;
+        let why = if obeyed { Why::NotReceived } else { Why::NotObeyed };
+        (telemetry.at.saturating_duration_since(since) >= after).then_some(why)
+    }
+
+    /// An ECU may echo the switch that is sent to it and keep its engine running.
+    fn keeps_running(&mut self, telemetry: &Telemetry) -> Option<Why> {
+        let up = telemetry.link == LinkState::Up;
+        let rpm = telemetry.current(telemetry.report.rpm).filter(|_| up).map(|rpm| rpm.get());
+        let egt = telemetry.current(telemetry.report.egt).filter(|_| up).map(Celsius::tenths);
+        let turns = telemetry.shaft_turns().filter(|_| up);
+        // Without a shaft speed the exhaust tells.
+        let may_run = turns.unwrap_or(egt.is_some_and(|egt| egt > COLD.tenths()));
+        // What the node itself orders in doubt concludes nothing about an ECU that does not report its state.
+        let meant = telemetry.ordered.origin != Origin::Node || phase(telemetry).is_some();
+        if telemetry.ordered.order != Order::Standby || !may_run || !meant {
+            self.least = None;
+            return None;
+        }
+        let now = Least { rpm, egt, since: telemetry.at };
+        let least = self.least.get_or_insert(now);
+        if least.has_fallen(rpm, egt) {
+            *least = now;
+        }
+        // What was not reported before.
+        least.rpm = least.rpm.or(rpm);
+        least.egt = least.egt.or(egt);
+        let since = least.since;
+        let after = KNOWN_AFTER.checked_add(self.settings.not_obeyed?)?;
+        (telemetry.at.saturating_duration_since(since) >= after).then_some(Why::KeepsRunning)
+    }
+}
+
+/// `None`: it stays as it is.
+fn decide_power(telemetry: &Telemetry) -> Option<(bool, Why)> {
+    let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+    // Also after a reset that has lost what was armed: the starter cools a hot turbine.
+    let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
+    match () {
+        () if telemetry.armed => Some((true, Why::Armed)),
+        () if ordered => Some((true, Why::Ordered)),
+        () if busy => Some((true, Why::Busy)),
+        () if is_cold_and_at_rest(telemetry) => Some((false, Why::Cold)),
+        () => None,
     }
 }
 

@@ -17,8 +17,9 @@ use crate::position::{Position, Settled, is_on};
 use crate::settings::{EngineSettings, SettingsError};
 use embassy_time::{Duration, Instant};
 use jetlink::channel::Source;
-use jetlink::command::{Accepted, Command, Demand, Order, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
+use jetlink::report::LinkState;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Rpm, Throttle};
 
@@ -61,6 +62,8 @@ pub enum Outcome {
     Commanded(Command, Result<Accepted, Rejected>),
     /// The switch moved to run, but the stick was not at idle, or stick or switch were not steady: no start.
     NotSteady,
+    /// The switch moved to run, but the stored settings are damaged: no start.
+    SettingsDamaged,
 }
 
 /// Counters of an engine's radio control. All wrap.
@@ -118,6 +121,10 @@ pub struct Pilot<'a> {
     /// First and last of the frames in a row whose switch is at stop while another channel cannot be read.
     unreadable_stop: Option<(Instant, Instant)>,
     calibration: Option<Calibration>,
+    /// The stored settings are damaged, and nobody has confirmed the present ones.
+    damaged: bool,
+    /// The switch has moved in sight to where it is.
+    moved: bool,
     counters: PilotCounters,
 }
 
@@ -148,6 +155,8 @@ impl<'a> Pilot<'a> {
             waits: false,
             unreadable_stop: None,
             calibration: None,
+            damaged: false,
+            moved: false,
             counters: PilotCounters::default(),
         })
     }
@@ -174,6 +183,12 @@ impl<'a> Pilot<'a> {
         self.settings = settings;
         self.begin_anew();
         Ok(())
+    }
+
+    /// The stored settings are damaged, or have been confirmed: while they are damaged the engine is not started, as none of them may be
+    /// what anybody has chosen.
+    pub const fn set_damaged(&mut self, damaged: bool) {
+        self.damaged = damaged;
     }
 
     /// Begins a calibration of the stick. Until it ends, radio control commands nothing but a stop.
@@ -212,6 +227,7 @@ impl<'a> Pilot<'a> {
         self.last = None;
         (self.idle_since, self.standby_since) = (None, None);
         (self.release, self.arm, self.shut_down, self.waits) = (false, false, false, false);
+        self.moved = false;
     }
 
     /// Takes the values of a frame that count.
@@ -220,7 +236,7 @@ impl<'a> Pilot<'a> {
         let counters = &mut self.counters;
         let counter = match outcome {
             Outcome::Commanded(..) => &mut counters.commanded,
-            Outcome::NotSteady => &mut counters.starts_refused,
+            Outcome::NotSteady | Outcome::SettingsDamaged => &mut counters.starts_refused,
             Outcome::Ignored(Ignored::Silent) => &mut counters.silent,
             Outcome::Ignored(Ignored::Throttle) => &mut counters.throttle_beyond,
             Outcome::Ignored(Ignored::BetweenPositions | Ignored::Settling) => &mut counters.unclear,
@@ -281,9 +297,9 @@ impl<'a> Pilot<'a> {
 
     /// A frame of which a channel cannot be read. Only a stop counts, once it has been held: a broken stick must not disable it.
     fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored) -> Outcome {
-        let EngineSettings { switch, switch_reversed, .. } = self.settings;
-        let pulse = channels.get(switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
-        if pulse.and_then(|pulse| Position::of(pulse, switch_reversed)) != Some(Position::Stop) {
+        let pulse =
+            channels.get(self.settings.switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
+        if pulse.and_then(|pulse| Position::of(pulse, &self.settings)) != Some(Position::Stop) {
             self.unreadable_stop = None;
             return Outcome::Ignored(why);
         }
@@ -312,7 +328,7 @@ impl<'a> Pilot<'a> {
             0 => None,
             number => {
                 let pulse = channels.get(number).ok_or(Ignored::Silent)?;
-                Some(Position::of(pulse, settings.switch_reversed).ok_or(Ignored::BetweenPositions)?)
+                Some(Position::of(pulse, settings).ok_or(Ignored::BetweenPositions)?)
             }
         };
         let handed_over = match settings.hand_over {
@@ -377,6 +393,9 @@ impl<'a> Pilot<'a> {
         let moved = before.filter(|before| Some(*before) != reading.position);
         // What was before a gap is no beginning of a move.
         let in_sight = now.saturating_duration_since(self.since) >= RETURN;
+        if moved.is_some() {
+            self.moved = in_sight;
+        }
         match (moved.filter(|_| in_sight), reading.position) {
             (Some(Position::Stop), Some(Position::Standby)) => (self.release, self.arm) = (true, true),
             (Some(Position::Run), Some(Position::Standby)) => self.shut_down = true,
@@ -446,6 +465,10 @@ impl<'a> Pilot<'a> {
                 if moved && !steady {
                     return Outcome::NotSteady;
                 }
+                if self.damaged && (steady || self.waits) {
+                    self.waits = false;
+                    return Outcome::SettingsDamaged;
+                }
                 if steady || self.waits {
                     let outcome = self.command(Command::Run(demand));
                     self.waits = matches!(outcome, Outcome::Commanded(_, Ok(Accepted::StartWaits)));
@@ -463,6 +486,10 @@ impl<'a> Pilot<'a> {
             }
             _ => {}
         }
-        self.command(Command::Standby)
+        // The node itself has ordered standby, in doubt, and nothing is known of the engine, which may be in order. A position that was found,
+        // or run, adds nothing to that: the order stays the node's own. Nothing can be started meanwhile.
+        let in_doubt = telemetry.ordered.origin == Origin::Node && telemetry.link != LinkState::Up;
+        let commanded = position == Some(Position::Standby) && self.moved;
+        self.command(if in_doubt && !commanded { Command::Present } else { Command::Standby })
     }
 }

@@ -1,7 +1,11 @@
 //! Positions of a switch, from its pulse width, debounced.
 
 use crate::channels::Pulse;
+use crate::settings::EngineSettings;
 use embassy_time::{Duration, Instant};
+
+/// Distance of two positions in µs.
+const BETWEEN: u16 = 100;
 
 /// Position of the arm/stop switch.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -13,13 +17,18 @@ pub(crate) enum Position {
 
 impl Position {
     /// `None` between two positions, where a switch stays only while it moves or is broken.
-    pub fn of(pulse: Pulse, reversed: bool) -> Option<Self> {
-        let us = if reversed { 3000 - pulse.us() } else { pulse.us() };
-        match us {
-            ..=1300 => Some(Self::Stop),
-            1400..=1600 => Some(Self::Standby),
-            1700.. => Some(Self::Run),
-            _ => None,
+    pub const fn of(pulse: Pulse, settings: &EngineSettings) -> Option<Self> {
+        // A pulse is 2200 µs at most.
+        let us = if settings.switch_reversed { 3000 - pulse.us() } else { pulse.us() };
+        let (stop, run) = (settings.switch_stop, settings.switch_run);
+        if us <= stop {
+            Some(Self::Stop)
+        } else if us >= run {
+            Some(Self::Run)
+        } else if us >= stop.saturating_add(BETWEEN) && us <= run.saturating_sub(BETWEEN) {
+            Some(Self::Standby)
+        } else {
+            None
         }
     }
 }
@@ -79,6 +88,8 @@ mod tests {
 
     #[test]
     fn positions_have_gaps_between_them() {
+        let settings = EngineSettings::DEFAULT;
+        let reversed = EngineSettings { switch_reversed: true, ..settings };
         for us in 800..=2200 {
             let pulse = Pulse::new(us).unwrap();
             let expected = match us {
@@ -87,10 +98,16 @@ mod tests {
                 1700.. => Some(Position::Run),
                 _ => None,
             };
-            assert_eq!(Position::of(pulse, false), expected, "{us} µs");
+            assert_eq!(Position::of(pulse, &settings), expected, "{us} µs");
             let mirrored = Pulse::new(3000 - us).unwrap();
-            assert_eq!(Position::of(mirrored, true), expected, "{us} µs, reversed");
+            assert_eq!(Position::of(mirrored, &reversed), expected, "{us} µs, reversed");
         }
+        // Other widths: a switch whose positions are at 1000, 1350 and 1600 µs.
+        let near = EngineSettings { switch_stop: 1150, switch_run: 1500, ..settings };
+        let of = |us| Position::of(Pulse::new(us).unwrap(), &near);
+        assert_eq!([1150, 1500].map(of), [Some(Position::Stop), Some(Position::Run)]);
+        assert_eq!([1250, 1400].map(of), [Some(Position::Standby); 2]);
+        assert_eq!([1151, 1249, 1401, 1499].map(of), [None; 4]);
         let on = [1300, 1301, 1699, 1700].map(|us| is_on(Pulse::new(us).unwrap()));
         assert_eq!(on, [Some(false), None, None, Some(true)]);
     }

@@ -12,6 +12,31 @@ const READ: usize = 64;
 /// Pause after an error of a port, so that one that fails at once does not occupy the processor.
 const PAUSE: Duration = Duration::from_millis(10);
 
+/// A pulse that a timer has measured.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct MeasuredPulse {
+    /// Channel, from 1.
+    pub number: u8,
+    /// Its width in µs.
+    pub width: u32,
+    /// Time since the beginning of the pulse before, in µs.
+    pub period: u32,
+}
+
+/// Serves the timer of a receiver with servo pulses: `next` waits for the end of a pulse on any channel. `after` is as in [`run`].
+#[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+pub async fn run_pulses<const N: usize>(
+    service: &RefCell<Service<'_, N>>,
+    mut next: impl AsyncFnMut() -> MeasuredPulse,
+    mut after: impl FnMut(Instant, usize, Outcome),
+) -> ! {
+    loop {
+        let MeasuredPulse { number, width, period } = next().await;
+        let now = Instant::now();
+        service.borrow_mut().pulse(now, number, width, period, |engine, outcome| after(now, engine, outcome));
+    }
+}
+
 /// Serves the UART of a receiver. The service is borrowed for the time of a call only, so that others can configure it. `errors` are counted by
 /// the UART's interrupt. `after` gets what came of each frame that counts, for each engine by its place.
 ///

@@ -1,9 +1,13 @@
 //! One receiver and the engines that it commands.
 
+use crate::channels::Channels;
 use crate::input::Input;
 use crate::pilot::{Outcome, Pilot};
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use heapless::Vec;
+
+/// Time for which the channels of a frame are what the receiver sends.
+const FRESH: Duration = Duration::from_millis(500);
 
 /// An input and up to `N` engines.
 #[derive(Debug)]
@@ -12,12 +16,14 @@ pub struct Service<'a, const N: usize> {
     pilots: Vec<Pilot<'a>, N>,
     /// The UART reported a fault with the bytes before.
     fault_before: bool,
+    /// The values that counted last.
+    last: Option<(Instant, Channels)>,
 }
 
 impl<'a, const N: usize> Service<'a, N> {
     /// This input for these engines; those beyond `N` are not taken.
     pub fn new(input: Input, pilots: impl IntoIterator<Item = Pilot<'a>>) -> Self {
-        Self { input, pilots: pilots.into_iter().take(N).collect(), fault_before: false }
+        Self { input, pilots: pilots.into_iter().take(N).collect(), fault_before: false, last: None }
     }
 
     /// The input, with its counters.
@@ -33,6 +39,39 @@ impl<'a, const N: usize> Service<'a, N> {
     /// An engine by its place, to configure or calibrate it.
     pub fn pilot_mut(&mut self, engine: usize) -> Option<&mut Pilot<'a>> {
         self.pilots.get_mut(engine)
+    }
+
+    /// The values that count now; `None`: nothing has been received for 0.5 s.
+    pub fn channels(&self, now: Instant) -> Option<&Channels> {
+        let (at, channels) = self.last.as_ref()?;
+        (now.saturating_duration_since(*at) <= FRESH).then_some(channels)
+    }
+
+    /// The stored settings are damaged, or have been confirmed: while they are damaged no engine is started.
+    pub fn set_damaged(&mut self, damaged: bool) {
+        self.pilots.iter_mut().for_each(|pilot| pilot.set_damaged(damaged));
+    }
+
+    /// Takes a pulse of a timer ([`crate::pwm::Pwm::pulse`]).
+    pub fn pulse(
+        &mut self,
+        now: Instant,
+        number: u8,
+        width: u32,
+        period: u32,
+        mut outcome: impl FnMut(usize, Outcome),
+    ) {
+        if let Some(channels) = self.input.pulse(now, number, width, period) {
+            self.pass_on(now, channels, &mut outcome);
+        }
+    }
+
+    fn pass_on(&mut self, now: Instant, channels: Channels, outcome: &mut impl FnMut(usize, Outcome)) {
+        self.last = Some((now, channels));
+        for (engine, pilot) in self.pilots.iter_mut().enumerate() {
+            let result = pilot.frame(now, &channels);
+            outcome(engine, result);
+        }
     }
 
     /// Takes bytes, the last of which was received at `now` or before. `fault`: the UART has reported a fault since the last call.
@@ -52,10 +91,8 @@ impl<'a, const N: usize> Service<'a, N> {
         while !bytes.is_empty() {
             let (taken, channels) = self.input.receive(now, bytes);
             bytes = bytes.get(taken.max(1)..).unwrap_or_default();
-            let Some(channels) = channels else { continue };
-            for (engine, pilot) in self.pilots.iter_mut().enumerate() {
-                let result = pilot.frame(now, &channels);
-                outcome(engine, result);
+            if let Some(channels) = channels {
+                self.pass_on(now, channels, &mut outcome);
             }
         }
     }

@@ -11,9 +11,11 @@ settings! {
         reversed: yes_no "RC_THR_REV" = 0 in 0..=1, "The channel is reversed: the shorter pulse is full throttle.";
         beyond: pulse "RC_THR_BEYOND" = 150 in 0..=500, "A throttle that is further beyond an end point than this is silence.";
         switch: number "RC_SW_CH" = 5 in 0..=18, "Channel of the arm/stop switch with three positions: stop, standby, run allowed. 0: there is none; radio control moves the throttle of a running engine, and neither starts nor stops one.";
-        switch_reversed: yes_no "RC_SW_REV" = 0 in 0..=1, "The switch is reversed: the shorter pulse is run allowed.";
+        switch_stop: pulse "RC_SW_STOP" = 1300 in 900..=1900, "Longest pulse width of the position stop. Standby begins 100 µs above.";
+        switch_run: pulse "RC_SW_RUN" = 1700 in 1100..=2100, "Shortest pulse width of the position run allowed, at least 300 µs above that of stop. Standby ends 100 µs below.";
+        switch_reversed: yes_no "RC_SW_REV" = 0 in 0..=1, "The switch is reversed: the shorter pulse is run allowed. Both widths then count for 3000 µs less the pulse.";
         hand_over: number "RC_HAND_CH" = 0 in 0..=18, "Channel that hands the engine to the lower source, above 1700 µs: radio control is present and commands nothing, but keeps the stop. 0: there is none.";
-        rpm_low: rpm_or_off "RC_RPM_MIN" = -1 in 0..=16_000_000, "Shaft speed of idle, where the stick commands a shaft speed. Off: it commands a throttle.";
+        rpm_low: rpm_or_off "RC_RPM_MIN" = -1 in 0..=16_000_000, "Shaft speed of idle, where the stick commands a shaft speed. It does where both are set.";
         rpm_high: rpm_or_off "RC_RPM_MAX" = -1 in 0..=16_000_000, "Shaft speed of full throttle. Off: the stick commands a throttle.";
     }
 }
@@ -38,7 +40,9 @@ pub enum SettingsError {
     OutOfRange(&'static Setting),
     /// The end points are too close, or in the wrong order.
     EndPoints,
-    /// The shaft speeds of the end points are in the wrong order, or only one of them is on.
+    /// The positions of the switch are too close, or in the wrong order.
+    Positions,
+    /// The shaft speeds of the end points are in the wrong order.
     ShaftSpeeds,
     /// Two of its functions have the same channel.
     SameChannel,
@@ -46,16 +50,25 @@ pub enum SettingsError {
     EngineTurns,
 }
 
+impl SettingsError {
+    /// What is wrong, without the range of a setting.
+    pub const fn text(&self) -> &'static str {
+        match self {
+            Self::OutOfRange(setting) => setting.message,
+            Self::EndPoints => "RC_THR_MAX has to be 300 µs above RC_THR_MIN or more",
+            Self::Positions => "RC_SW_RUN has to be 300 µs above RC_SW_STOP or more",
+            Self::ShaftSpeeds => "RC_RPM_MAX has to be above RC_RPM_MIN",
+            Self::SameChannel => "throttle, switch and hand-over need a channel each",
+            Self::EngineTurns => "stop the engine first",
+        }
+    }
+}
+
 impl core::fmt::Display for SettingsError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
-            Self::EndPoints => f.write_str("RC_THR_MAX has to be 300 µs above RC_THR_MIN or more"),
-            Self::ShaftSpeeds => {
-                f.write_str("RC_RPM_MIN and RC_RPM_MAX: set both, the second above the first")
-            }
-            Self::SameChannel => f.write_str("throttle, switch and hand-over need a channel each"),
-            Self::EngineTurns => f.write_str("stop the engine first"),
+            other => f.write_str(other.text()),
         }
     }
 }
@@ -63,6 +76,9 @@ impl core::fmt::Display for SettingsError {
 impl core::error::Error for SettingsError {}
 
 impl EngineSettings {
+    /// The defaults for servo pulses: throttle on channel 1, switch on channel 2.
+    pub const PULSES: Self = Self { throttle: 1, switch: 2, ..Self::DEFAULT };
+
     /// The table without its texts.
     pub const TABLE_ROWS: &'static [Row] = Self::ROWS;
 
@@ -91,10 +107,13 @@ impl EngineSettings {
         if self.high < self.low.saturating_add(SPAN) {
             return Err(SettingsError::EndPoints);
         }
+        if self.switch_run < self.switch_stop.saturating_add(SPAN) {
+            return Err(SettingsError::Positions);
+        }
         match (self.rpm_low, self.rpm_high) {
-            (None, None) => {}
-            (Some(low), Some(high)) if low.get() < high.get() => {}
-            _ => return Err(SettingsError::ShaftSpeeds),
+            (Some(low), Some(high)) if low.get() >= high.get() => return Err(SettingsError::ShaftSpeeds),
+            // With one of them the stick commands a throttle: parameters are set one after the other.
+            _ => {}
         }
         let Self { throttle, switch, hand_over, .. } = *self;
         if same(throttle, switch) || same(throttle, hand_over) || same(switch, hand_over) {
@@ -154,14 +173,16 @@ mod tests {
         for (settings, wrong) in [
             (EngineSettings { low: 1601, ..good }, SettingsError::EndPoints),
             (EngineSettings { low: 1900, high: 1100, ..good }, SettingsError::EndPoints),
-            (rpm(of(35_000), None), SettingsError::ShaftSpeeds),
-            (rpm(None, of(35_000)), SettingsError::ShaftSpeeds),
+            (EngineSettings { switch_stop: 1401, ..good }, SettingsError::Positions),
+            (EngineSettings { switch_stop: 1700, switch_run: 1300, ..good }, SettingsError::Positions),
             (rpm(of(35_000), of(35_000)), SettingsError::ShaftSpeeds),
             (EngineSettings { switch: 3, ..good }, SettingsError::SameChannel),
             (EngineSettings { hand_over: 5, ..good }, SettingsError::SameChannel),
         ] {
             assert_eq!(settings.check(), Err(wrong));
         }
+        // One after the other: each is a parameter.
+        assert_eq!([rpm(of(35_000), None), rpm(None, of(35_000))].map(|half| half.check()), [Ok(()); 2]);
         let outside = EngineSettings { switch: 19, ..good }.check();
         assert!(
             matches!(outside, Err(SettingsError::OutOfRange(row)) if row.name == "RC_SW_CH"),

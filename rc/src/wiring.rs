@@ -109,6 +109,24 @@ pub const fn check_outputs(engines: &[OutputConfig]) {
     }
 }
 
+/// Checks that no output is on one of these pins, at compile time.
+///
+/// # Panics
+/// If one is, with what the pins are. In a `const` that stops the build.
+pub const fn check_free(engines: &[OutputConfig], pins: &[u8], what: &str) {
+    let mut n = 0;
+    while n < 2 * engines.len() {
+        let mut i = 0;
+        while i < pins.len() {
+            if let Some(pin) = nth(engines, n) {
+                assert!(pin.number != pins[i], "{}", what);
+            }
+            i += 1;
+        }
+        n += 1;
+    }
+}
+
 /// A pin, counted over valves and powers of all engines.
 const fn nth(engines: &[OutputConfig], n: usize) -> Option<OutputPin> {
     let engine = &engines[n / 2];

@@ -4,10 +4,8 @@ use crate::line::Line;
 
 /// Channels of a frame.
 pub const CHANNELS: usize = 16;
-/// Channel of the throttle, from 0.
-const THROTTLE: usize = 2;
-/// Channel of the switch, from 0.
-const SWITCH: usize = 4;
+/// Channels of throttle and switch, from 1, where nothing else is said.
+const USUAL: [u8; 2] = [3, 5];
 /// Flags of an SBUS receiver without its transmitter: frame lost, and fail-safe.
 const LOST: u8 = 0x0C;
 
@@ -53,7 +51,7 @@ pub enum Position {
 
 impl Position {
     /// Pulse width in µs.
-    const fn pulse_us(self) -> u16 {
+    pub const fn pulse_us(self) -> u16 {
         match self {
             Self::Stop => 1000,
             Self::Standby => 1500,
@@ -74,10 +72,29 @@ impl Position {
 /// The channels of one stick and one switch: the throttle in 0.1 % on channel 3, from 1100 to 1900 µs, the switch on channel
 /// 5. The others are centred.
 pub fn channels(throttle_tenths: u16, switch: Position) -> [u16; CHANNELS] {
+    channels_on(USUAL, throttle_tenths, switch)
+}
+
+/// The same with throttle and switch on these channels, from 1.
+pub fn channels_on(
+    [throttle_channel, switch_channel]: [u8; 2],
+    throttle_tenths: u16,
+    switch: Position,
+) -> [u16; CHANNELS] {
     let mut channels = [steps(1500); CHANNELS];
-    channels[THROTTLE] = steps(1100 + throttle_tenths * 8 / 10);
-    channels[SWITCH] = steps(switch.pulse_us());
+    for (number, pulse) in
+        [(throttle_channel, throttle_us(throttle_tenths)), (switch_channel, switch.pulse_us())]
+    {
+        if let Some(channel) = usize::from(number).checked_sub(1).and_then(|place| channels.get_mut(place)) {
+            *channel = steps(pulse);
+        }
+    }
     channels
+}
+
+/// Pulse width of the throttle in µs, from 1100 to 1900 µs.
+pub const fn throttle_us(throttle_tenths: u16) -> u16 {
+    1100 + throttle_tenths * 8 / 10
 }
 
 /// Sixteen channels of 11 bits, lowest bit first: bit by bit.

@@ -40,6 +40,10 @@ unsafe fn DefaultHandler(interrupt: i16) {
 /// Logs and resets.
 pub fn crash(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
+    #[cfg(feature = "stm32")]
+    if jetlink_fw::config::OUTPUTS.is_some() {
+        super::starts::crash();
+    }
     // A crash inside the logger would come back here through the logger's own panic: log only once.
     static LOGGED: AtomicBool = AtomicBool::new(false);
     if !LOGGED.swap(true, Ordering::Relaxed) {

@@ -1,7 +1,7 @@
 //! How a port is opened: the line of an ECU, of MAVLink, or of a receiver of radio control.
 
 use jetlink::line::{Line, StopBits};
-use jetlink_rc::config::RadioConfig;
+use jetlink_rc::config::RadioLine;
 
 /// Settings of a UART: 8 data bits.
 #[derive(Clone, Copy)]
@@ -23,13 +23,12 @@ impl Format {
     }
 
     /// Of a receiver.
-    pub const fn of_radio<const N: usize>(radio: &RadioConfig<N>) -> Self {
-        let is_8e2 = radio.protocol.is_8e2();
+    pub const fn of_radio(line: RadioLine, inverted_rx: bool) -> Self {
         Self {
-            baud: radio.protocol.baud(),
-            stop_bits: if is_8e2 { StopBits::Two } else { StopBits::One },
-            even_parity: is_8e2,
-            inverted_rx: radio.inverted,
+            baud: line.baud,
+            stop_bits: if line.is_8e2 { StopBits::Two } else { StopBits::One },
+            even_parity: line.is_8e2,
+            inverted_rx,
         }
     }
 }

@@ -29,6 +29,7 @@ mod no_storage;
 mod outputs;
 #[cfg(feature = "stm32")]
 mod port;
+pub mod pulses;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
 #[cfg(feature = "stm32")]
@@ -37,6 +38,8 @@ mod retained;
 pub mod selftest;
 pub mod stack;
 mod start;
+#[cfg(feature = "stm32")]
+pub mod starts;
 mod state;
 #[cfg(feature = "stm32")]
 mod stm32;

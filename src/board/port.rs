@@ -76,8 +76,14 @@ const WRITE: usize = if jetlink_mavlink::runner::WRITE > 6 * MAX_TRANSMISSION {
     6 * MAX_TRANSMISSION
 };
 
+/// Whether a receiver is on one of them.
+const HAS_RECEIVER: bool = match &RADIO {
+    Some(radio) => radio.uart().is_some(),
+    None => false,
+};
+
 /// Ports that are opened: of the engines, of MAVLink, of a receiver, and of an ECU that is played.
-const OPEN: usize = ENGINES.len() + 1 + RADIO.is_some() as usize + cfg!(feature = "play-ecu") as usize;
+const OPEN: usize = ENGINES.len() + 1 + HAS_RECEIVER as usize + cfg!(feature = "play-ecu") as usize;
 
 /// The buffers of the open ports. A port without an engine has none.
 static mut BUFFERS: [Buffers; OPEN] = [const { Buffers::new() }; OPEN];
@@ -164,7 +170,7 @@ pub unsafe fn open(format: Format, place: usize, opener: Opener) -> EcuPort {
     // An open input must be high, like an idle line.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
     // Nothing else is not 8N1 or 8N2, or is inverted.
-    if RADIO.is_some() {
+    if HAS_RECEIVER {
         if format.even_parity {
             config.parity = Parity::ParityEven;
         }

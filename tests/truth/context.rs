@@ -4,7 +4,7 @@ use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{Commanded, History, Kind, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks};
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
-use crate::radio::{Receiver, Transmitter};
+use crate::radio::{Layout, Receiver, Transmitter};
 use crate::settings::{self, Setup};
 use crate::valve::{Valve, Wiring};
 use crate::wire::Reader;
@@ -120,7 +120,7 @@ impl EngineContext {
         // One in four has radio control: the source is its own then.
         if seed >> 1 & 3 == 0 {
             context.pilots.retain(|pilot| pilot.source != RC);
-            context.transmitter = Some(Transmitter::new(seed >> 3 & 7));
+            context.transmitter = Some(Transmitter::new(seed >> 3 & 7, Layout::of(seed >> 6)));
         }
         (context, halves)
     }
@@ -210,9 +210,14 @@ impl EngineContext {
         }
     }
 
-    /// The node begins with this record. Gives its receiver of radio control.
-    pub fn begin<'a>(&mut self, record: Option<RetainedState>, handle: &Handle<'a>) -> Option<Receiver<'a>> {
-        self.valve.begin(&mut self.history, now(), record);
+    /// The node begins with this record; `has_failed`: its starts have failed for too long. Gives its receiver of radio control.
+    pub fn begin<'a>(
+        &mut self,
+        record: Option<RetainedState>,
+        has_failed: bool,
+        handle: &Handle<'a>,
+    ) -> Option<Receiver<'a>> {
+        self.valve.begin(&mut self.history, now(), record, has_failed);
         self.transmitter.as_mut().map(|transmitter| transmitter.receiver(handle, &self.setup.config))
     }
 
@@ -236,6 +241,11 @@ impl EngineContext {
             source: RC,
             command,
         }));
+    }
+
+    /// Whether its valve is closed because the node's starts have failed for too long.
+    pub fn is_cut(&self) -> bool {
+        self.valve.is_cut()
     }
 
     /// There is no node from here on.

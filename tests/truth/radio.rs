@@ -15,6 +15,53 @@ use jetlink_rc::settings::EngineSettings;
 use sim::receiver::{CHANNELS, sbus, steps};
 use sim::turbine::Phase;
 
+/// Where stick and switch are on the transmitter, and which pulses they give.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// What the node is told of it.
+    settings: EngineSettings,
+    /// Pulses of stop, standby and run.
+    positions: [u16; 3],
+}
+
+impl Layout {
+    /// One of four.
+    pub fn of(number: u64) -> Self {
+        let usual = EngineSettings::DEFAULT;
+        match number & 3 {
+            0 | 1 => Self { settings: usual, positions: [1000, 1500, 2000] },
+            2 => Self {
+                settings: EngineSettings { throttle: 1, switch: 16, reversed: true, ..usual },
+                positions: [1000, 1500, 2000],
+            },
+            _ => Self {
+                settings: EngineSettings {
+                    switch: 8,
+                    switch_reversed: true,
+                    switch_stop: 1150,
+                    switch_run: 1650,
+                    ..usual
+                },
+                positions: [1900, 1600, 1300],
+            },
+        }
+    }
+
+    fn channels(&self, sticks: &Sticks) -> [u16; CHANNELS] {
+        let mut channels = [steps(1500); CHANNELS];
+        let above = (sticks.tenths * 8 / 10) as u16;
+        let EngineSettings { throttle, switch, reversed, .. } = self.settings;
+        let [stop, standby, run] = self.positions;
+        channels[usize::from(throttle) - 1] = steps(if reversed { 1900 - above } else { 1100 + above });
+        channels[usize::from(switch) - 1] = steps(match sticks.position {
+            Position::Stop => stop,
+            Position::Standby => standby,
+            Position::Run => run,
+        });
+        channels
+    }
+}
+
 /// From frame to frame of a receiver.
 pub const FRAME: u64 = 14 * MS;
 
@@ -41,6 +88,7 @@ pub struct Transmitter {
     pub next: u64,
     /// Damaged frames, per mille.
     noise: u64,
+    layout: Layout,
     /// The receiver of the node; anew after each reset.
     armings: u32,
 }
@@ -49,7 +97,7 @@ pub struct Transmitter {
 pub type Receiver<'a> = Service<'a, 1>;
 
 impl Transmitter {
-    pub const fn new(noise: u64) -> Self {
+    pub const fn new(noise: u64, layout: Layout) -> Self {
         let sticks = Sticks { at: 0, position: Position::Stop, tenths: 0, on: true };
         Self {
             sticks,
@@ -58,6 +106,7 @@ impl Transmitter {
             next_stick: 0,
             next: 0,
             noise,
+            layout,
             armings: 0,
         }
     }
@@ -65,7 +114,7 @@ impl Transmitter {
     /// The receiver of a node that begins.
     pub fn receiver<'a>(&mut self, handle: &Handle<'a>, config: &EngineConfig) -> Receiver<'a> {
         let source = handle.source(Origin::Rc).expect("nobody else holds it");
-        let pilot = Pilot::new(source, config, EngineSettings::DEFAULT).expect("the defaults are right");
+        let pilot = Pilot::new(source, config, self.layout.settings).expect("they are right");
         self.armings = 0;
         Service::new(Input::Sbus(Sbus::new()), [pilot])
     }
@@ -124,14 +173,7 @@ impl Transmitter {
     ) -> Vec<PilotCommand> {
         self.next = now + FRAME;
         self.sticks.at = now;
-        let mut channels = [steps(1500); CHANNELS];
-        channels[2] = steps(1100 + (self.sticks.tenths * 8 / 10) as u16);
-        channels[4] = steps(match self.sticks.position {
-            Position::Stop => 1000,
-            Position::Standby => 1500,
-            Position::Run => 2000,
-        });
-        let mut frame = sbus(channels, if self.sticks.on { 0 } else { 0x0C });
+        let mut frame = sbus(self.layout.channels(&self.sticks), if self.sticks.on { 0 } else { 0x0C });
         if rng.below(1000) < self.noise {
             let at = rng.below(frame.len() as u64) as usize;
             frame[at] ^= 1 << rng.below(8);

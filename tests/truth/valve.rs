@@ -36,8 +36,8 @@ impl Valve {
     }
 
     /// The node begins.
-    pub fn begin(&mut self, history: &mut History, at: u64, record: Option<RetainedState>) {
-        self.outputs = Some(Outputs::new(OutputSettings::DEFAULT, record));
+    pub fn begin(&mut self, history: &mut History, at: u64, record: Option<RetainedState>, has_failed: bool) {
+        self.outputs = Some(Outputs::new(OutputSettings::DEFAULT, record, has_failed));
         self.drive(history, at);
     }
 
@@ -53,6 +53,11 @@ impl Valve {
             outputs.update(telemetry);
         }
         self.drive(history, at);
+    }
+
+    /// Whether it is closed because the node's starts have failed for too long.
+    pub fn is_cut(&self) -> bool {
+        self.outputs.as_ref().is_some_and(Outputs::is_cut)
     }
 
     /// Whether no fuel comes through.

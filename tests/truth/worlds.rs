@@ -16,6 +16,7 @@ use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::line::LineError;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
+use jetlink_rc::starts::{Ended, FailedStarts, LIVED};
 use sim::clock;
 use sim::turbine::Phase;
 use sim::wire::{WireRx, WireTx};
@@ -87,13 +88,26 @@ fn play<const N: usize>(
     // It outlives every node, as memory does; a few bytes for each world.
     let memory: &'static [RetainedMemory; N] =
         Box::leak(Box::new(std::array::from_fn(|_| RetainedMemory::new())));
+    // In memory, too: the time of starts that failed.
+    let mut failed = FailedStarts::default();
     loop {
+        let began_at = now();
         let mut configs = if other_settings { others } else { configs };
         if other_engine {
             configs.iter_mut().for_each(|config| config.name = "other");
         }
-        let ended =
-            boot(rng, &mut contexts, &mut halves, &configs, memory, before, &mut fate, &mut together, end);
+        let ended = boot(
+            rng,
+            &mut contexts,
+            &mut halves,
+            &configs,
+            memory,
+            before,
+            failed,
+            &mut fate,
+            &mut together,
+            end,
+        );
         let Some(Blow { down, mut cause, with_ecu, other_engine: other, .. }) = ended else { break };
         before = cause;
         other_engine ^= other;
@@ -101,6 +115,15 @@ fn play<const N: usize>(
             // As much is left of another engine's memory as of one that a loss of power spared.
             cause = Cause::BrownOut;
         }
+        let life = Duration::from_micros(now() - began_at);
+        if life >= LIVED && !contexts.iter().any(EngineContext::is_cut) {
+            failed = FailedStarts::default();
+        }
+        failed = match cause {
+            Cause::Watchdog => failed.after(Ended::Crashed(life)),
+            Cause::BrownOut => failed.after(Ended::Otherwise),
+            Cause::PowerOn => FailedStarts::default(),
+        };
         other_settings ^= ended.is_some_and(|blow| blow.other_settings);
         let down_at = now();
         for context in &mut contexts {
@@ -229,6 +252,7 @@ fn boot<const N: usize>(
     configs: &[EngineConfig; N],
     memory: &'static [RetainedMemory; N],
     cause: Cause,
+    failed: FailedStarts,
     fate: &mut Fate,
     together: &mut u64,
     end: u64,
@@ -242,7 +266,11 @@ fn boot<const N: usize>(
     // From what was retained, before anything else.
     let mut receivers = Vec::new();
     for (((context, config), memory), handle) in contexts.iter_mut().zip(configs).zip(memory).zip(&handles) {
-        receivers.push(context.begin(memory.load(config.fingerprint(), reset), handle));
+        receivers.push(context.begin(
+            memory.load(config.fingerprint(), reset),
+            failed.are_too_many(),
+            handle,
+        ));
     }
     let mut tasks: Tasks<'_> = nature(contexts);
     for ((runner, (rx, tx)), context) in node.runners().into_iter().zip(halves.drain(..)).zip(contexts.iter())

@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn a_condition_that_is_not_met_has_the_text_of_the_refusal_and_the_limit() {
         let engines = engines(&[]).unwrap();
-        let node = Node::new(&engines);
+        let node = Node::new(&engines, false);
         let mut telemetry = node.telemetry(0);
         telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(3120), Instant::MIN));
         let all = of_start(&telemetry, &engines[0].config, true);

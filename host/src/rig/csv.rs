@@ -114,7 +114,7 @@ fn tenths(value: f64) -> String {
 }
 
 /// One row: its columns, each with its cell.
-fn row(at: Instant, name: &str, sample: &Sample, events: String) -> [(&'static str, String); 27] {
+fn row(at: Instant, name: &str, sample: &Sample, events: String) -> [(&'static str, String); 29] {
     let yes_no = |yes| if yes { "yes" } else { "no" }.to_owned();
     let command = match (sample.silent, sample.input) {
         (true, _) => "",
@@ -160,6 +160,8 @@ fn row(at: Instant, name: &str, sample: &Sample, events: String) -> [(&'static s
         ("order", order.to_owned()),
         ("wire_throttle_pct", cell(wire_percent.map(tenths))),
         ("wire_rpm", cell(wire_rpm)),
+        ("fuel_valve", cell(sample.valve_open.map(|open| if open { "open" } else { "closed" }))),
+        ("starter_power", cell(sample.power.map(|on| if on { "on" } else { "off" }))),
         ("faults", faults(sample)),
         ("events", events),
     ]

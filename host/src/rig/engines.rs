@@ -21,7 +21,7 @@ const DEFAULT: [&str; 4] = [
 /// The protocol of an engine without `ecu=`.
 const USUAL: &str = "amt";
 /// More would not fit the table on a terminal; a board has fewer ports.
-const MOST_ENGINES: usize = 8;
+pub const MOST_ENGINES: usize = 8;
 
 /// One engine: how the node is configured for it, and what hangs on the line.
 #[derive(Clone, Copy, Debug)]

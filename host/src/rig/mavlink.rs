@@ -1,9 +1,10 @@
 //! MAVLink of the rig: the service of the firmware on TCP, UDP and serial ports. It commands the engines in place of the
 //! pilots.
 
-use super::engines::Engine;
+use super::engines::{Engine, MOST_ENGINES};
 use super::node::{Cause, Node, Reset};
 use super::port::{Address, Format, Link, OpenError};
+use super::radio::{Radio, Receiver};
 use embassy_futures::join::{join, join_array};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant};
@@ -14,13 +15,12 @@ use jetlink_mavlink::runner::Runner;
 use jetlink_mavlink::service::{EngineParts, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
+use jetlink_rc::parameters::Parameters;
 use std::cell::RefCell;
 use std::future::pending;
 
 /// Most ports.
 pub const MOST_PORTS: usize = 4;
-/// Most engines: as many as the rig has.
-const MOST_ENGINES: usize = 8;
 /// Bytes a second of a connection to an autopilot: those of a UART with 57 600 baud, as a board's telemetry port has.
 const UART_BAUD: u32 = 57_600;
 /// How long a restart by command takes.
@@ -67,7 +67,7 @@ impl Mavlink {
     }
 
     /// Serves the ports of a node that has just started, until it is reset.
-    pub async fn serve(&self, node: &Node<'_>, channels: &[Channel]) {
+    pub async fn serve(&self, node: &Node<'_>, channels: &[Channel], radio: Option<(&Radio, &Receiver<'_>)>) {
         let mut parts = Vec::new();
         for (i, (channel, settings)) in channels.iter().zip(self.engines.borrow().iter()).enumerate() {
             let Ok(source) = channel.handle_in(channels).source(Origin::Mavlink) else { continue };
@@ -75,8 +75,10 @@ impl Mavlink {
         }
         let settings = *self.settings.borrow();
         let signing = self.signing.borrow().clone();
-        let service: Service<'_, MOST_ENGINES, MOST_PORTS> =
-            Service::new(Instant::now(), settings, signing, parts, self.ports.iter().copied());
+        let outputs = node.shared().map(|shared| (shared, node.output_settings()));
+        let attached = Parameters::new(radio.map(|(_, receiver)| receiver), outputs);
+        let service: Service<'_, MOST_ENGINES, MOST_PORTS, Parameters<'_, '_, MOST_ENGINES>> =
+            Service::with(Instant::now(), settings, signing, parts, self.ports.iter().copied(), attached);
         let runner = Runner::new(service);
         let time = runner.keep_time(|now, service| {
             self.settings.replace(*service.settings());
@@ -85,6 +87,12 @@ impl Mavlink {
                 node.configure(i, *config);
                 if let Some(kept) = self.engines.borrow_mut().get_mut(i) {
                     *kept = *settings;
+                }
+                if let Some((radio, settings)) = radio.zip(service.attached().engine_settings(i)) {
+                    radio.0.keep(i, settings);
+                }
+                if let Some(settings) = service.attached().output_settings(i) {
+                    node.configure_outputs(i, settings);
                 }
             }
         });

@@ -3,7 +3,7 @@
 //! The tasks that own the lines live and die with the [`Channel`]s. All other code reads here, and gets what was
 //! known last while the node is away.
 
-use super::engines::Engine;
+use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Origin, Rejected};
@@ -11,12 +11,17 @@ use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
-use jetlink_rc::outputs::Outputs;
+use jetlink_rc::outputs::{Change, Outputs};
 use jetlink_rc::settings::OutputSettings;
+use jetlink_rc::shared::Shared;
+use jetlink_rc::wiring::{OutputConfig, OutputPin};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::Poll;
+
+/// Outputs of an engine: both.
+const BOTH: OutputConfig = OutputConfig::valve(OutputPin::high(0)).with_power(OutputPin::high(1));
 
 /// A reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -50,6 +55,12 @@ pub struct Node<'a> {
     last: RefCell<Vec<Telemetry>>,
     /// Fuel valve and power of each engine, as a board would drive them.
     outputs: RefCell<Vec<Outputs>>,
+    /// The same for MAVLink, where there are valves.
+    shared: Option<Shared<MOST_ENGINES>>,
+    /// Their settings at the next start.
+    output_settings: Cell<[OutputSettings; MOST_ENGINES]>,
+    /// What changed of them, until it is taken.
+    changes: RefCell<Vec<(usize, Change)>>,
     /// What was counted until the last reset.
     before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
@@ -60,8 +71,8 @@ pub struct Node<'a> {
 }
 
 impl<'a> Node<'a> {
-    /// A node that was never under power.
-    pub fn new(engines: &'a [Engine]) -> Self {
+    /// A node that was never under power, with or without valves.
+    pub fn new(engines: &'a [Engine], valves: bool) -> Self {
         let node = Self {
             engines,
             configs: RefCell::new(vec![None; engines.len()]),
@@ -70,6 +81,9 @@ impl<'a> Node<'a> {
             channels: RefCell::new(None),
             last: RefCell::default(),
             outputs: RefCell::default(),
+            shared: valves.then(Shared::new),
+            output_settings: Cell::new([OutputSettings::DEFAULT; MOST_ENGINES]),
+            changes: RefCell::default(),
             before: RefCell::new(vec![Counters::default(); engines.len()]),
             wanted: Cell::new(None),
             cause: Cell::new(Cause::PowerLost),
@@ -86,10 +100,15 @@ impl<'a> Node<'a> {
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         // From what was retained, before anything else.
-        let outputs = self.memory.iter().enumerate().map(|(i, memory)| {
-            Outputs::new(OutputSettings::DEFAULT, memory.load(self.config(i).fingerprint(), reset))
+        let outputs = self.memory.iter().zip(self.output_settings.get()).enumerate();
+        let outputs = outputs.map(|(i, (memory, settings))| {
+            Outputs::new(settings, memory.load(self.config(i).fingerprint(), reset), false)
         });
-        self.outputs.replace(outputs.collect());
+        let outputs: Vec<Outputs> = outputs.collect();
+        for (i, outputs) in outputs.iter().enumerate() {
+            self.publish(i, outputs, &outputs.restored());
+        }
+        self.outputs.replace(outputs);
         let channels: Rc<[Channel]> = self
             .memory
             .iter()
@@ -161,6 +180,38 @@ impl<'a> Node<'a> {
         self.outputs.borrow()[engine]
     }
 
+    /// The outputs as MAVLink sees them, if there are any.
+    pub const fn shared(&self) -> Option<&Shared<MOST_ENGINES>> {
+        self.shared.as_ref()
+    }
+
+    /// Settings of the outputs at the next start.
+    pub const fn output_settings(&self) -> [OutputSettings; MOST_ENGINES] {
+        self.output_settings.get()
+    }
+
+    /// Keeps settings of an engine's outputs for the next start.
+    pub fn configure_outputs(&self, engine: usize, settings: OutputSettings) {
+        let mut all = self.output_settings.get();
+        if let Some(kept) = all.get_mut(engine) {
+            *kept = settings;
+        }
+        self.output_settings.set(all);
+    }
+
+    /// What changed of the outputs since the last call, where there are valves.
+    pub fn take_changes(&self) -> Vec<(usize, Change)> {
+        self.look();
+        self.changes.take()
+    }
+
+    fn publish(&self, engine: usize, outputs: &Outputs, changes: &[Change]) {
+        if let Some(shared) = &self.shared {
+            shared.set(engine, &BOTH, outputs, changes.iter().copied());
+            self.changes.borrow_mut().extend(changes.iter().map(|change| (engine, *change)));
+        }
+    }
+
     /// A command. `None`: the node is away and does not receive it.
     pub fn command(
         &self,
@@ -186,11 +237,12 @@ impl<'a> Node<'a> {
         if let Some(channels) = &*self.channels.borrow() {
             let mut outputs = self.outputs.borrow_mut();
             let outputs = outputs.iter_mut();
-            for ((last, outputs), channel) in
-                self.last.borrow_mut().iter_mut().zip(outputs).zip(channels.iter())
+            for (i, ((last, outputs), channel)) in
+                self.last.borrow_mut().iter_mut().zip(outputs).zip(channels.iter()).enumerate()
             {
                 *last = channel.handle().telemetry();
-                outputs.update(last);
+                let changes: Vec<Change> = outputs.update(last).into_iter().flatten().collect();
+                self.publish(i, outputs, &changes);
             }
         }
     }

@@ -84,13 +84,15 @@ MAVLink:
   continues until it is ended or for --duration. Settings stay in memory until then. docs/mavlink.md has the rest.
 
 Radio control:
-  --rc sbus, --rc crsf                   the keys move a simulated transmitter: t the switch to standby, s to run
+  --rc sbus, --rc crsf, --rc pwm         the keys move a simulated transmitter: t the switch to standby, s to run
                                          allowed, Space to stop; Up and Down the stick
   --rc sbus=tcpout:127.0.0.1:5763        real frames from outside (SERIAL2 of a simulated ArduPlane as SBUS output);
                                          addresses as for MAVLink but udpout. A serial port gets 8E2 with sbus; an
                                          adapter has to undo the inversion of SBUS
-  One receiver for all engines, throttle on channel 3, switch on channel 5. The pilots do not fly then, and --mavlink
-  beside it is the lower source. docs/rc.md has what stick and switch do.
+  --rc sbus,throttle=1,switch=6          other channels than 3 for the throttle and 5 for the switch, also behind an
+                                         address; pwm has 1 and 2, of four
+  One receiver for all engines. The pilots do not fly then, and --mavlink beside it is the lower source. docs/rc.md has
+  what stick and switch do. --valves gives each engine a fuel valve.
 
 Exit status:
   0  no reply window was missed on a clean line, and every engine reached its targets; with --scenario: all expected
@@ -180,9 +182,13 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["fast", "standby", "script", "scenario"])]
     pub mavlink: Vec<String>,
 
-    /// Radio control in place of the pilots: sbus or crsf, moved by the keys; sbus=ADDRESS or crsf=ADDRESS, frames from outside
+    /// Radio control in place of the pilots: sbus, crsf or pwm, moved by the keys; sbus=ADDRESS or crsf=ADDRESS, frames from outside
     #[arg(long, value_name = "RECEIVER", conflicts_with_all = ["fast", "standby", "script", "scenario"])]
     pub rc: Option<String>,
+
+    /// Give each engine a fuel valve that cuts its fuel, and a switch for the power of its starter and ignition
+    #[arg(long, conflicts_with_all = ["script", "scenario"])]
+    pub valves: bool,
 
     /// For tests: engine time passes this many times as fast
     #[arg(long, value_name = "NUMBER", hide = true, conflicts_with = "fast")]
@@ -258,6 +264,7 @@ fn header(args: &Args) -> Result<Header, String> {
         standby: args.standby,
         faults: args.faults.clone(),
         rc: args.rc.clone(),
+        valves: args.valves,
     })
 }
 
@@ -332,6 +339,7 @@ fn setup(
         panic_at,
         mavlink,
         radio,
+        valves: header.valves,
         speed: args.speed.unwrap_or(1),
         ends: duration.is_some(),
     })

@@ -7,8 +7,9 @@ mod transmitter;
 pub use self::choice::{Choice, RadioError};
 pub use self::transmitter::Transmitter;
 
-use self::transmitter::Air;
+use self::transmitter::{Air, Pulses};
 use super::context::{EngineContext, PilotInput};
+use super::engines::MOST_ENGINES;
 use super::node::Node;
 use super::port::{Format, Link};
 use embassy_time::Instant;
@@ -21,10 +22,10 @@ use jetlink_rc::runner;
 use jetlink_rc::service::Service;
 use jetlink_rc::settings::EngineSettings;
 use sim::clock;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
-/// Most engines: as many as the rig has.
-const MOST_ENGINES: usize = 8;
+/// The receiver of one life of the node, and its engines.
+pub type Receiver<'a> = RefCell<Service<'a, MOST_ENGINES>>;
 
 /// Where the frames come from.
 #[derive(Debug)]
@@ -38,19 +39,22 @@ enum From {
 pub struct Radio {
     protocol: Protocol,
     from: From,
+    /// Settings of each engine, as they are parameters: they stay over a reset of the node, as a board stores them.
+    settings: Cell<[EngineSettings; MOST_ENGINES]>,
 }
 
 impl Radio {
     /// Opens the port, or takes the transmitter up: its stick at idle, its switch at stop.
     pub fn open(choice: &Choice) -> Result<Self, RadioError> {
         let from = match &choice.address {
-            None => From::Transmitter(Transmitter::new()),
+            None => From::Transmitter(Transmitter::new(&choice.settings)),
             Some(address) => {
-                let format = if choice.protocol.is_8e2() { Format::E2 } else { Format::N1 };
+                let is_8e2 = choice.protocol.line().is_some_and(|line| line.is_8e2);
+                let format = if is_8e2 { Format::E2 } else { Format::N1 };
                 From::Port(Link::open(address, format).map_err(RadioError::Open)?)
             }
         };
-        Ok(Self { protocol: choice.protocol, from })
+        Ok(Self { protocol: choice.protocol, from, settings: Cell::new([choice.settings; MOST_ENGINES]) })
     }
 
     /// The transmitter, if it is simulated.
@@ -61,15 +65,28 @@ impl Radio {
         }
     }
 
-    /// Serves the receiver of a node that has just started, until it is reset.
-    pub async fn serve(&self, node: &Node<'_>, channels: &[Channel], contexts: &[EngineContext<'_>]) {
+    /// The receiver of a node that has just started.
+    pub fn begin<'a>(&self, node: &Node<'_>, channels: &'a [Channel]) -> Receiver<'a> {
         let mut pilots = Vec::new();
-        for (i, channel) in channels.iter().enumerate() {
+        for (i, (channel, settings)) in channels.iter().zip(self.settings.get()).enumerate() {
             let Ok(source) = channel.handle_in(channels).source(Origin::Rc) else { continue };
-            // The defaults are right.
-            pilots.extend(Pilot::new(source, &node.config(i), EngineSettings::DEFAULT).ok());
+            // They were checked when they were set.
+            pilots.extend(Pilot::new(source, &node.config(i), settings).ok());
         }
-        let service = RefCell::new(Service::<'_, MOST_ENGINES>::new(self.protocol.input(), pilots));
+        RefCell::new(Service::new(self.protocol.input(), pilots))
+    }
+
+    /// Keeps the settings of an engine for the next start of the node.
+    pub fn keep(&self, engine: usize, settings: EngineSettings) {
+        let mut all = self.settings.get();
+        if let Some(kept) = all.get_mut(engine) {
+            *kept = settings;
+        }
+        self.settings.set(all);
+    }
+
+    /// Serves the receiver until the node is reset.
+    pub async fn serve(&self, service: &Receiver<'_>, contexts: &[EngineContext<'_>]) {
         // Neither the network nor the simulated transmitter damages a byte.
         let errors = LineErrors::new();
         let after = |_: Instant, engine: usize, outcome| {
@@ -78,10 +95,14 @@ impl Radio {
             }
         };
         match &self.from {
-            From::Transmitter(transmitter) => {
-                runner::run(&service, Air::new(transmitter, self.protocol), &errors, after).await
+            From::Transmitter(transmitter) if self.protocol == Protocol::Pwm => {
+                let mut pulses = Pulses::new(transmitter);
+                runner::run_pulses(service, async || pulses.next().await, after).await
             }
-            From::Port(link) => runner::run(&service, link.rx(), &errors, after).await,
+            From::Transmitter(transmitter) => {
+                runner::run(service, Air::new(transmitter, self.protocol), &errors, after).await
+            }
+            From::Port(link) => runner::run(service, link.rx(), &errors, after).await,
         }
     }
 }
@@ -109,6 +130,7 @@ fn note(context: &EngineContext<'_>, outcome: Outcome) {
             context.input.set(PilotInput::Standby);
         }
         Outcome::NotSteady => context.note("no start: the stick was not at idle, or not for 0.5 s"),
+        Outcome::SettingsDamaged => context.note("no start: the stored settings are damaged"),
         Outcome::Commanded(..) | Outcome::Ignored(_) => {}
     }
 }

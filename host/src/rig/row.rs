@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn what_matters_fits_80_columns_and_nothing_moves() {
         let engines = engines(&[]).unwrap();
-        let node = Node::new(&engines);
+        let node = Node::new(&engines, false);
         let notes = Notes::default();
         let context = EngineContext::new(3, &engines[3], embassy_time::Instant::MIN, &notes);
         let names = ["left", "right", "centre", "booster"];
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn an_emergency_stop_is_shown_whatever_is_commanded() {
         let engines = engines(&[]).unwrap();
-        let node = Node::new(&engines);
+        let node = Node::new(&engines, false);
         let notes = Notes::default();
         let context = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
         let sample = Sample {

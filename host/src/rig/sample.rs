@@ -72,6 +72,10 @@ pub struct Sample {
     pub faults: Option<Faults>,
     /// What the node has counted.
     pub counters: Counters,
+    /// Its fuel valve is open, if it has one.
+    pub valve_open: Option<bool>,
+    /// Its starter and ignition have power, if an output switches that.
+    pub power: Option<bool>,
 }
 
 impl Sample {
@@ -105,6 +109,8 @@ impl Sample {
                 .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
             faults: report.faults.filter(|faults| is_fresh(faults, at)).map(|faults| faults.value),
             counters: telemetry.counters,
+            valve_open: None,
+            power: None,
         }
     }
 

@@ -25,6 +25,7 @@ use jetlink::event::Event;
 use jetlink::limit::{LimitKind, LimitViolation};
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
+use jetlink_rc::outputs::Valve;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Faults as LineFaults, Plug};
@@ -36,6 +37,9 @@ use std::task::Poll;
 
 /// After the last pilot is done, for what is still on its way.
 const AFTERWARDS: Duration = Duration::from_millis(500);
+
+/// Between two looks at the valves.
+const VALVES_EVERY: Duration = Duration::from_millis(20);
 
 /// Everything that is decided before a run.
 #[derive(Debug)]
@@ -58,6 +62,8 @@ pub struct Setup {
     pub mavlink: Option<Mavlink>,
     /// A receiver of radio control, in place of the pilots.
     pub radio: Option<Radio>,
+    /// Each engine has a fuel valve that cuts its fuel.
+    pub valves: bool,
     /// How many times as fast as the wall clock.
     pub speed: u32,
     /// The run ends with the plan's length, although no pilot ends it.
@@ -92,7 +98,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let count = setup.engines.len();
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
-    let node = Node::new(&setup.engines);
+    let node = Node::new(&setup.engines, setup.valves);
     let context = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
     let contexts: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(context).collect();
     let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
@@ -167,6 +173,9 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         }
     }
     tasks.push(Box::pin(clock::task(disturb(setup, &plugs, &notes))));
+    if setup.valves {
+        tasks.push(Box::pin(clock::task(drive_valves(&node, &contexts, &plugs))));
+    }
 
     let outcomes = |end: End| {
         let of_engine =
@@ -221,10 +230,14 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 context.note_hidden(false);
             }
             player.look();
-            let samples = contexts
-                .iter()
-                .zip(&telemetry)
-                .map(|(context, telemetry)| Sample::take(context, telemetry, node.is_up()));
+            let samples = contexts.iter().zip(&telemetry).enumerate().map(|(i, (context, telemetry))| {
+                let outputs = setup.valves.then(|| node.outputs(i));
+                Sample {
+                    valve_open: outputs.map(|outputs| outputs.valve() == Valve::Open),
+                    power: outputs.map(|outputs| outputs.power()),
+                    ..Sample::take(context, telemetry, node.is_up())
+                }
+            });
             let samples: Vec<Sample> = samples.collect();
             let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
             let details = details.map(|(i, (context, telemetry))| Detail {
@@ -303,6 +316,29 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     outcomes(end.into_inner())
 }
 
+/// Follows the outputs, notes their changes, and cuts the fuel of an engine whose valve is closed.
+async fn drive_valves(node: &Node<'_>, contexts: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>]) {
+    let mut ticker = Ticker::every(VALVES_EVERY);
+    loop {
+        for (engine, change) in node.take_changes() {
+            if let Some(context) = contexts.get(engine) {
+                context.note(change.to_string());
+            }
+        }
+        for (i, plug) in plugs.iter().enumerate() {
+            if node.outputs(i).valve() == Valve::Closed {
+                plug.ecu(|ecu| {
+                    let turbine = ecu.turbine_mut();
+                    if turbine.thrust() > 0.0 {
+                        turbine.flame_out();
+                    }
+                });
+            }
+        }
+        ticker.next().await;
+    }
+}
+
 /// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
 /// dropped then, and nothing is left of them but what is in its memory.
 async fn with_node(
@@ -320,6 +356,7 @@ async fn with_node(
             let channels = node.boot();
             notes.add(None, "the node has started: it listens to the engines before it obeys run or standby");
             let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
+            let receiver = setup.radio.as_ref().map(|radio| radio.begin(node, &channels));
             let mut tasks: Vec<Task<'_>> = Vec::new();
             for (((channel, context), plug), errors) in channels.iter().zip(contexts).zip(plugs).zip(&errors)
             {
@@ -332,10 +369,11 @@ async fn with_node(
                 tasks.push(wired::runner(runner, rx, tx, errors));
             }
             if let Some(mavlink) = &setup.mavlink {
-                tasks.push(Box::pin(mavlink.serve(node, &channels)));
+                let radio = setup.radio.as_ref().zip(receiver.as_ref());
+                tasks.push(Box::pin(mavlink.serve(node, &channels, radio)));
             }
-            if let Some(radio) = &setup.radio {
-                tasks.push(Box::pin(radio.serve(node, &channels, contexts)));
+            if let Some((radio, receiver)) = setup.radio.as_ref().zip(receiver.as_ref()) {
+                tasks.push(Box::pin(radio.serve(receiver, contexts)));
             }
             let reset = Cell::new(None);
             let away = async { reset.set(Some(node.wanted().await)) };

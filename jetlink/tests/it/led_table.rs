@@ -14,16 +14,24 @@ use jetlink::units::{Rpm, Throttle};
 
 #[test]
 fn the_readme_has_the_table() {
-    let mut table = String::from("| flashes each second | meaning |\n|---|---|\n");
+    let mut table = String::from("| flashes each second | buzzer | meaning |\n|---|---|---|\n");
     for shows in Indication::ALL {
         let pattern = shows.pattern();
         let number = ["none", "one", "two", "three", "four", "five"][usize::from(pattern.flashes)];
         let length = if pattern.is_long() { "long" } else { "short" };
-        table += &format!("| {number} {length} | {} |\n", shows.meaning());
+        let buzzer = if shows.beeps() { "the same" } else { "silent" };
+        table += &format!("| {number} {length} | {buzzer} | {} |\n", shows.meaning());
     }
     let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../README.md");
     let begin = "<!-- led: made, JETLINK_WRITE=1 cargo test -p jetlink --test it led_table:: -->\n";
     pages::compare(readme, begin, "<!-- led end -->\n", &table);
+}
+
+/// It calls people: not while nothing is to be done.
+#[test]
+fn a_buzzer_beeps_when_an_engine_is_armed_and_when_somebody_has_to_look() {
+    let silent: Vec<_> = Indication::ALL.into_iter().filter(|shows| !shows.beeps()).collect();
+    assert_eq!(silent, [Indication::AtRest, Indication::Running]);
 }
 
 #[test]

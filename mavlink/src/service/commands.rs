@@ -1,12 +1,13 @@
 //! Commands: each gets its final answer at once, and a text with the reason where it is refused.
 
 use super::{Place, Service};
+use crate::attached::{Attached, sealed::Streams};
 use crate::dialect::COMMAND_ACK_DATA;
 use crate::frame::Address;
 use crate::ids::{
     Ack, CMD_DO_ENGINE_CONTROL, CMD_DO_FLIGHTTERMINATION, CMD_PREFLIGHT_REBOOT_SHUTDOWN, CMD_REQUEST_MESSAGE,
     CMD_SET_MESSAGE_INTERVAL, CMD_USER_1, MESSAGE_EFI_STATUS, MESSAGE_HEARTBEAT, MESSAGE_NAMED_VALUE_FLOAT,
-    Severity,
+    MESSAGE_RC_CHANNELS, MESSAGE_RELAY_STATUS, Severity,
 };
 use crate::number::whole;
 use crate::port::{Class, Interval};
@@ -30,7 +31,7 @@ fn done(result: Result<(), Refusal>) -> Answer {
     result.map_or_else(refuse, |()| Ok(Ack::Accepted))
 }
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     #[allow(clippy::too_many_arguments, reason = "the fields of two messages")]
     pub(super) fn command(
         &mut self,
@@ -184,16 +185,20 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     }
 
     fn set_interval(&mut self, port: usize, place: Place, message: f32, interval: f32) -> Answer {
-        let (Some(message), Some(engine)) = (whole(message), place.engine()) else {
-            return Ok(Ack::Unsupported);
-        };
-        let streams = self.ports.get_mut(port).and_then(|port| port.streams.get_mut(engine));
-        let Some(streams) = streams else { return Ok(Ack::Unsupported) };
-        let schedule = match u32::try_from(message) {
-            Ok(MESSAGE_EFI_STATUS) => &mut streams.efi,
-            Ok(MESSAGE_NAMED_VALUE_FLOAT) => &mut streams.values,
-            _ => return Ok(Ack::Unsupported),
-        };
+        let message = whole(message).and_then(|message| u32::try_from(message).ok());
+        let schedule = message.and_then(|message| match place {
+            Place::Node if message == MESSAGE_RELAY_STATUS && !self.attached.has_outputs() => None,
+            Place::Node => self.streams.get_mut(port)?.schedule(message),
+            Place::Engine(engine) => {
+                let streams = self.ports.get_mut(port)?.streams.get_mut(engine)?;
+                match message {
+                    MESSAGE_EFI_STATUS => Some(&mut streams.efi),
+                    MESSAGE_NAMED_VALUE_FLOAT => Some(&mut streams.values),
+                    _ => None,
+                }
+            }
+        });
+        let Some(schedule) = schedule else { return Ok(Ack::Unsupported) };
         schedule.interval = match whole(interval) {
             Some(-1) => Interval::Off,
             Some(0) => Interval::Default,
@@ -214,6 +219,12 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             }
             (Some(MESSAGE_NAMED_VALUE_FLOAT), Place::Engine(engine)) => {
                 self.send_values(now, port, engine, true, Class::Answer);
+            }
+            (Some(MESSAGE_RELAY_STATUS), Place::Node) if self.attached.has_outputs() => {
+                self.send_relays(now, port, Class::Answer);
+            }
+            (Some(MESSAGE_RC_CHANNELS), Place::Node) if self.attached.channels(now).is_some() => {
+                self.send_channels(now, port, Class::Answer);
             }
             _ => return Ok(Ack::Unsupported),
         }

@@ -1,6 +1,7 @@
 //! Messages that come in, but commands and parameters.
 
 use super::{Place, Service};
+use crate::attached::Attached;
 use crate::dialect::*;
 use crate::fields::{
     Fields, command, command_ack, command_cancel, heartbeat, param_request_list, param_request_read,
@@ -15,7 +16,7 @@ use embassy_time::Instant;
 use jetlink::command::Order;
 use mavlink_core::MessageData;
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame) {
         let from = frame.from;
         // Our own frames may come back.

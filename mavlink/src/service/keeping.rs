@@ -1,15 +1,16 @@
 //! Settings that stay: a parameter that was set is answered when it is stored, and is as before when it cannot be.
 
 use super::{Keeping, Pending, Place, Service};
+use crate::attached::Attached;
 use crate::ids::Severity;
 use crate::record::{self, Record};
 use crate::refusal::Refusal;
-use crate::settings::find_row;
+use crate::settings::{Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::{Effect, Row};
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Sets what happens to parameters that are set. By default the code that builds the service looks after them.
     pub fn set_keeping(&mut self, keeping: Keeping) {
         self.keeping = keeping;
@@ -19,6 +20,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     /// are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged;
+        self.attached.set_damaged(damaged);
     }
 
     /// Confirms the present settings: all are stored anew.
@@ -29,7 +31,8 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         if !self.is_at_rest() {
             return Err(Refusal::NotAtRest);
         }
-        (self.damaged, self.anew) = (false, true);
+        self.set_damaged(false);
+        self.anew = true;
         Ok(())
     }
 
@@ -38,23 +41,40 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         core::mem::take(&mut self.anew)
     }
 
-    /// The next record to store, with its key: 0 is the node, then the engines. [`Service::saved`] has to follow.
+    /// The next record to store, with its key. [`Service::saved`] has to follow.
     pub fn next_save(&self) -> Option<(u8, Record)> {
         let pending = self.pending.front()?;
-        let key = pending.place.engine().map_or(0, |engine| engine + 1);
-        self.record(key)
+        let place = match pending.place.engine() {
+            None => 0,
+            Some(engine) if self.is_attached(pending.place, pending.index) => self.engines.len() + 1 + engine,
+            Some(engine) => engine + 1,
+        };
+        self.record(place)
     }
 
-    /// The record of a key, as it should be stored.
-    pub fn record(&self, key: usize) -> Option<(u8, Record)> {
-        let record = match key.checked_sub(1) {
-            None => record::of_node(&self.settings),
-            Some(engine) => {
-                let engine = self.engines.get(engine)?;
-                record::of_engine(&engine.config, &engine.settings)
-            }
+    /// Number of records: of the node, then of the engines, then of what is attached for each of them.
+    pub fn places(&self) -> usize {
+        1 + self.engines.len() * (1 + usize::from(!self.attached.rows().is_empty()))
+    }
+
+    /// The record in a place, with its key, as it should be stored.
+    pub fn record(&self, place: usize) -> Option<(u8, Record)> {
+        let Some(engine) = place.checked_sub(1) else { return Some((0, record::of_node(&self.settings))) };
+        if let Some(of) = self.engines.get(engine) {
+            return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings)));
+        }
+        let engine = engine.checked_sub(self.engines.len()).filter(|_| place < self.places())?;
+        let attached = &self.attached;
+        let record = record::of_attached(attached.rows(), &|name| attached.number(engine, name));
+        Some((record::attached_key(engine)?, record))
+    }
+
+    /// Whether this parameter is one of what is attached.
+    fn is_attached(&self, place: Place, index: usize) -> bool {
+        let Some(row) = self.row(place, index).filter(|_| !self.attached.rows().is_empty()) else {
+            return false;
         };
-        Some((u8::try_from(key).ok()?, record))
+        find_row(Table::Attached(self.attached.rows()), &mut |other| core::ptr::eq(other, row)).is_some()
     }
 
     /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and is as before if it was
@@ -126,6 +146,10 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             Place::Node => {
                 self.settings.set(row.name, old);
             }
+            // Refused only where the engine has begun to turn: then the new one counts until the next start.
+            Place::Engine(engine) if self.attached.number(engine, row.name).is_some() => {
+                let _ = self.attached.set(engine, row.name, old);
+            }
             Place::Engine(engine) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return };
                 if !engine.settings.set_own(row.name, old) && engine.config.change(row.name, old) {
@@ -162,8 +186,15 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         is_it: &mut dyn FnMut(&'static Row) -> bool,
     ) -> Option<&'static Row> {
         match place {
-            Place::Node => find_row(None, is_it),
-            Place::Engine(engine) => find_row(Some(&self.engines.get(engine)?.config), is_it),
+            Place::Node => find_row(Table::Node, is_it),
+            Place::Engine(engine) => {
+                let found = find_row(Table::Engine(&self.engines.get(engine)?.config), is_it);
+                let rows = self.attached.rows();
+                match found {
+                    None if !rows.is_empty() => find_row(Table::Attached(rows), is_it),
+                    found => found,
+                }
+            }
         }
     }
 }

@@ -7,6 +7,7 @@ mod outgoing;
 pub mod parameters;
 mod signing;
 
+use crate::attached::{Attached, Nothing, sealed::Streams};
 use crate::engine::{Engine, Situation};
 use crate::frame::Address;
 use crate::ids::Severity;
@@ -66,9 +67,12 @@ pub enum Request {
     Reboot,
 }
 
-/// MAVLink of a node with up to `N` engines and `P` ports.
+/// MAVLink of a node with up to `N` engines and `P` ports, and what else is attached.
 #[derive(Debug)]
-pub struct Service<'a, const N: usize, const P: usize> {
+pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
+    attached: A,
+    /// Of what is attached, on each port.
+    streams: [A::Streams; P],
     settings: NodeSettings,
     /// As they were at the start: a change counts from the next one on.
     base: u8,
@@ -159,6 +163,20 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
         engines: impl IntoIterator<Item = EngineParts<'a>>,
         ports: impl IntoIterator<Item = PortConfig>,
     ) -> Self {
+        Self::with(now, settings, signing, engines, ports, Nothing)
+    }
+}
+
+impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
+    /// The same as [`Service::new`] with what else is attached.
+    pub fn with(
+        now: Instant,
+        settings: NodeSettings,
+        signing: SigningState,
+        engines: impl IntoIterator<Item = EngineParts<'a>>,
+        ports: impl IntoIterator<Item = PortConfig>,
+        attached: A,
+    ) -> Self {
         let engines: Vec<Engine<'a>, N> = engines
             .into_iter()
             .take(N)
@@ -166,6 +184,8 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             .collect();
         let count = engines.len();
         Self {
+            attached,
+            streams: core::array::from_fn(|_| A::Streams::new(now)),
             settings,
             base: settings.identity.base,
             autopilot_port: usize::from(settings.identity.autopilot_port).checked_sub(1),
@@ -229,6 +249,11 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     /// What the node has to do besides; each is returned once.
     pub fn take_request(&mut self) -> Option<Request> {
         core::mem::take(&mut self.reboot).then_some(Request::Reboot)
+    }
+
+    /// What is attached.
+    pub const fn attached(&self) -> &A {
+        &self.attached
     }
 
     /// What was counted.

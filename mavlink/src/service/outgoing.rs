@@ -2,8 +2,12 @@
 //! the autopilot's outputs.
 
 use super::{Place, Service};
-use crate::dialect::{COMMAND_LONG_DATA, NAMED_VALUE_FLOAT_DATA};
-use crate::ids::{CMD_SET_MESSAGE_INTERVAL, COMPONENT_AUTOPILOT, MESSAGE_SERVO_OUTPUT_RAW, Severity};
+use crate::attached::{Attached, Channels, sealed::Streams};
+use crate::dialect::{COMMAND_LONG_DATA, NAMED_VALUE_FLOAT_DATA, RC_CHANNELS_DATA, RELAY_STATUS_DATA};
+use crate::ids::{
+    CMD_SET_MESSAGE_INTERVAL, COMPONENT_AUTOPILOT, MESSAGE_RC_CHANNELS, MESSAGE_RELAY_STATUS,
+    MESSAGE_SERVO_OUTPUT_RAW, Severity,
+};
 use crate::port::Class;
 use crate::report::{efi_status, heartbeat, named_values, node_heartbeat};
 use crate::settings::DemandSource;
@@ -18,10 +22,11 @@ const HEARTBEAT_BYTES: usize = 21;
 /// On a port that carries everything.
 const WIDE_EVERY: Duration = Duration::from_millis(100);
 const VALUES_EVERY: Duration = Duration::from_secs(1);
+const RELAYS_EVERY: Duration = Duration::from_secs(1);
 /// `MAV_EFI_ENGINE` for all engines.
 const ALL: u8 = 255;
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     pub(super) fn tick(&mut self, now: Instant) {
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
@@ -31,6 +36,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             self.report_events(now, place);
         }
         self.report_lost_texts(now);
+        self.report_attached(now);
         if now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
             for port in 0..self.ports.len() {
@@ -66,6 +72,61 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                 None => return,
             }
         }
+    }
+
+    /// Outputs that changed, and the streams of what is attached.
+    fn report_attached(&mut self, now: Instant) {
+        let mut changed = false;
+        while let Some(change) = self.attached.next_change() {
+            changed = true;
+            let severity = if change.alarming { Severity::Critical } else { Severity::Notice };
+            let what = format_args!("{}: {}", change.what, change.why);
+            self.say(now, Place::Engine(change.engine), severity, None, what);
+        }
+        let has_outputs = self.attached.has_outputs();
+        for port in 0..P {
+            let Some(streams) = self.streams.get_mut(port) else { continue };
+            let mut due = |message, default| {
+                streams.schedule(message).is_some_and(|schedule| schedule.is_due(now, default))
+            };
+            let relays = has_outputs && due(MESSAGE_RELAY_STATUS, Some(RELAYS_EVERY));
+            // On request only: a ground station would take them for what the autopilot receives.
+            let channels = due(MESSAGE_RC_CHANNELS, None);
+            if relays || changed && has_outputs {
+                self.send_relays(now, port, Class::Telemetry);
+            }
+            if channels {
+                self.send_channels(now, port, Class::Telemetry);
+            }
+        }
+    }
+
+    /// Two relays for each engine: its fuel valve, and the power of its starter and ignition.
+    pub(super) fn send_relays(&mut self, now: Instant, port: usize, class: Class) {
+        let (mut on, mut present) = (0_u16, 0_u16);
+        let mut bit = 1_u16;
+        for engine in 0..self.engines.len() {
+            let outputs = self.attached.outputs(engine);
+            for output in [outputs.valve, outputs.power] {
+                present |= if output.is_some() { bit } else { 0 };
+                on |= if output == Some(true) { bit } else { 0 };
+                bit = bit.checked_shl(1).unwrap_or(0);
+            }
+        }
+        let message = RELAY_STATUS_DATA { time_boot_ms: self.since_start(now), on, present };
+        self.send(now, port, Place::Node, class, &message);
+    }
+
+    /// Channels of the receiver, where there is one.
+    pub(super) fn send_channels(&mut self, now: Instant, port: usize, class: Class) {
+        let Some(channels) = self.attached.channels(now) else { return };
+        let message = rc_channels(self.since_start(now), &channels);
+        self.send(now, port, Place::Node, class, &message);
+    }
+
+    /// ms since the start; wraps after 49 days.
+    fn since_start(&self, now: Instant) -> u32 {
+        now.saturating_duration_since(self.started).as_millis() as u32
     }
 
     fn report_lost_texts(&mut self, now: Instant) {
@@ -141,13 +202,10 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         let telemetry = engine.telemetry();
         let streams = self.ports.get_mut(port).and_then(|port| port.streams.get_mut(place));
         let quality = streams.and_then(|streams| streams.quality.percent(&telemetry.counters));
-        let since = now.saturating_duration_since(self.started).as_millis();
+        let since = self.since_start(now);
         for (name, value) in named_values(&telemetry, quality, with_main) {
-            let message = NAMED_VALUE_FLOAT_DATA {
-                time_boot_ms: since as u32, // wraps after 49 days
-                value,
-                name: value_name(name, place),
-            };
+            let message =
+                NAMED_VALUE_FLOAT_DATA { time_boot_ms: since, value, name: value_name(name, place) };
             self.send(now, port, Place::Engine(place), class, &message);
         }
     }
@@ -173,6 +231,36 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             confirmation: 0,
         };
         self.send(now, port, Place::Node, Class::Answer, &message);
+    }
+}
+
+/// Channels of a receiver as a message. 65535 is a channel without a value; the quality of the reception is not known.
+fn rc_channels(time_boot_ms: u32, channels: &Channels) -> RC_CHANNELS_DATA {
+    let [c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18] =
+        channels.map(|channel| channel.unwrap_or(u16::MAX));
+    let count = channels.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+    RC_CHANNELS_DATA {
+        time_boot_ms,
+        chan1_raw: c1,
+        chan2_raw: c2,
+        chan3_raw: c3,
+        chan4_raw: c4,
+        chan5_raw: c5,
+        chan6_raw: c6,
+        chan7_raw: c7,
+        chan8_raw: c8,
+        chan9_raw: c9,
+        chan10_raw: c10,
+        chan11_raw: c11,
+        chan12_raw: c12,
+        chan13_raw: c13,
+        chan14_raw: c14,
+        chan15_raw: c15,
+        chan16_raw: c16,
+        chan17_raw: c17,
+        chan18_raw: c18,
+        chancount: count as u8, // 18 at most
+        rssi: u8::MAX,
     }
 }
 

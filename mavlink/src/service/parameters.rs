@@ -2,6 +2,7 @@
 //! order are fixed. They are served from RAM; `keeping.rs` has what is stored.
 
 use super::{Keeping, Pending, Place, Service};
+use crate::attached::Attached;
 use crate::dialect::PARAM_VALUE_DATA;
 use crate::engine::Engine;
 use crate::frame::Address;
@@ -30,7 +31,7 @@ pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static
     config.settings().filter(|setting| is_parameter(setting.name)).chain(EngineSettings::SETTINGS)
 }
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn count(&self, place: Place) -> usize {
         let mut count = 0;
         self.find_row(place, &mut |_| {
@@ -55,7 +56,8 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
             Place::Node => self.settings.number(name),
             Place::Engine(engine) => {
                 let engine = self.engines.get(engine)?;
-                engine.config.number(name).or_else(|| engine.settings.own(name))
+                let own = engine.config.number(name).or_else(|| engine.settings.own(name));
+                own.or_else(|| self.attached.number(place.engine()?, name))
             }
         }
     }
@@ -181,6 +183,9 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
                     return Err(Refusal::Turns);
                 }
                 self.settings.set(name, number);
+            }
+            Place::Engine(engine) if self.attached.number(engine, name).is_some() => {
+                self.attached.set(engine, name, number)?;
             }
             Place::Engine(engine) => {
                 let engine = self.engines.get_mut(engine).ok_or(Refusal::UnknownSetting)?;

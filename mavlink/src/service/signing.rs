@@ -1,6 +1,7 @@
 //! What a key demands of frames that come in, and how it is set.
 
 use super::{Place, Service};
+use crate::attached::Attached;
 use crate::fields::{Fields, setup_signing};
 use crate::frame::{Address, Frame};
 use crate::ids::Severity;
@@ -11,7 +12,7 @@ use crate::signing::{Key, Stamp};
 use crate::vehicle::Vehicle;
 use embassy_time::Instant;
 
-impl<const N: usize, const P: usize> Service<'_, N, P> {
+impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn is_usb(&self, port: usize) -> bool {
         self.ports.get(port).is_some_and(|port| port.config.usb)
     }

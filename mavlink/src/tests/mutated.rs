@@ -19,13 +19,14 @@ use mavlink_core::Message;
 use std::vec::Vec;
 
 /// Number of a message, its `CRC_EXTRA`, and the offset of its target system where it commands or sets.
-const MESSAGES: [(u32, u8, Option<usize>); 15] = [
+const MESSAGES: [(u32, u8, Option<usize>); 17] = [
     (0, 50, None),
     (20, 214, None),
     (21, 159, None),
     (22, 220, None),
     (23, 168, Some(4)),
     (36, 222, None),
+    (65, 118, None),
     (70, 124, None),
     (75, 158, Some(30)),
     (76, 152, Some(30)),
@@ -35,6 +36,7 @@ const MESSAGES: [(u32, u8, Option<usize>); 15] = [
     (251, 170, None),
     (253, 83, None),
     (256, 71, None),
+    (376, 199, None),
 ];
 
 #[test]

@@ -1,5 +1,6 @@
 //! A node with two simulated engines, an autopilot on port 0 and a ground station on port 1, in virtual time.
 
+use super::attached::{State, Toy};
 use crate::dialect::*;
 use crate::frame::{Address, Decoder, Frame, MAX_FRAME, encode, encode_to_sign};
 use crate::ids::*;
@@ -24,6 +25,7 @@ use sim::amt::{AmtConfig, AmtEcu};
 use sim::clock;
 use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 use std::string::String;
 use std::vec::Vec;
 
@@ -41,7 +43,7 @@ pub const SENDERS_STAMP: u64 = 90_000_000_000_000;
 
 static ERRORS: LineErrors = LineErrors::new();
 
-pub type TestService<'a> = Service<'a, 2, 2>;
+pub type TestService<'a> = Service<'a, 2, 2, Toy>;
 
 /// The simulated autopilot.
 #[derive(Debug)]
@@ -63,6 +65,8 @@ pub struct Plane {
 /// Everything that a test looks at and moves.
 pub struct World<'a> {
     pub service: RefCell<TestService<'a>>,
+    /// What is attached; off at first.
+    pub toy: Rc<State>,
     pub node: &'a Node<2>,
     pub plane: Plane,
     /// The ground station sends heartbeats.
@@ -235,14 +239,22 @@ impl World<'_> {
         };
         let ports = self.ports;
         // The sources are given back first.
-        self.service.replace(Service::new(now, settings, SigningState::NONE, [], ports));
+        self.service.replace(Service::with(
+            now,
+            settings,
+            SigningState::NONE,
+            [],
+            ports,
+            Toy(self.toy.clone()),
+        ));
         let parts = self.node.sources(Origin::Mavlink).into_iter().zip(engines);
         let parts = parts.map(|(source, (config, settings))| EngineParts {
             source: source.unwrap(),
             config,
             settings,
         });
-        self.service.replace(Service::new(now, settings, signing, parts, ports));
+        let toy = Toy(self.toy.clone());
+        self.service.replace(Service::with(now, settings, signing, parts, ports, toy));
     }
 
     /// Outputs 3 and 4, which engines 0 and 1 follow.
@@ -485,7 +497,9 @@ pub fn run_signed(
     });
     let ports = [PortConfig::uart(57_600), ground];
     let key = Cell::new(signing.key().copied());
-    let service = RefCell::new(Service::new(Instant::now(), settings, signing, parts, ports));
+    let toy = Toy::default();
+    let service = Service::with(Instant::now(), settings, signing, parts, ports, toy.clone());
+    let service = RefCell::new(service);
     let plane = Plane {
         alive: Cell::new(true),
         armed: Cell::new(false),
@@ -498,6 +512,7 @@ pub fn run_signed(
     };
     let world = World {
         service,
+        toy: toy.0,
         node: &node,
         plane,
         ground: Cell::new(true),

@@ -6,7 +6,7 @@ use crate::outputs::Valve;
 use crate::pilot::{Ignored, Outcome};
 use crate::settings::{EngineSettings, SettingsError};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use jetlink::engine::retained::Reset;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
@@ -479,6 +479,32 @@ fn valve_closes_when_standby_is_not_obeyed_and_never_before() {
     });
 }
 
+/// Both wires are broken, and the node itself has ordered standby, because radio control was silent. Its return with the switch at run, or
+/// at a standby that nobody has seen it move to, makes that no order of a person.
+#[test]
+fn radio_control_that_returns_at_run_leaves_the_nodes_own_standby_in_doubt_as_it_is() {
+    for (kind, found) in [(Kind::Sbus, RUN), (Kind::Crsf, STANDBY), (Kind::Pwm, RUN)] {
+        run(kind, async |world| {
+            world.start().await;
+            world.radio.on.set(false);
+            world.plug.cut(true);
+            let own = Ordered { order: Order::Standby, origin: Origin::Node };
+            world.until("the node's own standby", 60, || world.telemetry().ordered == own).await;
+            world.radio.switch.set(found);
+            world.radio.on.set(true);
+            world.pass(60.0).await;
+            assert_eq!(world.commanded(), Some(Command::Present));
+            assert_eq!(world.outputs.borrow().valve(), Valve::Open);
+            // Run orders nothing here either; a move to standby is what a person wants.
+            world.switch(RUN).await;
+            world.pass(30.0).await;
+            assert_eq!(world.outputs.borrow().valve(), Valve::Open);
+            world.switch(STANDBY).await;
+            world.until("closed", 6, || world.outputs.borrow().valve() == Valve::Closed).await;
+        });
+    }
+}
+
 #[test]
 fn shut_down_closes_the_valve_at_rest_and_power_ends_when_it_is_cold() {
     run(Kind::Crsf, async |world| {
@@ -608,6 +634,31 @@ fn reversed_stick_and_switch() {
             world.until("75 %", 10, || world.ordered() == Some(750)).await;
         })
         .await;
+    });
+}
+
+#[test]
+fn damaged_settings_start_nothing_until_they_are_confirmed() {
+    run(Kind::Sbus, async |world| {
+        world.arm().await;
+        world.pilot.borrow_mut().set_damaged(true);
+        world.switch(RUN).await;
+        world.pass(2.0).await;
+        let refused = world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == Outcome::SettingsDamaged);
+        assert!(refused && world.ordered().is_none());
+        world.pilot.borrow_mut().set_damaged(false);
+        world.pass(5.0).await;
+        assert_eq!(world.ordered(), None, "a start that was refused takes a new move");
+        world.switch(STANDBY).await;
+        world.pass(1.0).await;
+        world.radio.switch.set(RUN);
+        world.until("running", 120, || world.state() == EngineState::Running).await;
+        // A running engine keeps its throttle and its stop.
+        world.pilot.borrow_mut().set_damaged(true);
+        world.radio.stick.set(1500);
+        world.until("half throttle", 10, || world.ordered() == Some(500)).await;
+        world.switch(STOP).await;
+        assert!(world.telemetry().stop_latched);
     });
 }
 

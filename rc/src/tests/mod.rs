@@ -5,6 +5,8 @@ mod crsf;
 mod engine;
 mod frames;
 mod outputs;
+#[cfg(feature = "mavlink")]
+mod parameters;
 mod pwm;
 mod runner;
 mod sbus;

@@ -1,6 +1,6 @@
 //! The valve and the power, for each state of an engine: a snapshot of a real one, changed.
 
-use crate::outputs::{Outputs, Valve};
+use crate::outputs::{Change, Outputs, Valve, Why};
 use crate::settings::OutputSettings;
 use crate::wiring::{OutputConfig, OutputPin, PinLevel, check_board, check_outputs};
 use embassy_time::{Duration, Instant};
@@ -13,6 +13,7 @@ use jetlink::line::Line;
 use jetlink::report::{LinkState, Phase, Timed};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::{Celsius, Rpm, Throttle};
+use std::string::ToString;
 use std::vec::Vec;
 
 const CONFIG: EngineConfig = EngineConfig::zk("left", 0, Line::new(9600), Rate::Hz20);
@@ -45,7 +46,7 @@ fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
 
 fn outputs(valve: Valve) -> Outputs {
     let record = RetainedState::new(RUN, Origin::Rc);
-    Outputs::new(OutputSettings::DEFAULT, (valve == Valve::Open).then_some(record))
+    Outputs::new(OutputSettings::DEFAULT, (valve == Valve::Open).then_some(record), false)
 }
 
 /// What an update makes of a valve that was closed, and of one that was open.
@@ -176,8 +177,6 @@ fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
     let (up, lost) = (LinkState::Up, LinkState::Lost);
     assert_eq!(after(Order::Standby, Origin::Rc, false, up), Some(5000));
     assert_eq!(after(Order::Standby, Origin::Node, false, up), Some(5000));
-    // It is followed, the engine is on its way down.
-    assert_eq!(after(Order::Standby, Origin::Rc, true, up), None);
     // Nothing is received: what a person ordered counts, what the node did in doubt does not.
     assert_eq!(after(Order::Standby, Origin::Mavlink, true, lost), Some(5000));
     assert_eq!(after(Order::Standby, Origin::Node, true, lost), None);
@@ -224,11 +223,130 @@ fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
     assert_eq!(outputs.valve(), Valve::Closed);
 }
 
+/// The switch comes back as ordered, and the engine goes on: shaft speed or exhaust tell, after 8 s.
+#[test]
+fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does_keeps_it_until_it_is_at_rest()
+ {
+    let long = OutputSettings { not_obeyed: Some(Duration::from_secs(20)) };
+    let standby = |rpm: fn(u64) -> Option<u32>, egt: fn(u64) -> Option<i16>, origin, settings| {
+        let mut outputs = outputs(Valve::Open);
+        outputs.settings = settings;
+        (0..1200_u64).map(|tenth| tenth * 100).find(|&ms| {
+            let at = T0 + Duration::from_millis(ms);
+            let mut telemetry = snapshot(Order::Standby, Some(Phase::Running), None);
+            telemetry.at = at;
+            telemetry.ordered.origin = origin;
+            telemetry.report.phase = Some(Timed::new(Phase::Running, at));
+            telemetry.report.rpm = rpm(ms).map(|rpm| Timed::new(Rpm::new(rpm), at));
+            telemetry.report.egt = egt(ms).map(|egt| Timed::new(Celsius::from_tenths(egt * 10), at));
+            outputs.update(&telemetry).into_iter().flatten().any(|change| {
+                assert_eq!(change, Change::Valve(Valve::Closed, Why::KeepsRunning));
+                true
+            })
+        })
+    };
+    let of = |rpm, egt| standby(rpm, egt, Origin::Rc, OutputSettings::DEFAULT);
+    assert_eq!(of(|_| Some(60_000), |_| Some(600)), Some(8000));
+    assert_eq!(of(|_| Some(60_000), |_| None), Some(8000), "by its shaft alone");
+    assert_eq!(of(|_| None, |_| Some(600)), Some(8000), "by its exhaust alone");
+    assert_eq!(standby(|_| Some(60_000), |_| Some(600), Origin::Node, OutputSettings::DEFAULT), Some(8000));
+    // It creeps, and the noise of its reports is no fall.
+    assert_eq!(of(|ms| Some(60_000 - ms as u32 / 10), |ms| Some(600 + (ms / 100 % 3) as i16)), Some(8000));
+    assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, long), Some(23_000));
+    assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, OutputSettings { not_obeyed: None }), None);
+    // It goes down to the speed at which the starter cools it, and the exhaust goes on falling.
+    let down = |ms: u64| Some(60_000_u32.saturating_sub(ms as u32 * 5).max(4000));
+    // Cold, and turned all the while.
+    let cooled = of(down, |ms| Some((600 - (ms / 200) as i16).max(80)));
+    assert!(cooled.is_some_and(|ms| ms > 104_000), "{cooled:?}");
+    assert_eq!(
+        of(|ms| Some(60_000_u32.saturating_sub(ms as u32 * 5)), |_| Some(600)),
+        None,
+        "a hot engine at rest"
+    );
+    // It slows down at first, and stays there.
+    assert_eq!(
+        of(|ms| Some(60_000_u32.saturating_sub(ms as u32 * 5).max(40_000)), |_| Some(600)),
+        Some(11_400)
+    );
+}
+
+#[test]
+fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() {
+    for (phase, closes) in [(Some(Phase::Running), Some(8000)), (None, None)] {
+        let mut telemetry = snapshot(Order::Standby, phase, Some(60_000));
+        telemetry.ordered.origin = Origin::Node;
+        assert_eq!(closes_after(OutputSettings::DEFAULT, &telemetry), closes, "{phase:?}");
+    }
+}
+
+/// The firmware failed in start after start: the valve of an engine that ran is closed, and no order opens it before the engine is at
+/// rest, because its flame is out.
+#[test]
+fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {
+    let ran = RetainedState { ran: true, ..RetainedState::new(RUN, Origin::Rc) };
+    let mut outputs = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
+    assert_eq!((outputs.valve(), outputs.power(), outputs.is_cut()), (Valve::Closed, true, true));
+    assert_eq!(outputs.restored()[0], Change::Valve(Valve::Closed, Why::FailedStarts));
+    let mut service = snapshot(Order::Standby, Some(Phase::Running), Some(60_000));
+    service.fuel_service = true;
+    for telemetry in [
+        snapshot(RUN, Some(Phase::Running), Some(60_000)),
+        snapshot(DOUBT, Some(Phase::Running), Some(60_000)),
+        snapshot(Order::Listen, Some(Phase::Running), Some(60_000)),
+        // At rest, but somebody's order to run is in force.
+        snapshot(RUN, Some(Phase::Stopped), Some(0)),
+        service,
+    ] {
+        outputs.update(&telemetry);
+        assert_eq!((outputs.valve(), outputs.is_cut()), (Valve::Closed, true), "{telemetry:?}");
+    }
+    outputs.update(&snapshot(Order::Standby, Some(Phase::Standby), Some(0)));
+    assert!(!outputs.is_cut());
+    outputs.update(&snapshot(RUN, Some(Phase::Standby), Some(0)));
+    assert_eq!(outputs.valve(), Valve::Open, "a new start");
+    // Where no valve was to be open nothing is cut.
+    for record in [None, Some(RetainedState::new(Order::Standby, Origin::Rc))] {
+        let outputs = Outputs::new(OutputSettings::DEFAULT, record, true);
+        assert!(!outputs.is_cut() && outputs.valve() == Valve::Closed);
+    }
+}
+
+#[test]
+fn every_change_has_its_reason_and_nothing_else_is_a_change() {
+    let mut outputs = outputs(Valve::Closed);
+    let mut reasons = |telemetry: &Telemetry| {
+        let changes: Vec<_> = outputs.update(telemetry).into_iter().flatten().collect();
+        assert_eq!(outputs.update(telemetry), [None; 2], "the same again");
+        changes
+    };
+    let mut armed = snapshot(Order::Standby, Some(Phase::Standby), Some(0));
+    armed.armed = true;
+    assert_eq!(reasons(&armed), [Change::Power(true, Why::Armed)]);
+    assert_eq!(reasons(&snapshot(RUN, None, None)), [Change::Valve(Valve::Open, Why::Ordered)]);
+    let stop = snapshot(Order::EmergencyStop, Some(Phase::Running), Some(50_000));
+    assert_eq!(reasons(&stop), [Change::Valve(Valve::Closed, Why::StopLatched)]);
+    let mut cold = snapshot(Order::Standby, Some(Phase::Standby), Some(0));
+    cold.report.egt = Some(Timed::new(Celsius::from_tenths(200), T0));
+    assert_eq!(reasons(&cold), [Change::Power(false, Why::Cold)]);
+    let found = snapshot(Order::Listen, Some(Phase::Running), Some(50_000));
+    assert_eq!(reasons(&found), [Change::Valve(Valve::Open, Why::Lives), Change::Power(true, Why::Busy)]);
+    let mut deaf = snapshot(Order::Standby, Some(Phase::Running), Some(50_000));
+    deaf.obeyed = false;
+    assert_eq!(reasons(&deaf), []);
+    deaf.at = T0 + Duration::from_secs(5);
+    deaf.report.phase = Some(Timed::new(Phase::Running, deaf.at));
+    let [change] = reasons(&deaf)[..] else { panic!() };
+    assert_eq!(change, Change::Valve(Valve::Closed, Why::NotObeyed));
+    assert!(change.why().is_alarming() && !Why::AtRest.is_alarming());
+    assert_eq!(change.to_string(), "fuel valve closed: the ECU does not obey standby");
+}
+
 /// Every record: with a whole one of an engine that runs the valve is open before anything else, otherwise closed.
 #[test]
 fn valve_after_a_reset() {
     let after = |record: Option<RetainedState>| {
-        let outputs = Outputs::new(OutputSettings::DEFAULT, record);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
         (outputs.valve(), outputs.power())
     };
     assert_eq!(after(None), (Valve::Closed, false), "no record");
@@ -288,7 +406,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     for (telemetry, power) in
         [(cooling, true), (running, true), (hot, false), (turning, false), (silent, false)]
     {
-        let mut anew = Outputs::new(OutputSettings::DEFAULT, None);
+        let mut anew = Outputs::new(OutputSettings::DEFAULT, None, false);
         anew.update(&telemetry);
         assert_eq!(anew.power(), power, "{telemetry:?}");
     }
@@ -303,7 +421,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
 fn levels_follow_the_polarity_and_an_output_without_a_pin_is_not_driven() {
     let run = RetainedState { armed: true, ..RetainedState::new(RUN, Origin::Rc) };
     for (record, on) in [(None, false), (Some(run), true)] {
-        let outputs = Outputs::new(OutputSettings::DEFAULT, record);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
         let levels = |config: OutputConfig| config.levels(&outputs).collect::<Vec<_>>();
         for low in [false, true] {
             let [valve, power] = [3, 4].map(|number| OutputPin { number, low });

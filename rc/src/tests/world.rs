@@ -18,6 +18,7 @@ use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
+use jetlink::report::LinkState;
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
@@ -261,7 +262,11 @@ impl World<'_> {
             let burns =
                 self.plug.ecu(|ecu| ecu.turbine().fuel_flow() > 0.0 && !self.telemetry().stop_latched);
             let closed = self.outputs.borrow().valve() == Valve::Closed;
-            let healthy = self.telemetry().obeyed && burns;
+            let Telemetry { obeyed, link, ordered, .. } = self.telemetry();
+            // A person wants it to stop, and nothing is received.
+            let given_up =
+                ordered.order == Order::Standby && ordered.origin != Origin::Node && link != LinkState::Up;
+            let healthy = obeyed && burns && !given_up;
             assert!(!healthy || !closed, "a closed valve at a healthy engine: {:?}", self.telemetry());
         }
     }
@@ -292,7 +297,7 @@ pub async fn life(life: &Life<'_>, (rx, tx): (WireRx, WireTx), scenario: impl As
         handle,
         plug: life.plug,
         pilot: RefCell::new(pilot),
-        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, retained)),
+        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, retained, false)),
         input: RefCell::new(life.radio.kind.input()),
         lower: Cell::new(None),
         lower_source: handle.source(Origin::Mavlink).unwrap(),

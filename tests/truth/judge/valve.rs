@@ -9,6 +9,11 @@ const LATE: u64 = 60 * MS;
 const BURNS_ON: u64 = 200 * MS;
 /// A standby that is not obeyed closes the valve 5 s later, and not before; until it is in force and on the wire, run is.
 const NOT_OBEYED: u64 = 4500 * MS;
+/// A start that the firmware itself ends before has failed. From this time of them in a row on the valve is closed; the bounds of what
+/// the node counts, which adds some ms for each.
+const LIVED: u64 = SECOND;
+const MAY_CLOSE: u64 = 9 * SECOND;
+const HAS_TO_CLOSE: u64 = 10 * SECOND;
 /// A command of standby that can be the reason of a valve that closes: the stages of loss, an unknown state and a take-over lie between.
 const REASON: u64 = 60 * SECOND;
 
@@ -21,6 +26,7 @@ impl Case<'_> {
         self.no_fuel_through_it();
         self.cuts_nothing_healthy();
         self.starts_find_it_open();
+        self.failed_starts_close_it();
         let closes = self.h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).count();
         self.verdict.count("valves closed", closes as u64);
     }
@@ -91,6 +97,10 @@ impl Case<'_> {
             // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
+            if begins.is_some_and(|reset| self.failed_before(reset.up) >= MAY_CLOSE) {
+                self.verdict.exempt("the firmware failed in start after start", at - known);
+                continue;
+            }
             // The stages of loss end in standby. In a loop of short resets the valve closes before a frame is due.
             let run_out = h.rules.standby_after.unwrap_or(10 * SECOND);
             let silent =
@@ -103,6 +113,36 @@ impl Case<'_> {
                     at,
                     format!("the valve cuts an engine that runs, and {why}"),
                 );
+            }
+        }
+    }
+
+    /// Time of starts that failed, in a row, when the node begins at this time.
+    fn failed_before(&self, begins: u64) -> u64 {
+        let (mut since, mut failed) = (0, 0);
+        for reset in self.h.resets.iter().filter(|reset| reset.up <= begins) {
+            let life = reset.down.saturating_sub(since);
+            failed = match reset.cause {
+                Cause::PowerOn => 0,
+                _ if life >= LIVED => 0,
+                Cause::Watchdog => failed + life,
+                Cause::BrownOut => failed,
+            };
+            since = reset.up;
+        }
+        failed
+    }
+
+    /// A firmware that fails at each start does not hold a valve open for ever.
+    fn failed_starts_close_it(&mut self) {
+        let open = self.h.pin_is(Pin::Open);
+        for reset in self.h.resets.clone() {
+            if self.failed_before(reset.up) > HAS_TO_CLOSE && open.touches(reset.up, reset.up + LATE) {
+                let text = format!(
+                    "the node begins at {} after 10 s of failed starts, and opens the valve",
+                    seconds(reset.up)
+                );
+                self.verdict.finding(Rule::Valve, reset.up, text);
             }
         }
     }

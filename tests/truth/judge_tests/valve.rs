@@ -80,17 +80,21 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     lost(Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[]);
     lost(Cause::Watchdog).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
     // Nor can a node that is reset five times a second, since before the engine runs, know that it does.
-    let in_a_loop = |from: u64| {
+    let in_a_loop = |from: u64, cause, pins: &[(f64, Pin)]| {
         let resets = move |h: &mut History| {
             let downs = (from..=34_990).rev().step_by(200).collect::<Vec<_>>();
-            let reset =
-                |down: u64| Reset { down: down * 1000, up: down * 1000 + 10_000, cause: Cause::Watchdog };
+            let reset = |down: u64| Reset { down: down * 1000, up: down * 1000 + 10_000, cause };
             h.resets.extend(downs.into_iter().rev().map(reset));
         };
-        pin(flight(ZK5, 40.0), &closed).with(resets)
+        pin(flight(ZK5, 40.0), pins).with(resets)
     };
-    in_a_loop(3_000).breaks_beside(&[Rule::Doubt], &[]);
-    in_a_loop(33_000).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
+    // What else such a loop breaks is not what this is about.
+    let found = |story: Story| {
+        let rules = story.judged().rules().into_iter();
+        rules.filter(|rule| [Rule::Valve, Rule::CutOff].contains(rule)).collect::<Vec<_>>()
+    };
+    assert_eq!(found(in_a_loop(3_000, Cause::BrownOut, &closed)), []);
+    assert_eq!(found(in_a_loop(33_000, Cause::BrownOut, &closed)), [Rule::CutOff]);
     // Nor one that has just lost all that it knew.
     let erased = |up: f64| {
         let resets = move |h: &mut History| {
@@ -116,7 +120,7 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     // A loop of resets in which nobody commands ends in standby.
     let alone = |silent: f64| {
         let quiet = move |h: &mut History| h.commanded.retain(|c| c.at < micros(35.0 - silent));
-        in_a_loop(33_000).with(quiet)
+        in_a_loop(33_000, Cause::BrownOut, &closed).with(quiet)
     };
     for (silent, rules) in [(5.0, &[Rule::CutOff][..]), (10.5, &[])] {
         let verdict = alone(silent).judged();
@@ -132,6 +136,20 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
         verdict.rules().contains(&Rule::CutOff)
     };
     assert_eq!([ctf(34.5), ctf(39.0)], [false, true]);
+    // 10 s of starts that the firmware itself ends close it, and nothing less.
+    let fails = |from: u64, cause, pins: &[(f64, Pin)]| {
+        let resets = move |h: &mut History| {
+            let downs = (from..=54_990).rev().step_by(200).collect::<Vec<_>>();
+            let reset = |down: u64| Reset { down: down * 1000, up: down * 1000 + 10_000, cause };
+            h.resets.extend(downs.into_iter().rev().map(reset));
+        };
+        found(pin(flight(ZK5, 60.0), pins).with(resets))
+    };
+    let shut = [(52.6, Pin::Closed)];
+    assert_eq!(fails(42_000, Cause::Watchdog, &shut), []);
+    assert_eq!(fails(42_000, Cause::Watchdog, &[]), [Rule::Valve]);
+    assert_eq!(fails(44_000, Cause::Watchdog, &shut), [Rule::CutOff]);
+    assert_eq!(fails(42_000, Cause::BrownOut, &shut), [Rule::CutOff]);
     // Standby that is not obeyed: after 5 s, and not before.
     let standby = |closed: f64| {
         let story = flight(ZK5, 40.0)

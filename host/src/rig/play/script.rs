@@ -29,6 +29,8 @@ pub struct Header {
     pub faults: Option<String>,
     /// `--rc`.
     pub rc: Option<String>,
+    /// `--valves`.
+    pub valves: bool,
 }
 
 /// Where no seed is given.
@@ -36,7 +38,15 @@ pub const USUAL_SEED: u64 = 1;
 
 impl Default for Header {
     fn default() -> Self {
-        Self { seed: USUAL_SEED, engines: Vec::new(), duration: None, standby: false, faults: None, rc: None }
+        Self {
+            seed: USUAL_SEED,
+            engines: Vec::new(),
+            duration: None,
+            standby: false,
+            faults: None,
+            rc: None,
+            valves: false,
+        }
     }
 }
 
@@ -71,7 +81,7 @@ impl Script {
             if script.end.is_some() {
                 return Err(wrong("nothing follows `end`"));
             }
-            if matches!(first, "seed" | "duration" | "standby" | "faults" | "rc") {
+            if matches!(first, "seed" | "duration" | "standby" | "faults" | "rc" | "valves") {
                 if given.contains(&first) {
                     return Err(wrong(&format!("`{first}` is given twice")));
                 }
@@ -84,6 +94,7 @@ impl Script {
                 "engine" => script.header.engines.push(rest.to_owned()),
                 "duration" => script.header.duration = Some(rest.to_owned()),
                 "standby" => script.header.standby = true,
+                "valves" => script.header.valves = true,
                 "faults" => script.header.faults = Some(rest.to_owned()),
                 "rc" => script.header.rc = Some(rest.to_owned()),
                 time => {
@@ -161,6 +172,9 @@ pub fn text(
     if let Some(rc) = &header.rc {
         text += &format!("rc {rc}\n");
     }
+    if header.valves {
+        text += "valves\n";
+    }
     for (at, action) in actions {
         text += &format!("{} {}\n", time(*at), action.text(engines));
     }
@@ -193,6 +207,7 @@ mod tests {
             standby: false,
             faults: Some("light".to_owned()),
             rc: Some("sbus".to_owned()),
+            valves: true,
         };
         let engines = engines(&header.engines).unwrap();
         let at = |ms| Instant::MIN + Duration::from_millis(ms);

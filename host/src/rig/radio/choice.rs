@@ -2,6 +2,7 @@
 
 use super::super::port::{Address, AddressError, OpenError};
 use jetlink_rc::config::Protocol;
+use jetlink_rc::settings::EngineSettings;
 
 /// A receiver and where its frames come from.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -10,6 +11,8 @@ pub struct Choice {
     pub protocol: Protocol,
     /// `None`: a transmitter that the keys move.
     pub address: Option<Address>,
+    /// Settings of each engine: the defaults with other channels.
+    pub settings: EngineSettings,
 }
 
 /// What is wrong with `--rc`.
@@ -21,6 +24,12 @@ pub enum RadioError {
     Address(AddressError),
     /// Nothing can be received there.
     SendsOnly,
+    /// Pulses come over no network.
+    NoPulses,
+    /// No such channel, or no such function.
+    Channel(String),
+    /// Channels that exclude each other.
+    SameChannel,
     /// The port cannot be opened.
     Open(OpenError),
     /// Frames from outside, and an option for runs that can be played again.
@@ -35,11 +44,17 @@ impl core::fmt::Display for RadioError {
         match self {
             Self::Protocol(text) => write!(
                 f,
-                "`{text}` is not a receiver: use sbus or crsf for a transmitter that the keys move, sbus=ADDRESS or \
+                "`{text}` is not a receiver: use sbus, crsf or pwm for a transmitter that the keys move, sbus=ADDRESS or \
                  crsf=ADDRESS for frames from outside"
             ),
             Self::Address(error) => error.fmt(f),
             Self::SendsOnly => f.write_str("udpout only sends: use udpin, tcpin, tcpout or serial"),
+            Self::NoPulses => f.write_str("pwm has no address: its pulses are simulated"),
+            Self::Channel(text) => write!(
+                f,
+                "`{text}` is not a channel: use throttle=1 or switch=2, with 1 to 16, or 1 to 4 of pwm"
+            ),
+            Self::SameChannel => f.write_str("throttle and switch need a channel each"),
             Self::Open(error) => error.fmt(f),
             Self::NotWith(option) => write!(f, "frames from outside and {option} exclude each other"),
             Self::NoEnd => f.write_str("a script file with a line `rc` needs `end` with its time"),
@@ -50,20 +65,37 @@ impl core::fmt::Display for RadioError {
 impl core::error::Error for RadioError {}
 
 impl Choice {
-    /// Reads `sbus`, `crsf`, `sbus=ADDRESS` or `crsf=ADDRESS`.
+    /// Reads `sbus`, `crsf`, `pwm`, `sbus=ADDRESS` or `crsf=ADDRESS`, each with `,throttle=CHANNEL` and `,switch=CHANNEL` behind it.
     pub fn parse(text: &str) -> Result<Self, RadioError> {
+        let receiver = text.split(',').next().unwrap_or_default();
         let (protocol, address) =
-            text.split_once('=').map_or((text, None), |(protocol, at)| (protocol, Some(at)));
-        let protocol = match protocol {
-            "sbus" => Protocol::Sbus,
-            "crsf" => Protocol::Crsf,
+            receiver.split_once('=').map_or((receiver, None), |(protocol, at)| (protocol, Some(at)));
+        let (protocol, most, mut settings) = match protocol {
+            "sbus" => (Protocol::Sbus, 16, EngineSettings::DEFAULT),
+            "crsf" => (Protocol::Crsf, 16, EngineSettings::DEFAULT),
+            "pwm" if address.is_some() => return Err(RadioError::NoPulses),
+            "pwm" => (Protocol::Pwm, 4, EngineSettings::PULSES),
             _ => return Err(RadioError::Protocol(text.to_owned())),
         };
+        for channel in text.split(',').skip(1) {
+            let wrong = || RadioError::Channel(channel.to_owned());
+            let (function, number) = channel.split_once('=').ok_or_else(wrong)?;
+            let number =
+                number.parse().ok().filter(|number| (1..=most).contains(number)).ok_or_else(wrong)?;
+            match function {
+                "throttle" => settings.throttle = number,
+                "switch" => settings.switch = number,
+                _ => return Err(wrong()),
+            }
+        }
+        if settings.check().is_err() {
+            return Err(RadioError::SameChannel);
+        }
         let address = address.map(Address::parse).transpose().map_err(RadioError::Address)?;
         if matches!(address, Some(Address::UdpOut(_))) {
             return Err(RadioError::SendsOnly);
         }
-        Ok(Self { protocol, address })
+        Ok(Self { protocol, address, settings })
     }
 }
 
@@ -73,18 +105,46 @@ mod tests {
 
     #[test]
     fn choices_are_read_and_mistakes_have_their_type() {
-        for (text, protocol) in [("sbus", Protocol::Sbus), ("crsf", Protocol::Crsf)] {
-            assert_eq!(Choice::parse(text).unwrap(), Choice { protocol, address: None });
+        let usual = EngineSettings::DEFAULT;
+        for (text, protocol, settings) in [
+            ("sbus", Protocol::Sbus, usual),
+            ("crsf", Protocol::Crsf, usual),
+            ("pwm", Protocol::Pwm, EngineSettings::PULSES),
+            ("sbus,throttle=1", Protocol::Sbus, EngineSettings { throttle: 1, ..usual }),
+            (
+                "crsf,switch=16,throttle=8",
+                Protocol::Crsf,
+                EngineSettings { throttle: 8, switch: 16, ..usual },
+            ),
+            ("pwm,throttle=4,switch=3", Protocol::Pwm, EngineSettings { throttle: 4, switch: 3, ..usual }),
+        ] {
+            assert_eq!(Choice::parse(text).unwrap(), Choice { protocol, address: None, settings }, "{text}");
         }
-        let outside = Choice::parse("crsf=tcpin:127.0.0.1:5791").unwrap();
+        let outside = Choice::parse("crsf=tcpin:127.0.0.1:5791,switch=6").unwrap();
         let address = Some(Address::TcpIn("127.0.0.1:5791".into()));
-        assert_eq!(outside, Choice { protocol: Protocol::Crsf, address });
-        for text in ["", "pwm", "SBUS", "tcpin:127.0.0.1:1", "=tcpin:127.0.0.1:1"] {
+        let settings = EngineSettings { switch: 6, ..usual };
+        assert_eq!(outside, Choice { protocol: Protocol::Crsf, address, settings });
+        for text in ["", "ppm", "SBUS", "tcpin:127.0.0.1:1", "=tcpin:127.0.0.1:1", ",throttle=1"] {
             assert!(matches!(Choice::parse(text), Err(RadioError::Protocol(_))), "{text}");
         }
         for text in ["sbus=", "sbus=127.0.0.1:1", "crsf=tcpin:127.0.0.1"] {
             assert!(matches!(Choice::parse(text), Err(RadioError::Address(_))), "{text}");
         }
+        for text in [
+            "sbus,",
+            "sbus,throttle",
+            "sbus,throttle=0",
+            "sbus,switch=17",
+            "pwm,switch=5",
+            "sbus,hand=3",
+            "sbus,switch=x",
+        ] {
+            assert!(matches!(Choice::parse(text), Err(RadioError::Channel(_))), "{text}");
+        }
+        for text in ["sbus,throttle=5", "pwm,throttle=2", "crsf,throttle=7,switch=7"] {
+            assert!(matches!(Choice::parse(text), Err(RadioError::SameChannel)), "{text}");
+        }
+        assert!(matches!(Choice::parse("pwm=tcpin:127.0.0.1:1"), Err(RadioError::NoPulses)));
         assert!(matches!(Choice::parse("sbus=udpout:127.0.0.1:1"), Err(RadioError::SendsOnly)));
     }
 }

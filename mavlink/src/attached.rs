@@ -1,0 +1,156 @@
+//! What else is attached to the node: a receiver of radio control, fuel valves. The service offers their settings as parameters, and
+//! reports what they do. [`Nothing`] is a node without them, and costs an image nothing.
+
+use crate::port::Schedule;
+use crate::refusal::Refusal;
+use core::fmt::Debug;
+use embassy_time::Instant;
+use jetlink::setting::Row;
+
+/// Channels of a receiver, in µs, from channel 1 on; `None`: it is silent.
+pub type Channels = [Option<u16>; 18];
+
+/// Outputs of an engine: whether each is energised; `None`: there is none.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Outputs {
+    /// Fuel valve. Energised is open.
+    pub valve: Option<bool>,
+    /// Power of starter and ignition.
+    pub power: Option<bool>,
+}
+
+/// A change of an output.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Change {
+    /// Engine, from 0.
+    pub engine: usize,
+    /// The output and what it does now, for people.
+    pub what: &'static str,
+    /// Why, for people.
+    pub why: &'static str,
+    /// It may have stopped an engine that was not ordered to stop, or did not stop when it was.
+    pub alarming: bool,
+}
+
+/// What is attached. Rows and their order are the same for every engine, and fixed from the start of the node on.
+pub trait Attached: Debug {
+    /// What the service keeps of each port.
+    type Streams: Streams;
+
+    /// Settings of an engine that are parameters, behind all others of its component.
+    fn rows(&self) -> &'static [&'static [Row]];
+
+    /// The value of one of them.
+    fn number(&self, engine: usize, name: &str) -> Option<i32>;
+
+    /// Changes one of them, whose range has been checked.
+    ///
+    /// # Errors
+    /// Why it was refused, with nothing changed.
+    fn set(&mut self, engine: usize, name: &str, number: i32) -> Result<(), Refusal>;
+
+    /// The stored settings are damaged, or have been confirmed: while they are damaged, nothing may start an engine.
+    fn set_damaged(&mut self, damaged: bool);
+
+    /// Whether engines have outputs.
+    fn has_outputs(&self) -> bool;
+
+    /// The outputs of an engine.
+    fn outputs(&self, engine: usize) -> Outputs;
+
+    /// The next change of an output; each is returned once.
+    fn next_change(&mut self) -> Option<Change>;
+
+    /// What the receiver of radio control sends; `None`: there is none.
+    fn channels(&self, now: Instant) -> Option<Channels>;
+}
+
+/// Streams of a port that are of what is attached.
+pub trait Streams: sealed::Streams {}
+
+impl<T: sealed::Streams> Streams for T {}
+
+pub(crate) mod sealed {
+    use super::{NoStreams, NodeStreams, Schedule};
+    use crate::ids::{MESSAGE_RC_CHANNELS, MESSAGE_RELAY_STATUS};
+    use embassy_time::Instant;
+
+    pub trait Streams: core::fmt::Debug + Sized {
+        fn new(now: Instant) -> Self;
+        fn schedule(&mut self, message: u32) -> Option<&mut Schedule>;
+    }
+
+    impl Streams for NoStreams {
+        fn new(_: Instant) -> Self {
+            Self
+        }
+
+        fn schedule(&mut self, _: u32) -> Option<&mut Schedule> {
+            None
+        }
+    }
+
+    impl Streams for NodeStreams {
+        fn new(now: Instant) -> Self {
+            Self { relays: Schedule::new(now), channels: Schedule::new(now) }
+        }
+
+        fn schedule(&mut self, message: u32) -> Option<&mut Schedule> {
+            match message {
+                MESSAGE_RELAY_STATUS => Some(&mut self.relays),
+                MESSAGE_RC_CHANNELS => Some(&mut self.channels),
+                _ => None,
+            }
+        }
+    }
+}
+
+/// None.
+#[derive(Clone, Copy, Debug)]
+pub struct NoStreams;
+
+/// Rates of `RELAY_STATUS` and `RC_CHANNELS` on a port.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeStreams {
+    relays: Schedule,
+    channels: Schedule,
+}
+
+/// Nothing is attached.
+#[derive(Clone, Copy, Debug)]
+pub struct Nothing;
+
+impl Attached for Nothing {
+    type Streams = NoStreams;
+
+    fn rows(&self) -> &'static [&'static [Row]] {
+        &[]
+    }
+
+    fn number(&self, _: usize, _: &str) -> Option<i32> {
+        None
+    }
+
+    fn set(&mut self, _: usize, _: &str, _: i32) -> Result<(), Refusal> {
+        Err(Refusal::UnknownSetting)
+    }
+
+    fn set_damaged(&mut self, _: bool) {}
+
+    fn has_outputs(&self) -> bool {
+        false
+    }
+
+    fn outputs(&self, _: usize) -> Outputs {
+        Outputs::default()
+    }
+
+    fn next_change(&mut self) -> Option<Change> {
+        None
+    }
+
+    fn channels(&self, _: Instant) -> Option<Channels> {
+        None
+    }
+}

@@ -1,0 +1,276 @@
+//! What is attached to the node: its settings among the parameters, its messages, its texts.
+
+use super::world::*;
+use crate::attached::{Attached, Change, Channels, NodeStreams, Outputs};
+use crate::dialect::*;
+use crate::ids::{CMD_REQUEST_MESSAGE, CMD_SET_MESSAGE_INTERVAL};
+use crate::record;
+use crate::refusal::Refusal;
+use crate::service::Keeping;
+use crate::service::parameters::engine_parameters;
+use crate::store::NotSaved;
+use embassy_time::Instant;
+use jetlink::setting::{Effect, Row};
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+const fn row(name: &'static str, effect: Effect) -> Row {
+    Row { name, min: 0, max: 100, may_be_off: true, effect }
+}
+
+const ROWS: &[&[Row]] =
+    &[&[row("TOY_A", Effect::AtOnce), row("TOY_B", Effect::AtOnce)], &[row("TOY_C", Effect::AtNextStart)]];
+
+/// What a test looks at and moves.
+#[derive(Debug, Default)]
+pub struct State {
+    pub on: Cell<bool>,
+    numbers: RefCell<[[i32; 3]; 2]>,
+    refuses: Cell<bool>,
+    damaged: Cell<bool>,
+    outputs: Cell<[Outputs; 2]>,
+    changes: RefCell<VecDeque<Change>>,
+    channels: Cell<Option<Channels>>,
+}
+
+/// Two tables of settings for each engine, outputs and a receiver.
+#[derive(Clone, Debug, Default)]
+pub struct Toy(pub Rc<State>);
+
+impl Toy {
+    fn place(name: &str) -> Option<usize> {
+        ROWS.iter().copied().flatten().position(|row| row.name == name)
+    }
+}
+
+impl Attached for Toy {
+    type Streams = NodeStreams;
+
+    fn rows(&self) -> &'static [&'static [Row]] {
+        if self.0.on.get() { ROWS } else { &[] }
+    }
+
+    fn number(&self, engine: usize, name: &str) -> Option<i32> {
+        let place = Self::place(name).filter(|_| self.0.on.get())?;
+        Some(self.0.numbers.borrow()[engine][place])
+    }
+
+    fn set(&mut self, engine: usize, name: &str, number: i32) -> Result<(), Refusal> {
+        if self.0.refuses.get() {
+            return Err(Refusal::Turns);
+        }
+        if number == 99 {
+            return Err(Refusal::Malformed("not 99"));
+        }
+        self.0.numbers.borrow_mut()[engine][Self::place(name).unwrap()] = number;
+        Ok(())
+    }
+
+    fn set_damaged(&mut self, damaged: bool) {
+        self.0.damaged.set(damaged);
+    }
+
+    fn has_outputs(&self) -> bool {
+        self.0.on.get()
+    }
+
+    fn outputs(&self, engine: usize) -> Outputs {
+        self.0.outputs.get()[engine]
+    }
+
+    fn next_change(&mut self) -> Option<Change> {
+        self.0.changes.borrow_mut().pop_front()
+    }
+
+    fn channels(&self, _: Instant) -> Option<Channels> {
+        self.0.channels.get()
+    }
+}
+
+/// Messages of the node since frame `at` on a port, that are these.
+fn sent<T>(world: &World<'_>, at: usize, port: usize, what: impl Fn(&MavMessage) -> Option<T>) -> Vec<T> {
+    let frames = world.frames.borrow();
+    let of_node = frames.iter().skip(at).filter(|(_, on, frame)| *on == port && frame.from.component == NODE);
+    of_node.filter_map(|(_, _, frame)| what(&frame.message())).collect()
+}
+
+fn relays(message: &MavMessage) -> Option<(u16, u16)> {
+    match message {
+        MavMessage::RELAY_STATUS(relays) => Some((relays.on, relays.present)),
+        _ => None,
+    }
+}
+
+fn channels(message: &MavMessage) -> Option<RC_CHANNELS_DATA> {
+    match message {
+        MavMessage::RC_CHANNELS(channels) => Some(channels.clone()),
+        _ => None,
+    }
+}
+
+#[test]
+fn settings_of_what_is_attached_follow_those_of_the_engine() {
+    run(async |world| {
+        world.ready().await;
+        let own: Vec<usize> = world
+            .service
+            .borrow()
+            .engine_settings()
+            .map(|(config, _)| engine_parameters(config).count())
+            .collect();
+        for (on, more) in [(false, 0), (true, 3)] {
+            world.toy.on.set(on);
+            let at = world.frames.borrow().len();
+            let request = PARAM_REQUEST_LIST_DATA { target_system: SYSTEM, target_component: ENGINE[1] };
+            world.say(TO_GROUND, GROUND, &request);
+            world.pass(5.0).await;
+            let frames = world.frames.borrow();
+            let values = frames.iter().skip(at).filter(|(_, port, _)| *port == TO_GROUND);
+            let values = values.filter_map(|(_, _, frame)| match frame.message() {
+                MavMessage::PARAM_VALUE(value) => Some(value),
+                _ => None,
+            });
+            let values: Vec<_> = values.collect();
+            assert_eq!(values.len(), own[1] + more);
+            assert!(values.iter().all(|value| usize::from(value.param_count) == own[1] + more));
+            let names: Vec<String> =
+                values[own[1]..].iter().map(|value| value.param_id.to_str().unwrap().to_string()).collect();
+            assert_eq!(names, &["TOY_A", "TOY_B", "TOY_C"][..more]);
+        }
+    });
+}
+
+#[test]
+fn they_are_set_refused_and_stored_as_records_of_their_own() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "TOY_A", 5.0).await.0, None, "nothing is attached");
+        world.toy.on.set(true);
+        assert_eq!(world.set(ENGINE[1], "TOY_A", 5.0).await, (Some(5.0), String::new()));
+        assert_eq!(*world.toy.numbers.borrow(), [[0; 3], [5, 0, 0]]);
+        let (echo, text) = world.set(ENGINE[1], "TOY_C", 7.0).await;
+        assert!(echo == Some(7.0) && text.contains("TOY_C counts from the node's next start on"), "{text}");
+        for (value, why) in [(101.0, "use 0 to 100, or -1"), (99.0, "not 99"), (0.5, "whole number")] {
+            let (echo, text) = world.set(ENGINE[1], "TOY_A", value).await;
+            assert!(echo == Some(5.0) && text.contains(why), "{text}");
+        }
+        world.toy.refuses.set(true);
+        let (echo, text) = world.set(ENGINE[1], "TOY_A", 6.0).await;
+        assert!(echo == Some(5.0) && text.contains("an engine turns"), "{text}");
+        world.toy.refuses.set(false);
+
+        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        assert_eq!(world.service.borrow().places(), 5);
+        for (result, value) in [(Ok(()), 8), (Err(NotSaved::Full), 8)] {
+            let new = if result.is_ok() { 8.0 } else { 9.0 };
+            assert_eq!(world.set(ENGINE[1], "TOY_B", new).await, (None, String::new()));
+            let (key, stored) = world.service.borrow().next_save().unwrap();
+            assert_eq!(record::engine_of_attached(key), Some(1));
+            let read: Vec<_> = record::read_attached(ROWS, &stored).collect();
+            assert_eq!(read, [("TOY_A", 5), ("TOY_B", new as i32), ("TOY_C", 7)]);
+            let at = world.frames.borrow().len();
+            world.service.borrow_mut().saved(Instant::now(), result);
+            world.pass(0.2).await;
+            assert_eq!(world.answers(at).0, Some(value as f32));
+            assert_eq!(world.toy.numbers.borrow()[1], [5, value, 7]);
+        }
+        // An engine's own record has none of them, and theirs has no other's kind.
+        let service = world.service.borrow();
+        let keys: Vec<u8> = (0..6).filter_map(|place| service.record(place)).map(|(key, _)| key).collect();
+        assert_eq!(keys, [0, 1, 2, 0x81, 0x82]);
+        let (_, of_engine) = service.record(2).unwrap();
+        assert_eq!(record::read_attached(ROWS, &of_engine).count(), 0);
+    });
+}
+
+#[test]
+fn damaged_settings_are_known_to_what_is_attached_until_they_are_confirmed() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_damaged(true);
+        assert!(world.toy.damaged.get());
+        let (answer, text) = world.command(NODE, 31010, &[30.0, 21196.0]).await;
+        assert_eq!(answer, Some(0), "{text}");
+        assert!(!world.toy.damaged.get());
+    });
+}
+
+#[test]
+fn relays_are_reported_each_second_and_when_one_changes() {
+    run(async |world| {
+        world.ready().await;
+        let at = world.frames.borrow().len();
+        world.pass(5.0).await;
+        assert_eq!(sent(world, at, TO_GROUND, relays).len(), 0, "there are none");
+        world.toy.on.set(true);
+        let left = Outputs { valve: Some(false), power: Some(true) };
+        world.toy.outputs.set([left, Outputs { valve: Some(true), power: None }]);
+        let at = world.frames.borrow().len();
+        world.pass(5.0).await;
+        for port in [TO_AUTOPILOT, TO_GROUND] {
+            let sent = sent(world, at, port, relays);
+            assert!(
+                (4..=6).contains(&sent.len()) && sent.iter().all(|sent| *sent == (0b0110, 0b0111)),
+                "{sent:?}"
+            );
+        }
+        // A change: at once, and with its reason.
+        world.toy.outputs.set([Outputs { valve: Some(true), ..left }, Outputs::default()]);
+        let change = Change { engine: 0, what: "fuel valve open", why: "a test", alarming: false };
+        let at = world.frames.borrow().len();
+        world.toy.changes.borrow_mut().push_back(change);
+        world.pass(0.2).await;
+        assert_eq!(sent(world, at, TO_GROUND, relays).first(), Some(&(0b0011, 0b0011)));
+        assert!(world.texts().contains("left: fuel valve open: a test"), "{}", world.texts());
+        // Another rate, and one on request.
+        let (answer, _) = world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[376.0, -1.0]).await;
+        let at = world.frames.borrow().len();
+        world.pass(5.0).await;
+        assert_eq!((answer, sent(world, at, TO_GROUND, relays).len()), (Some(0), 0));
+        assert_eq!(world.command(NODE, CMD_REQUEST_MESSAGE, &[376.0]).await.0, Some(0));
+        assert_eq!(sent(world, at, TO_GROUND, relays).len(), 1);
+    });
+}
+
+/// Unasked they would overwrite what a ground station shows of the autopilot's receiver.
+#[test]
+fn channels_are_sent_on_request_only() {
+    run(async |world| {
+        world.ready().await;
+        let at = world.frames.borrow().len();
+        assert_eq!(
+            world.command(NODE, CMD_REQUEST_MESSAGE, &[65.0]).await.0,
+            Some(3),
+            "there is no receiver"
+        );
+        let mut pulses = [None; 18];
+        (pulses[0], pulses[2], pulses[4]) = (Some(1500), Some(1100), Some(2000));
+        world.toy.channels.set(Some(pulses));
+        world.pass(10.0).await;
+        assert_eq!(
+            sent(world, at, TO_GROUND, channels).len() + sent(world, at, TO_AUTOPILOT, channels).len(),
+            0
+        );
+        assert_eq!(world.command(NODE, CMD_REQUEST_MESSAGE, &[65.0]).await.0, Some(0));
+        let one = sent(world, at, TO_GROUND, channels);
+        assert_eq!(one.len(), 1);
+        assert_eq!((one[0].chan1_raw, one[0].chan2_raw, one[0].chan3_raw), (1500, u16::MAX, 1100));
+        assert_eq!((one[0].chan5_raw, one[0].chan18_raw), (2000, u16::MAX));
+        assert_eq!((one[0].chancount, one[0].rssi), (5, u8::MAX));
+        // On the port that asks, at the rate that it asks for.
+        assert_eq!(world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[65.0, 200_000.0]).await.0, Some(0));
+        let at = world.frames.borrow().len();
+        world.pass(10.0).await;
+        let count = sent(world, at, TO_GROUND, channels).len();
+        assert!((45..=51).contains(&count), "{count}");
+        assert_eq!(sent(world, at, TO_AUTOPILOT, channels).len(), 0);
+        assert_eq!(
+            world.command(ENGINE[0], CMD_REQUEST_MESSAGE, &[65.0]).await.0,
+            Some(3),
+            "not of an engine"
+        );
+    });
+}

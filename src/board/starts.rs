@@ -1,0 +1,46 @@
+//! Starts of the firmware that failed, in memory that survives a reset: what bounds them is `jetlink_rc::starts`. Only images with outputs use
+//! it.
+
+use super::retained::RetainedWord;
+use super::state::ResetCause;
+use embassy_time::{Duration, Instant};
+use jetlink_rc::starts::{Ended, FailedStarts};
+
+/// Time of failed starts in a row, in ms.
+// SAFETY: the linker puts this section into RAM that start-up does not touch. Every bit pattern is valid, and only a word with its
+// inverse is used.
+#[unsafe(link_section = ".retained.failed")]
+static FAILED: RetainedWord = RetainedWord::new();
+
+/// Time of the crash that ended the start before, in ms and one; 0: there was none.
+// SAFETY: as above.
+#[unsafe(link_section = ".retained.crashed")]
+static CRASHED: RetainedWord = RetainedWord::new();
+
+/// A start begins. Returns whether too many before it have failed. Call it once, before the clock runs.
+pub fn begin(cause: ResetCause) -> bool {
+    let crashed = CRASHED.get().and_then(|ms| ms.checked_sub(1));
+    CRASHED.set(0);
+    let ended = match (crashed, cause) {
+        // Behind an ArduPilot bootloader a crash ends by the watchdog, too.
+        (Some(ms), _) => Ended::Crashed(Duration::from_millis(ms.into())),
+        (None, ResetCause::Watchdog | ResetCause::WindowWatchdog) => Ended::Hung,
+        (None, _) => Ended::Otherwise,
+    };
+    let failed = FailedStarts::retained(FAILED.get()).after(ended);
+    FAILED.set(failed.ms());
+    failed.are_too_many()
+}
+
+/// This start has not failed.
+pub fn has_lived() {
+    FAILED.set(0);
+}
+
+/// The firmware crashes. May be called from anywhere.
+#[expect(clippy::disallowed_methods, reason = "how long it lived")]
+pub fn crash() {
+    // Before the clock runs it says 0.
+    let ms = u32::try_from(Instant::now().as_millis()).unwrap_or(u32::MAX);
+    CRASHED.set(ms.saturating_add(1));
+}
