@@ -72,6 +72,16 @@ impl Setup {
         self.mavlink.is_some() || self.radio.is_some()
     }
 
+    /// The source that would start this engine.
+    fn origin(&self, context: &EngineContext<'_>) -> Origin {
+        match (&self.mavlink, &self.radio) {
+            _ if context.played.get() => Origin::Bench,
+            (Some(_), _) => Origin::Mavlink,
+            (None, Some(_)) => Origin::Rc,
+            (None, None) => Origin::Bench,
+        }
+    }
+
     /// Whether a script file of what was done plays the run again: nothing comes from outside or from a scenario.
     pub fn plays_again(&self) -> bool {
         self.scenario.is_none()
@@ -227,11 +237,18 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 .map(|(context, telemetry)| Sample::take(context, telemetry, node.is_up()));
             let samples: Vec<Sample> = samples.collect();
             let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
-            let details = details.map(|(i, (context, telemetry))| Detail {
-                telemetry,
-                outputs: node.outputs(i),
-                entries: context.tap.borrow_mut().take(),
-                faults: player.faults(i),
+            let details = details.map(|(i, (context, telemetry))| {
+                let start_demand = player.start_demand(i).filter(|_| setup.mavlink.is_none());
+                Detail {
+                    telemetry,
+                    config: node.config(i),
+                    start_demand,
+                    start_refusals: node.start_refusals(i, start_demand, setup.origin(context)),
+                    violations: context.violations.borrow().clone(),
+                    outputs: node.outputs(i),
+                    entries: context.tap.borrow_mut().take(),
+                    faults: player.faults(i),
+                }
             });
             let message =
                 Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
@@ -401,6 +418,9 @@ async fn listen(
             }
         };
         scenario_context.note_event(context.index, event);
+        if let Event::Limit(violation) = event {
+            context.violated(violation);
+        }
         let by_itself =
             matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
         if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {

@@ -281,6 +281,17 @@ impl<'a> Player<'a> {
         }
     }
 
+    /// The demand of a run that would start this engine now.
+    pub fn start_demand(&self, engine: usize) -> Option<Demand> {
+        if let Some(transmitter) = self.transmitter {
+            return Throttle::from_tenths(transmitter.stick.get()).ok().map(Demand::Throttle);
+        }
+        match self.contexts.get(engine)?.input.get() {
+            PilotInput::Run(demand) => Some(demand),
+            PilotInput::Standby => self.idle(engine),
+        }
+    }
+
     fn idle(&self, engine: usize) -> Option<Demand> {
         if self.contexts.get(engine)?.engine.by_rpm() {
             return Some(Demand::Rpm(Rpm::new(self.speeds(engine)?.0)));

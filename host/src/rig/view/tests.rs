@@ -15,6 +15,7 @@ use super::theme::Theme;
 use clap::Parser;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use embassy_time::{Duration, Instant};
+use jetlink::event::LossStage;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
@@ -215,7 +216,6 @@ fn long_texts_fit_their_panels() {
     use jetlink::command::{Demand, Origin};
     use jetlink::ecu::Faults;
     use jetlink::engine::state::EngineState;
-    use jetlink::event::LossStage;
     use jetlink::report::{EcuState, LinkState};
     use jetlink::units::Rpm;
 
@@ -679,6 +679,29 @@ fn why_shows_what_prevents_a_start() {
     let event = played.model.events.iter().find(|event| event.text.contains("rejected")).expect("a refusal");
     let reason = event.text.split_once("rejected: ").unwrap().1;
     assert!(screen.contains(reason), "{reason}: {screen}");
+}
+
+/// The source of left was silent and is back: its demand rises from idle, and meanwhile is not what is commanded.
+#[test]
+fn why_says_at_which_rate_a_demand_rises() {
+    let keys =
+        [(50.0, char('f')), (50.1, char('s')), (54.0, char('s')), (54.1, char('f')), (54.2, char('w'))];
+    let (mut rising, mut there) = (0, 0);
+    for tenths in 0..25 {
+        let end = 54.5 + f64::from(tenths) / 5.0;
+        let played = pair(end, &keys, "rises");
+        let sample = played.model.samples[0];
+        let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+        let is_sent = sample
+            .input
+            .throttle_percent()
+            .is_some_and(|percent| sample.wire_text() == format!("{percent:.1} %"));
+        let claims = screen.contains("nothing limits it: the commanded demand is sent");
+        assert_eq!(claims, is_sent && sample.loss == LossStage::None, "{screen}");
+        there += u32::from(claims);
+        rising += u32::from(screen.contains("it rises at 50.0 % a second until it is there (RISE)"));
+    }
+    assert!(rising >= 2 && there >= 2, "{rising}, {there}");
 }
 
 #[test]

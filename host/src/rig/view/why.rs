@@ -5,7 +5,6 @@ use super::super::fit::wrapped;
 use super::super::sample::Sample;
 use super::model::Model;
 use super::theme::{Theme, Tone};
-use jetlink::engine::state::EngineState;
 use jetlink_rc::outputs::Valve;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -38,18 +37,12 @@ fn lines(model: &Model, theme: Theme, width: usize) -> Vec<Line<'static>> {
         let lines = wrapped(&theme.text(&text), width, indent, theme.mark());
         lines.into_iter().map(|line| Line::from(Span::styled(line, theme.style(tone)))).collect()
     };
-    let (Some(subject), Some(detail), Some(sample)) = (
-        model.subjects.get(model.selected),
-        model.details.get(model.selected),
-        model.samples.get(model.selected),
-    ) else {
+    let (Some(detail), Some(sample)) = (model.details.get(model.selected), model.samples.get(model.selected))
+    else {
         return vec![line("nothing is known yet".to_owned(), Tone::Quiet)];
     };
-    let others_start = model.samples.iter().enumerate().any(|(i, other)| {
-        i != model.selected && matches!(other.does, EngineState::Starting(_) | EngineState::StartRequested)
-    });
     let mut lines = vec![line("Conditions of a start now".to_owned(), Tone::Head)];
-    for condition in conditions::of_start(&detail.telemetry, &subject.engine.config, others_start) {
+    for condition in conditions::of_start(detail) {
         let (mark, tone) = if condition.met { ("✓", Tone::Good) } else { ("✗", Tone::Warn) };
         let text = format!(" {mark} {:<15} {}", condition.what, condition.text);
         lines.extend(wrapped(text, INDENT, tone));
@@ -59,9 +52,13 @@ fn lines(model: &Model, theme: Theme, width: usize) -> Vec<Line<'static>> {
         format!("Demand: commanded {}, sent {}", super::rows::commanded(sample), sample.wire_text()),
         Tone::Head,
     ));
-    let held = conditions::of_demand(&detail.telemetry, &subject.engine.config);
+    let held = conditions::of_demand(sample, detail);
     if held.is_empty() {
-        lines.push(line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good));
+        lines.push(if conditions::is_sent(sample) {
+            line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good)
+        } else {
+            line("   nothing limits it: the next frames carry it".to_owned(), Tone::Warn)
+        });
     }
     lines.extend(held.into_iter().flat_map(|text| wrapped(format!("   {text}"), 3, Tone::Warn)));
     let valve = if detail.outputs.valve() == Valve::Open { "open" } else { "closed" };
