@@ -4,6 +4,7 @@ use super::context::Note;
 use super::quantity::seconds;
 use super::record::Record;
 use super::sample::Sample;
+use super::title::Title;
 use embassy_time::Instant;
 
 /// Notes that are kept.
@@ -39,7 +40,7 @@ pub struct Subject {
 #[derive(Debug)]
 pub struct Chronicle {
     /// What the run is.
-    pub title: String,
+    pub title: Title,
     /// The engines.
     pub subjects: Vec<Subject>,
     /// What was seen of them.
@@ -79,7 +80,7 @@ const SHOWN: [(&str, &str); 19] = [
 
 impl Chronicle {
     /// Of these engines.
-    pub fn new(title: String, subjects: Vec<Subject>) -> Self {
+    pub fn new(title: Title, subjects: Vec<Subject>) -> Self {
         let record = Record::new(subjects.len());
         Self {
             title,
@@ -106,6 +107,9 @@ impl Chronicle {
 
     /// Something happened.
     pub fn note(&mut self, note: &Note) {
+        if note.text.starts_with("played: ") {
+            self.title.played();
+        }
         if self.notes.len() < MOST_NOTES {
             self.notes.push(note.clone());
         } else {

@@ -63,8 +63,8 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
         (Some(Demand::Rpm(_)), Some(idle)) => format!("at most idle, {} rpm", idle.value.get()),
         _ => format!("at most {:.1} %", f64::from(rules.idle_band.tenths()) / 10.0),
     };
-    let demand = detail.start_demand.map(|demand| format!("{demand}, {idle}"));
-    add("demand", demand.clone(), demand.map_or_else(none, |demand| format!(" (is {demand})")), |why| {
+    let demand = detail.start_demand.map(|demand| format!("{}, {idle}", PilotInput::Run(demand)));
+    add("demand", demand.clone(), demand.map_or_else(none, |demand| format!(" ({demand})")), |why| {
         *why == Rejected::Start(Interlock::NotIdle)
     });
     let stable = rules.link_stable.as_millis() as f64 / 1e3;
@@ -80,7 +80,7 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
         *why == Rejected::Start(Interlock::Fault)
     });
     let state = telemetry.state.name();
-    add("state", Some(format!("the ECU reports {state}")), format!(" (reports {state})"), |why| {
+    add("state", Some(format!("the ECU reports {state}")), format!(" ({state})"), |why| {
         *why == Rejected::Start(Interlock::NotStandby)
     });
     let limit = format!(", limit {} °C", whole(rules.egt_max));
@@ -316,7 +316,7 @@ mod tests {
         };
         assert!(of_start(&detail).iter().all(|condition| condition.met));
         assert_eq!(of(&detail, "EGT").unwrap().text, "25 °C, limit 100 °C");
-        assert_eq!(of(&detail, "demand").unwrap().text, "throttle 0.0 %, at most 2.0 %");
+        assert_eq!(of(&detail, "demand").unwrap().text, "0.0 %, at most 2.0 %");
         // What the node refuses with is what is shown, whatever a reader might make of the values.
         let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: Instant::MIN };
         detail.violations =
@@ -330,7 +330,7 @@ mod tests {
             (
                 Rejected::Start(Interlock::NotIdle),
                 "demand",
-                "bring the demand to idle first (is throttle 0.0 %, at most 2.0 %)".to_owned(),
+                "bring the demand to idle first (0.0 %, at most 2.0 %)".to_owned(),
             ),
             (
                 Rejected::Start(Interlock::Link),

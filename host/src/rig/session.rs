@@ -10,7 +10,7 @@ use super::message::Message;
 use super::node::Node;
 use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
-use super::plan::Plan;
+use super::plan::{FlownBy, Plan};
 use super::play::player::Player;
 use super::radio::Radio;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
@@ -60,8 +60,6 @@ pub struct Setup {
     pub radio: Option<Radio>,
     /// How many times as fast as the wall clock.
     pub speed: u32,
-    /// The run ends with the plan's length, although no pilot ends it.
-    pub ends: bool,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
 }
@@ -160,8 +158,14 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let (node, player, seed) = (&node, &player, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 loop {
-                    let pilot =
-                        Pilot::new(context, node, *plan, setup.plan.standby_only, &setup.faults, seed);
+                    let pilot = Pilot::new(
+                        context,
+                        node,
+                        *plan,
+                        setup.plan.flown_by == FlownBy::PilotsInStandby,
+                        &setup.faults,
+                        seed,
+                    );
                     match select(clock::task(pilot.fly()), player.taken(i)).await {
                         Either::First(result) => {
                             flown.replace(Some(result));
@@ -214,13 +218,16 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let end = RefCell::new(End::Complete);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
-        let (mut all_done_at, mut shown_complete) = (None, false);
+        let (mut all_done_at, mut shown_complete, mut shown_over) = (None, false, false);
         loop {
             assert!(
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
                 "the moment of --panic-at"
             );
-            if setup.is_commanded() && setup.ends && Instant::now() >= Instant::MIN + setup.plan.length {
+            // No pilot ends it.
+            if setup.is_commanded()
+                && setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length)
+            {
                 end.replace(End::Interrupted);
                 return;
             }
@@ -286,6 +293,10 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                     end.replace(ended(complete));
                     return;
                 }
+                if turn.over && !shown_over {
+                    show(Message::Complete(Box::new(outcomes(ended(complete)))));
+                }
+                shown_over = turn.over;
                 if !turn.again {
                     break;
                 }

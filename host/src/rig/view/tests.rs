@@ -78,7 +78,7 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
     let mut order = order(&Cli::parse_from(args).args).unwrap();
     std::fs::remove_file(&path).unwrap();
     order.setup.details = true;
-    let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), false));
+    let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
     let mut bytes = Vec::new();
     let (actions, over) = order.script.take().unwrap();
     let show = |message: super::super::message::Message| {
@@ -126,6 +126,11 @@ const HEAD: &str = "jetlink rig script, version 0.1.0\n";
 const PAIR: &str =
     "engine name=left,ecu=amt,engine=olympus,baud=115200\nengine name=right,ecu=zk,version=5\n";
 
+/// What the rig plays without options.
+fn tour() -> String {
+    format!("{HEAD}silence\n")
+}
+
 fn pair(end: f64, keys: &[(f64, KeyEvent)], name: &str) -> Played {
     play(name, &format!("{HEAD}{PAIR}"), keys, end)
 }
@@ -138,7 +143,7 @@ fn char(c: char) -> KeyEvent {
 fn the_tour_shows_what_happens_and_why() {
     let mut seen: Vec<String> = Vec::new();
     for end in [40.0, 129.5, 132.0, 135.3, 138.5, 145.0] {
-        let played = play("tour", HEAD, &[], end);
+        let played = play("tour", &tour(), &[], end);
         let screen = text(&buffer(&played.model, COLOUR, 80, 24));
         seen.push(screen.lines().nth(1).unwrap().to_owned());
     }
@@ -158,7 +163,7 @@ fn the_tour_shows_what_happens_and_why() {
 /// In seconds of the spectator, by the speeds that the tour chooses.
 #[test]
 fn the_tour_is_worth_watching() {
-    let played = play("watching", HEAD, &[], 230.0);
+    let played = play("watching", &tour(), &[], 230.0);
     let record = &played.model.record;
     let (mut tour, mut watched) = (Tour::default(), 0.0);
     let (mut moves, mut all_run) = (None, None);
@@ -494,7 +499,7 @@ fn space_stops_a_scenario_and_it_is_not_judged() {
     for (keys, stops) in [(vec![], false), (vec![(60.0, char(' '))], true)] {
         let mut order = order(&Cli::parse_from(args).args).unwrap();
         order.setup.details = true;
-        let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), true));
+        let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, true));
         let show = |message: Message| {
             model.borrow_mut().message(message);
             true
@@ -759,7 +764,7 @@ fn pictures_and_texts_of_the_documentation_are_what_the_screen_shows() {
     let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
     let write = std::env::var_os("JETLINK_WRITE_PICTURES").is_some();
     // The source of left has fallen silent.
-    let mut played = play("picture", &format!("{HEAD}seed 1\n"), &[], 131.2);
+    let mut played = play("picture", &tour(), &[], 131.2);
     played.model.passing.auto = true;
     for (width, height) in [(80, 24), (200, 50)] {
         let buffer = buffer(&played.model, COLOUR, width, height);
