@@ -78,6 +78,16 @@ const SHOWN: [(&str, &str); 19] = [
     ("played: ", ""),
 ];
 
+/// An event in the few words of a picture; `None`: it is not marked there.
+pub fn shown(text: &str) -> Option<String> {
+    SHOWN.iter().find_map(|(begins, words)| {
+        let rest = text.strip_prefix(begins)?;
+        // A name is followed by its value, up to the next comma.
+        let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
+        Some(format!("{words}{rest}"))
+    })
+}
+
 impl Chronicle {
     /// Of these engines.
     pub fn new(title: Title, subjects: Vec<Subject>) -> Self {
@@ -115,13 +125,7 @@ impl Chronicle {
         } else {
             self.dropped += 1;
         }
-        let shown = SHOWN.iter().find_map(|(begins, words)| {
-            let rest = note.text.strip_prefix(begins)?;
-            // A name is followed by its value, up to the next comma.
-            let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
-            Some(format!("{words}{rest}"))
-        });
-        if let Some(text) = shown {
+        if let Some(text) = shown(&note.text) {
             self.happened.push(Happening { t: seconds(note.at - Instant::MIN), engine: note.engine, text });
         }
     }
