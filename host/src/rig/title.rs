@@ -55,7 +55,7 @@ impl Title {
             text += &format!("; the source of {first} falls silent for 6 s");
         }
         if let Some(faults) = &header.faults {
-            text += &format!("; faults: {faults}");
+            text += &format!("; faults: {}", faults.split(',').collect::<Vec<_>>().join(", "));
         }
         Self { text, seed: Some(setup.seed), by_hand: script.is_none().then_some(false) }
     }
@@ -102,7 +102,7 @@ mod tests {
             ),
             (
                 &["--faults", "heavy,cut=left@40s+5s"],
-                "Four simulated engines: starts, flight and cooling; faults: heavy,cut=left@40s+5s; \
+                "Four simulated engines: starts, flight and cooling; faults: heavy, cut=left@40s+5s; \
                  played by hand (seed 1)",
             ),
             (&["--standby", "--engine", one], "One simulated engine in standby; played by hand (seed 1)"),

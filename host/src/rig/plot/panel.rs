@@ -167,6 +167,8 @@ impl Panel<'_> {
 
     /// Where nothing is received.
     fn gaps(&self, svg: &mut Svg, top: f64) {
+        // Beside one that is named another one is not.
+        let mut free = self.sides.0;
         for (received, from, to) in self.runs(|point| point.link) {
             let (from, to) = (self.at(from), self.at(to));
             if received {
@@ -176,9 +178,14 @@ impl Panel<'_> {
             // What is too short to be seen is not named either.
             if to - from > SHORTEST_GAP {
                 let text = "nothing received";
-                let at_end = from + width(text, SMALL) > self.sides.1;
+                let wide = width(text, SMALL) + 3.0;
+                let at_end = from + wide > self.sides.1;
                 let (x, anchor) = if at_end { (to, Anchor::End) } else { (from + 3.0, Anchor::Start) };
-                svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
+                let first = if at_end { to - wide } else { from };
+                if first >= free {
+                    svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
+                    free = first + wide;
+                }
             }
         }
     }
@@ -316,11 +323,10 @@ impl Panel<'_> {
         }
         for (old, piece) in pieces {
             if self.bands && !old {
-                for area in areas(&piece, steps) {
-                    let drawn: Vec<_> =
-                        area.iter().map(|(t, value)| (self.at(*t), scale.at(*value))).collect();
-                    svg.area(&drawn, color);
-                }
+                let drawn = |area: Vec<(f64, f64)>| {
+                    area.into_iter().map(|(t, value)| (self.at(t), scale.at(value))).collect()
+                };
+                svg.areas(&areas(&piece, steps).into_iter().map(drawn).collect::<Vec<_>>(), color);
             }
             let middle = |band: Band| f64::midpoint(band.least, band.most);
             let mut line: Vec<(f64, f64)> = Vec::new();

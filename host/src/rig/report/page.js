@@ -289,12 +289,14 @@ function panel_draw(panel) {
     curve(panel, context, engine.commanded, 0, percent, "commanded", 3);
     curve(panel, context, engine.sent, 0, percent, "sent", 1.5);
   }
-  // What is too short to be seen is not named either.
+  // What is too short to be seen is not named either, nor what stands beside one with the same name.
   panel.named = [];
+  const taken = new Map();
   const name_span = ([from, to], words, y, name) => {
     const begin = Math.max(x(panel, from), LEFT), end = Math.min(x(panel, to), right);
-    if (end - begin < 4) return;
-    const ends = begin + context.measureText(words).width + 6 > right;
+    const long = context.measureText(words).width + 6, ends = begin + long > right, first = ends ? end - long : begin;
+    if (end - begin < 4 || first < (taken.get(words) ?? LEFT)) return;
+    taken.set(words, first + long);
     text(context, words, ends ? end - 3 : begin + 3, y, ends ? "right" : "left", name);
     panel.named.push(words);
   };
