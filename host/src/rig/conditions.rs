@@ -258,6 +258,8 @@ const fn action(limits: &Limits, kind: LimitKind) -> Action {
         LimitKind::Implausible => limits.implausible.action,
         LimitKind::EcuFault => limits.ecu_fault,
         LimitKind::StartTimeout => Action::Standby,
+        // One that is new to the rig is named by its event alone.
+        _ => Action::Report,
     }
 }
 
