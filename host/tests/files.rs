@@ -236,6 +236,34 @@ fn the_csv_file_can_be_followed_and_a_kill_loses_a_second() {
     );
 }
 
+/// A FIFO that nobody reads: before the run as a CSV file, after it as a plot or a report.
+#[test]
+fn a_signal_ends_the_wait_for_the_reader_of_a_fifo() {
+    // Not SIGINT: a shell has it ignored in what runs in the background, and so in a test that does.
+    for (option, name, status) in [
+        ("--csv", "rows", 143),
+        ("--plot", "run.svg", 1),
+        ("--report", "run.html", 1),
+        ("--save-script", "run.txt", 1),
+    ] {
+        let fifo = folder(&format!("unread{option}")).join(name);
+        assert!(Command::new("mkfifo").arg(&fifo).status().expect("mkfifo").success());
+        let mut command = command(&["--fast", "--standby", option, fifo.to_str().unwrap()]);
+        let rig = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
+        let mut rig = Running(rig);
+        let mut errors = BufReader::new(rig.0.stderr.take().expect("piped")).lines();
+        let mut line = || errors.next().expect("a line").expect("text");
+        assert_eq!(line(), format!("jetlink rig: waits for a reader of {}", fifo.display()));
+        let sent = Command::new("kill").arg(rig.0.id().to_string()).status();
+        assert!(sent.expect("kill").success());
+        let ended = line();
+        assert!(ended.ends_with("the run was ended while nobody read it"), "{option}: {ended}");
+        wait::wait_until("the end", PATIENCE, || rig.0.try_wait().expect("a status").is_some());
+        let ended = rig.0.wait().expect("a status");
+        assert_eq!(ended.code(), Some(status), "{option}");
+    }
+}
+
 #[test]
 fn the_csv_file_can_be_a_fifo() {
     let fifo = folder("fifo").join("rows");

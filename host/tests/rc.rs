@@ -161,6 +161,22 @@ fn valves_follow_their_engines_and_each_change_has_its_reason() {
     }
 }
 
+/// Nobody knows when who moves the stick starts an engine.
+#[test]
+fn faults_act_while_radio_control_commands() {
+    for (faults, text_of_it) in [
+        ("hot-start=left", "every start will be hot"),
+        ("cut=left@11s+1s", "the line is cut"),
+        ("heavy,until=12s", "faults on all lines end"),
+    ] {
+        let arguments = ["--rc", "sbus", "--speed", "20", "--duration", "14s", "--faults", faults];
+        let output = rig(&arguments);
+        let (out, errors) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{faults}: {errors}{out}");
+        assert!(out.contains(text_of_it), "{faults}: {out}");
+    }
+}
+
 #[test]
 fn wrong_options_are_refused() {
     let script = |name: &str, text: &str| {

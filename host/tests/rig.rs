@@ -304,7 +304,10 @@ fn a_picture_marks_what_happened_and_what_is_not_known() {
     let (path, texts) = drawn("six-hours.svg", &["--duration", "6h", "--engine", "ecu=zk"]);
     has(&texts, "long run: each point is ");
     let svg = std::fs::read_to_string(path).unwrap();
-    assert!(svg.contains("<polygon") && svg.len() < 500_000, "{}", svg.len());
+    let bands = |color: &str| svg.contains(&format!("fill=\"{color}\" fill-opacity=\"0.35\""));
+    // Of the shaft speed, and of both demands.
+    assert!(["#1f5fb4", "#707070", "#1d7d30"].into_iter().all(bands), "no band");
+    assert!(svg.len() < 500_000, "{}", svg.len());
     let (_, texts) = drawn("rpm-alone.svg", &["--engine", "ecu=zk,mode=rpm"]);
     has(&texts, "throttle: none, the demand is in rpm");
 }

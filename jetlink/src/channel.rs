@@ -4,7 +4,7 @@
 //! engine's state directly, under a lock held for microseconds, and returns its answer at once. So an old throttle never
 //! follows a new one, and nothing delays a stop.
 
-use crate::command::{Accepted, Command, Origin, Rejected};
+use crate::command::{Accepted, Command, Demand, Origin, Rejected};
 use crate::config::{EngineConfig, LinkSettings, LinkSettingsError};
 use crate::engine::Engine;
 use crate::engine::config::Supervision;
@@ -282,13 +282,24 @@ impl<'a> Handle<'a> {
         let now = self.now();
         // One command at a time, so that two engines cannot both find the other at rest.
         let answer = critical_section::with(|_| {
-            let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
-            let free = matches!(command, Command::Run(_) | Command::HandOverToPwm)
-                && others.all(|other| !other.inspect(|engine| engine.blocks_other_starts(now)));
+            let free =
+                matches!(command, Command::Run(_) | Command::HandOverToPwm) && self.others_allow_start(now);
             self.channel.with(|engine| engine.command(now, command, origin, free))
         });
         self.channel.wake.signal(());
         answer
+    }
+
+    fn others_allow_start(&self, now: Instant) -> bool {
+        let mut others = self.group.iter().filter(|other| !core::ptr::eq(*other, self.channel));
+        others.all(|other| !other.inspect(|engine| engine.blocks_other_starts(now)))
+    }
+
+    /// Everything that keeps a `Run` of this source from starting the engine now ([`Engine::start_refusals`]). Nothing changes.
+    pub fn start_refusals(&self, demand: Demand, origin: Origin, found: impl FnMut(Rejected)) {
+        let now = self.now();
+        let free = self.others_allow_start(now);
+        self.channel.inspect(|engine| engine.start_refusals(now, demand, origin, free, found));
     }
 
     /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on

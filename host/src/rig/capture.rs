@@ -1,8 +1,10 @@
 //! The raw bytes of each line, a file for each engine and direction: what `jetlink decode` reads.
 
+use super::ending::EndRequest;
 use super::output::cannot_write;
 use super::sample::Detail;
 use super::tap::received;
+use super::waiting;
 use sim::wire::Direction;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -32,10 +34,10 @@ impl Capture {
     }
 
     /// New files in this folder: what the node receives in `NAME-from-ecu.bin`, what it sends in `NAME-to-ecu.bin`.
-    pub fn create(folder: &str, names: &[&str]) -> Result<Self, String> {
+    pub fn create(folder: &str, names: &[&str], end: &EndRequest) -> Result<Self, String> {
         std::fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
         let file = |path: String| {
-            let file = File::create(&path).map_err(|error| cannot_write(&path, &error))?;
+            let file = waiting::create(&path, end).map_err(|error| cannot_write(&path, &error))?;
             Ok::<_, String>((path, BufWriter::new(file)))
         };
         let pair = |name: &&str| -> Result<Pair, String> {

@@ -4,6 +4,7 @@ use super::context::Note;
 use super::quantity::seconds;
 use super::record::Record;
 use super::sample::Sample;
+use super::title::Title;
 use embassy_time::Instant;
 
 /// Notes that are kept.
@@ -39,7 +40,7 @@ pub struct Subject {
 #[derive(Debug)]
 pub struct Chronicle {
     /// What the run is.
-    pub title: String,
+    pub title: Title,
     /// The engines.
     pub subjects: Vec<Subject>,
     /// What was seen of them.
@@ -77,9 +78,19 @@ const SHOWN: [(&str, &str); 19] = [
     ("played: ", ""),
 ];
 
+/// An event in the few words of a picture; `None`: it is not marked there.
+pub fn shown(text: &str) -> Option<String> {
+    SHOWN.iter().find_map(|(begins, words)| {
+        let rest = text.strip_prefix(begins)?;
+        // A name is followed by its value, up to the next comma.
+        let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
+        Some(format!("{words}{rest}"))
+    })
+}
+
 impl Chronicle {
     /// Of these engines.
-    pub fn new(title: String, subjects: Vec<Subject>) -> Self {
+    pub fn new(title: Title, subjects: Vec<Subject>) -> Self {
         let record = Record::new(subjects.len());
         Self {
             title,
@@ -106,18 +117,15 @@ impl Chronicle {
 
     /// Something happened.
     pub fn note(&mut self, note: &Note) {
+        if note.text.starts_with("played: ") {
+            self.title.played();
+        }
         if self.notes.len() < MOST_NOTES {
             self.notes.push(note.clone());
         } else {
             self.dropped += 1;
         }
-        let shown = SHOWN.iter().find_map(|(begins, words)| {
-            let rest = note.text.strip_prefix(begins)?;
-            // A name is followed by its value, up to the next comma.
-            let rest = if begins.ends_with(' ') { rest.split(',').next().unwrap_or_default() } else { "" };
-            Some(format!("{words}{rest}"))
-        });
-        if let Some(text) = shown {
+        if let Some(text) = shown(&note.text) {
             self.happened.push(Happening { t: seconds(note.at - Instant::MIN), engine: note.engine, text });
         }
     }

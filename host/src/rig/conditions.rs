@@ -1,14 +1,16 @@
 //! Why an engine does not start, and what holds its demand below the command: each condition with its value and its limit.
-//! The sentence of a condition that is not met is that of the refusal.
+//! What is not met comes from the node itself, in the sentence of its refusal.
 
+use super::audit::WireCommand;
+use super::context::PilotInput;
+use super::sample::{Detail, Sample};
 use embassy_time::Instant;
-use jetlink::command::{Demand, Interlock, Order};
-use jetlink::config::EngineConfig;
+use jetlink::command::{Demand, Interlock, Order, Rejected};
+use jetlink::engine::config::Limits;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
-use jetlink::report::LinkState;
-use jetlink::telemetry::Telemetry;
-use jetlink::units::Celsius;
+use jetlink::limit::{Action, LimitKind, LimitViolation};
+use jetlink::units::{Celsius, Rpm};
 
 /// A condition of a start.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -22,71 +24,122 @@ pub struct Condition {
 }
 
 /// Every condition of a start, in the order in which a refusal names the first that is not met.
-pub fn of_start(telemetry: &Telemetry, config: &EngineConfig, others_start: bool) -> Vec<Condition> {
-    let rules = &config.supervision.start;
-    let report = &telemetry.report;
-    let now = telemetry.at;
-    let met = |what, text: String| Condition { met: true, what, text };
-    let not = |what, interlock: Interlock| Condition { met: false, what, text: interlock.to_string() };
-    let mut all = Vec::new();
-    let mut add = |holds: bool, what, text: String, interlock| {
-        all.push(if holds { met(what, text) } else { not(what, interlock) });
+pub fn of_start(detail: &Detail) -> Vec<Condition> {
+    let Some(refusals) = &detail.start_refusals else {
+        let text = "it restarts: nothing starts an engine until it is up".to_owned();
+        return vec![Condition { met: false, what: "node", text }];
     };
+    let (telemetry, rules) = (&detail.telemetry, &detail.config.supervision.start);
+    let report = &telemetry.report;
+    let mut all = Vec::new();
+    // A condition that is met; without a text it is shown only where it is not.
+    let mut add = |what, met: Option<String>, limit: String, of_it: fn(&Rejected) -> bool| {
+        let refusal = refusals.iter().find(|why| of_it(why));
+        if let Some(text) = refusal.map(|why| format!("{why}{limit}")).or_else(|| met.clone()) {
+            all.push(Condition { met: refusal.is_none(), what, text });
+        }
+    };
+    let none = String::new;
 
-    if telemetry.stop_latched {
-        add(false, "emergency stop", String::new(), Interlock::NotStandby);
-    }
-    add(telemetry.armed || !rules.arming, "armed", "armed".to_owned(), Interlock::NotArmed);
-    let since = telemetry.last_rx.map(|last_rx| seconds_between(last_rx, now));
-    let link = since.map_or_else(String::new, |since| {
-        format!("last frame {since:.2} s ago, needs {} s stable", rules.link_stable.as_millis() as f64 / 1e3)
+    add("emergency stop", None, none(), |why| *why == Rejected::StopLatched);
+    add("node", None, none(), |why| matches!(why, Rejected::Listening | Rejected::NoLink));
+    add("armed", Some("armed".to_owned()), none(), |why| {
+        matches!(why, Rejected::DisarmFirst | Rejected::Start(Interlock::NotArmed))
     });
-    add(telemetry.link == LinkState::Up, "link", link, Interlock::Link);
-    let faulty = report.faults.is_some_and(|faults| !faults.value.is_empty());
-    add(!faulty, "faults", "the ECU reports none".to_owned(), Interlock::Fault);
-    let state = telemetry.state;
-    let text = format!("the ECU reports {}", state.name());
-    add(state == EngineState::Standby, "state", text, Interlock::NotStandby);
-    let limit = rules.egt_max;
-    match report.egt {
-        Some(egt) => {
-            let text = format!("{} °C, limit {} °C", whole(egt.value), whole(limit));
-            add(egt.value <= limit, "EGT", text, Interlock::TooHot(egt.value));
-        }
-        None => add(false, "EGT", String::new(), Interlock::EgtUnknown),
-    }
+    add("kind of demand", None, none(), |why| {
+        matches!(
+            why,
+            Rejected::NeedsVersion { .. }
+                | Rejected::NoSpeedControl
+                | Rejected::RpmNotKnown
+                | Rejected::AboveMaxRpm { .. }
+        )
+    });
+    add("source", None, none(), |why| matches!(why, Rejected::Behind(_)));
+    add("standby first", Some("commanded by its source".to_owned()), none(), |why| {
+        *why == Rejected::StandbyFirst
+    });
+    let idle = match (detail.start_demand, report.idle_rpm) {
+        (Some(Demand::Rpm(_)), Some(idle)) => format!("at most idle, {} rpm", idle.value.get()),
+        _ => format!("at most {:.1} %", f64::from(rules.idle_band.tenths()) / 10.0),
+    };
+    let demand = detail.start_demand.map(|demand| format!("{}, {idle}", PilotInput::Run(demand)));
+    add("demand", demand.clone(), demand.map_or_else(none, |demand| format!(" ({demand})")), |why| {
+        *why == Rejected::Start(Interlock::NotIdle)
+    });
+    let stable = rules.link_stable.as_millis() as f64 / 1e3;
+    let since = telemetry.last_rx.map(|last_rx| seconds_between(last_rx, telemetry.at));
+    let last =
+        since.map_or_else(|| "no frame yet".to_owned(), |since| format!("last frame {since:.2} s ago"));
+    add("link", Some(format!("{last}, no gap for {stable} s")), format!(" ({stable} s; {last})"), |why| {
+        *why == Rejected::Start(Interlock::Link)
+    });
+    add("fuel pump", None, none(), |why| *why == Rejected::Start(Interlock::PumpOpen));
+    let faults = report.faults.map_or_else(none, |faults| format!(": {}", faults.value));
+    add("faults", Some("the ECU reports none".to_owned()), faults, |why| {
+        *why == Rejected::Start(Interlock::Fault)
+    });
+    let state = telemetry.state.name();
+    add("state", Some(format!("the ECU reports {state}")), format!(" ({state})"), |why| {
+        *why == Rejected::Start(Interlock::NotStandby)
+    });
+    let limit = format!(", limit {} °C", whole(rules.egt_max));
+    let egt = report.egt.map_or_else(none, |egt| format!("{} °C{limit}", whole(egt.value)));
+    add("EGT", Some(egt), limit, |why| {
+        matches!(why, Rejected::Start(Interlock::TooHot(_) | Interlock::EgtUnknown))
+    });
     if let Some(least) = rules.supply_min {
+        let least = format!(", least {} mV", least.get());
         let supply = report.supply.and_then(|supply| supply.value.voltage);
-        let text = supply
-            .map_or_else(String::new, |supply| format!("{} mV, least {} mV", supply.get(), least.get()));
-        let low = supply.filter(|supply| *supply < least);
-        add(low.is_none(), "supply", text, Interlock::SupplyLow(low.unwrap_or(least)));
+        let text = supply.map_or_else(|| "not reported".to_owned(), |supply| format!("{} mV", supply.get()));
+        add("supply", Some(format!("{text}{least}")), least, |why| {
+            matches!(why, Rejected::Start(Interlock::SupplyLow(_)))
+        });
     }
-    add(!others_start, "other engines", "none is starting".to_owned(), Interlock::OtherStarting);
-
-    // An emergency stop has a sentence of its own.
-    if telemetry.stop_latched
-        && let Some(first) = all.first_mut()
-    {
-        first.text = jetlink::command::Rejected::StopLatched.to_string();
-    }
-    // A limit is shown with its value.
-    for condition in all.iter_mut().filter(|condition| !condition.met && condition.what == "EGT") {
-        if report.egt.is_some() {
-            condition.text += &format!(", limit {} °C", whole(limit));
-        }
-    }
+    let of_kind = |kind| detail.violations.iter().find(|violation| violation.kind == kind);
+    let violated = refusals.iter().find_map(|why| match why {
+        Rejected::Start(Interlock::Limit(kind)) => of_kind(*kind),
+        _ => None,
+    });
+    add("limits", Some("none is violated".to_owned()), violated.map_or_else(none, values), |why| {
+        matches!(why, Rejected::Start(Interlock::Limit(_)))
+    });
+    let gap = format!(", and {} s have passed since", rules.gap.as_millis() as f64 / 1e3);
+    add("other engines", Some("none is starting".to_owned()), gap, |why| {
+        *why == Rejected::Start(Interlock::OtherStarting)
+    });
     all
 }
 
-/// What keeps the demand on the wire from the commanded one; nothing if it is there.
-pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
-    let loss = &config.supervision.loss;
-    let mut all = Vec::new();
-    match telemetry.ordered.order {
-        Order::EmergencyStop => {
-            all.push(format!("an emergency stop is in force, by {}", telemetry.ordered.origin.name()));
+/// Value and limit of a violation, behind its name.
+fn values(violation: &LimitViolation) -> String {
+    violation.to_string().strip_prefix(violation.kind.name()).unwrap_or_default().to_owned()
+}
+
+/// Whether the demand on the wire is the one that its source commands.
+pub fn is_sent(sample: &Sample) -> bool {
+    match (sample.input, sample.on_wire) {
+        (PilotInput::Standby, Some(WireCommand::Standby)) => true,
+        (PilotInput::Run(Demand::Throttle(throttle)), Some(WireCommand::Run(sent))) => {
+            throttle.tenths() == sent
         }
+        (PilotInput::Run(Demand::Rpm(rpm)), Some(WireCommand::RunRpm(sent))) => rpm.get() == sent,
+        _ => false,
+    }
+}
+
+/// What keeps the demand on the wire from the commanded one; nothing if it is there, or is with the next frame.
+pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
+    let (telemetry, supervision) = (&detail.telemetry, &detail.config.supervision);
+    let loss = &supervision.loss;
+    let origin = telemetry.ordered.origin.name();
+    let mut all = Vec::new();
+    if !sample.node_up {
+        all.push("the node restarts: nothing is sent until it is up".to_owned());
+        return all;
+    }
+    match telemetry.ordered.order {
+        Order::EmergencyStop => all.push(format!("an emergency stop is in force, by {origin}")),
         Order::Listen => all.push("the node has started and listens before it obeys".to_owned()),
         Order::Doubt(_) => {
             all.push(
@@ -94,6 +147,12 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
             );
         }
         Order::Pwm => all.push("the ECU's PWM input is in control".to_owned()),
+        Order::Standby if matches!(sample.input, PilotInput::Run(_)) => {
+            all.push(format!("standby is in force, from {origin}: a run has to start the engine first"));
+        }
+        Order::Run(_) if sample.input == PilotInput::Standby && telemetry.loss == LossStage::None => {
+            all.push(format!("a run is in force, from {}", telemetry.active_source.name()));
+        }
         Order::Standby | Order::Run(_) => {}
     }
     match telemetry.loss {
@@ -110,7 +169,11 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
         LossStage::Standby => all.push("the source is lost: standby".to_owned()),
     }
     if telemetry.limited {
-        all.push("a limit has lowered the demand: it stays there until standby is commanded".to_owned());
+        let limits = &supervision.limits;
+        let lowers = |violation: &&LimitViolation| action(limits, violation.kind) == Action::FailSafe;
+        let latest = detail.violations.iter().filter(lowers).max_by_key(|violation| violation.at);
+        let which = latest.map_or_else(String::new, |violation| format!(" ({violation})"));
+        all.push(format!("a limit has lowered the demand{which}: it stays there until standby is commanded"));
     }
     if let Some(next) = telemetry.waiting {
         all.push(format!("{} is about to take over: the demand is held meanwhile", next.name()));
@@ -122,12 +185,82 @@ pub fn of_demand(telemetry: &Telemetry, config: &EngineConfig) -> Vec<String> {
     if telemetry.transmitter_failed {
         all.push("nothing is sent: the transmitter has failed".to_owned());
     }
-    if let Order::Run(Demand::Throttle(_) | Demand::Rpm(_)) = telemetry.ordered.order
-        && matches!(telemetry.state, EngineState::Starting(_) | EngineState::StartRequested)
-    {
-        all.push("the engine starts: the ECU follows the demand once it runs".to_owned());
+    if let Order::Run(sent) = telemetry.ordered.order {
+        if let (PilotInput::Run(input), Some(commanded)) = (sample.input, telemetry.commanded)
+            && input != commanded
+            && telemetry.loss == LossStage::None
+            && telemetry.waiting.is_none()
+        {
+            let source = telemetry.active_source.name();
+            all.push(match report_max(detail).filter(|max| Demand::Rpm(*max) == commanded) {
+                Some(max) => format!("the engine's maximum is {} rpm", max.get()),
+                None => format!("{commanded} is in force, from {source}"),
+            });
+        }
+        if matches!(telemetry.state, EngineState::Starting(_) | EngineState::StartRequested) {
+            all.push("the engine starts: the ECU follows the demand once it runs".to_owned());
+        } else if let (Some(commanded), true) = (telemetry.commanded, all.is_empty()) {
+            all.extend(on_its_way(commanded, sent, detail));
+        }
     }
     all
+}
+
+/// What moves a demand that nothing else holds.
+fn on_its_way(commanded: Demand, sent: Demand, detail: &Detail) -> Option<String> {
+    let supervision = &detail.config.supervision;
+    let rate = |per_mille: u16| format!("{:.1} % a second", f64::from(per_mille) / 10.0);
+    let of_maximum = if matches!(sent, Demand::Rpm(_)) { " of the maximum speed" } else { "" };
+    let (rises, falls) = match (commanded, sent) {
+        (Demand::Throttle(commanded), Demand::Throttle(sent)) => (commanded > sent, commanded < sent),
+        (Demand::Rpm(commanded), Demand::Rpm(sent)) => (commanded > sent, commanded < sent),
+        (Demand::Rpm(_), Demand::Throttle(_)) => {
+            return Some("the governor sets the throttle that brings the shaft to that speed".to_owned());
+        }
+        (Demand::Throttle(_), Demand::Rpm(_)) => {
+            return Some("a speed stays in force until a throttle can replace it".to_owned());
+        }
+    };
+    if let Some(share) = supervision.when_other_fails.filter(|_| detail.telemetry.others_failed > 0)
+        && rises
+    {
+        let share = f64::from(share) / 10.0;
+        return Some(format!("another engine has failed: the demand is reduced to {share:.0} %"));
+    }
+    if falls {
+        let down = supervision.slew.down?;
+        return Some(format!("it falls at {}{of_maximum} (SLEW_DOWN)", rate(down)));
+    }
+    let slew = supervision.slew.up.map(|up| format!("{}{of_maximum} (SLEW_UP)", rate(up)));
+    let rise = || format!("{}{of_maximum} until it is there (RISE)", rate(supervision.rise));
+    rises.then(|| match (slew, supervision.slew.up) {
+        (Some(slew), Some(up)) if up <= supervision.rise => format!("it rises at {slew}"),
+        (Some(slew), _) => format!("it rises at {slew}; after a start, a gap or a take-over at {}", rise()),
+        (None, _) => format!("it rises at {}", rise()),
+    })
+}
+
+/// The highest speed that may be commanded.
+fn report_max(detail: &Detail) -> Option<Rpm> {
+    let governed = detail.config.supervision.governor.map(|governor| governor.max_rpm);
+    detail.telemetry.report.max_rpm.map(|max| max.value).into_iter().chain(governed).min()
+}
+
+/// What the node does about a limit.
+const fn action(limits: &Limits, kind: LimitKind) -> Action {
+    match kind {
+        LimitKind::OverSpeed => limits.over_speed.action,
+        LimitKind::OverTemperature => limits.over_temperature.action,
+        LimitKind::LowRpm => limits.low_rpm.action,
+        LimitKind::HotStart => limits.hot_start.action,
+        LimitKind::FlameOut => limits.flame_out.action,
+        LimitKind::SupplyLow => limits.supply_low.action,
+        LimitKind::Implausible => limits.implausible.action,
+        LimitKind::EcuFault => limits.ecu_fault,
+        LimitKind::StartTimeout => Action::Standby,
+        // One that is new to the rig is named by its event alone.
+        _ => Action::Report,
+    }
 }
 
 fn whole(celsius: Celsius) -> i16 {
@@ -140,26 +273,173 @@ fn seconds_between(earlier: Instant, later: Instant) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::context::{EngineContext, Notes, Stage};
     use super::super::engines::engines;
     use super::super::node::Node;
     use super::*;
+    use jetlink::command::{Ordered, Origin};
     use jetlink::report::Timed;
+    use jetlink::units::{Millivolts, Throttle};
+
+    /// Of an engine before its first frame.
+    fn moment() -> (Sample, Detail) {
+        let engines = Box::leak(engines(&[]).unwrap().into_boxed_slice());
+        let node = Node::new(engines, false);
+        let notes = Notes::default();
+        let context = EngineContext::new(0, &engines[0], Instant::MIN, &notes);
+        context.stage.set(Stage::Steps);
+        let telemetry = node.telemetry(0);
+        let sample = Sample::take(&context, &telemetry, true);
+        let detail = Detail {
+            telemetry,
+            config: engines[0].config,
+            start_demand: Some(Demand::Throttle(Throttle::IDLE)),
+            start_refusals: Some(Vec::new()),
+            violations: Vec::new(),
+            outputs: node.outputs(0),
+            entries: Vec::new(),
+            faults: Vec::new(),
+        };
+        (sample, detail)
+    }
+
+    fn percent(whole: u16) -> Demand {
+        Demand::Throttle(Throttle::from_tenths(whole * 10).unwrap())
+    }
 
     #[test]
     fn a_condition_that_is_not_met_has_the_text_of_the_refusal_and_the_limit() {
-        let engines = engines(&[]).unwrap();
-        let node = Node::new(&engines, false);
-        let mut telemetry = node.telemetry(0);
-        telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(3120), Instant::MIN));
-        let all = of_start(&telemetry, &engines[0].config, true);
-        let of = |what| all.iter().find(|condition| condition.what == what).unwrap();
-        assert_eq!(of("EGT").text, "the exhaust is at 312 °C: let it cool in standby, limit 100 °C");
-        assert_eq!(of("armed").text, Interlock::NotArmed.to_string());
-        assert_eq!(of("other engines").text, Interlock::OtherStarting.to_string());
-        assert!(of("faults").met && !of("link").met);
-        telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(250), Instant::MIN));
-        let all = of_start(&telemetry, &engines[0].config, false);
-        let egt = all.iter().find(|condition| condition.what == "EGT").unwrap();
-        assert!(egt.met && egt.text == "25 °C, limit 100 °C", "{egt:?}");
+        let (_, mut detail) = moment();
+        detail.config.supervision.start.supply_min = Some(Millivolts::new(11_000));
+        detail.telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(250), Instant::MIN));
+        let of = |detail: &Detail, what| {
+            let all = of_start(detail);
+            all.into_iter().find(|condition| condition.what == what)
+        };
+        assert!(of_start(&detail).iter().all(|condition| condition.met));
+        assert_eq!(of(&detail, "EGT").unwrap().text, "25 °C, limit 100 °C");
+        assert_eq!(of(&detail, "demand").unwrap().text, "0.0 %, at most 2.0 %");
+        // What the node refuses with is what is shown, whatever a reader might make of the values.
+        let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: Instant::MIN };
+        detail.violations =
+            vec![violation(LimitKind::FlameOut, 30, 25), violation(LimitKind::OverTemperature, 8230, 8000)];
+        for (why, what, text) in [
+            (Rejected::StopLatched, "emergency stop", Rejected::StopLatched.to_string()),
+            (Rejected::Listening, "node", Rejected::Listening.to_string()),
+            (Rejected::DisarmFirst, "armed", Rejected::DisarmFirst.to_string()),
+            (Rejected::StandbyFirst, "standby first", "command standby before a start".to_owned()),
+            (Rejected::Behind(Origin::Rc), "source", Rejected::Behind(Origin::Rc).to_string()),
+            (
+                Rejected::Start(Interlock::NotIdle),
+                "demand",
+                "bring the demand to idle first (0.0 %, at most 2.0 %)".to_owned(),
+            ),
+            (
+                Rejected::Start(Interlock::Link),
+                "link",
+                "wait until the ECU has been received without a gap for a while (1 s; no frame yet)"
+                    .to_owned(),
+            ),
+            (Rejected::Start(Interlock::PumpOpen), "fuel pump", Interlock::PumpOpen.to_string()),
+            (
+                Rejected::Start(Interlock::TooHot(Celsius::from_tenths(3120))),
+                "EGT",
+                "the exhaust is at 312 °C: let it cool in standby, limit 100 °C".to_owned(),
+            ),
+            (
+                Rejected::Start(Interlock::SupplyLow(Millivolts::new(9000))),
+                "supply",
+                "the supply has only 9000 mV: charge the battery, least 11000 mV".to_owned(),
+            ),
+            (
+                Rejected::Start(Interlock::Limit(LimitKind::OverTemperature)),
+                "limits",
+                "a limit is violated: exhaust too hot: 823 °C, limit 800 °C".to_owned(),
+            ),
+            (
+                Rejected::Start(Interlock::OtherStarting),
+                "other engines",
+                "wait until another engine of the group has started, and 10 s have passed since".to_owned(),
+            ),
+        ] {
+            detail.start_refusals = Some(vec![why]);
+            let condition = of(&detail, what).unwrap();
+            assert_eq!((condition.met, condition.text), (false, text));
+            assert_eq!(of_start(&detail).iter().filter(|condition| !condition.met).count(), 1, "{why}");
+        }
+        let faults = jetlink::ecu::Faults::Amt(jetlink::ecu::amt::codec::ErrorBits(1));
+        detail.telemetry.report.faults = Some(Timed::new(faults, Instant::MIN));
+        detail.start_refusals = Some(vec![Rejected::Start(Interlock::Fault)]);
+        assert!(of(&detail, "faults").unwrap().text.ends_with(&format!("clear it first: {faults}")));
+        detail.start_refusals = None;
+        assert!(of_start(&detail).iter().all(|condition| !condition.met && condition.what == "node"));
+    }
+
+    #[test]
+    fn a_demand_that_moves_says_at_which_rate() {
+        let (mut sample, mut detail) = moment();
+        detail.telemetry.state = EngineState::Running;
+        let mut says = |commanded: Demand, sent: Demand, up, down| {
+            sample.input = PilotInput::Run(commanded);
+            detail.telemetry.commanded = Some(commanded);
+            detail.telemetry.ordered = Ordered { order: Order::Run(sent), origin: Origin::Bench };
+            detail.config.supervision.slew.up = up;
+            detail.config.supervision.slew.down = down;
+            of_demand(&sample, &detail).join("; ")
+        };
+        assert_eq!(says(percent(60), percent(60), None, None), "");
+        let rise = "it rises at 50.0 % a second until it is there (RISE)";
+        assert_eq!(says(percent(60), percent(20), None, None), rise);
+        assert_eq!(says(percent(60), percent(20), Some(50), None), "it rises at 5.0 % a second (SLEW_UP)");
+        assert!(
+            says(percent(60), percent(20), Some(800), None)
+                .contains("80.0 % a second (SLEW_UP); after a start")
+        );
+        assert_eq!(
+            says(percent(20), percent(60), None, Some(100)),
+            "it falls at 10.0 % a second (SLEW_DOWN)"
+        );
+        let rpm = |rpm| Demand::Rpm(Rpm::new(rpm));
+        let of_rpm = says(rpm(90_000), rpm(40_000), None, None);
+        assert_eq!(of_rpm, "it rises at 50.0 % a second of the maximum speed until it is there (RISE)");
+        assert!(says(rpm(90_000), percent(40), None, None).contains("governor"));
+    }
+
+    #[test]
+    fn a_limit_that_lowers_the_demand_is_named_with_its_value() {
+        let (mut sample, mut detail) = moment();
+        sample.input = PilotInput::Run(percent(60));
+        detail.telemetry.commanded = Some(percent(60));
+        detail.telemetry.ordered = Ordered { order: Order::Run(percent(0)), origin: Origin::Bench };
+        detail.telemetry.limited = true;
+        detail.config.supervision.limits.over_temperature.action = Action::FailSafe;
+        // A limit that is only reported lowers nothing.
+        for (kind, value, limit, at) in
+            [(LimitKind::OverTemperature, 8230, 8000, 5), (LimitKind::FlameOut, 30, 25, 9)]
+        {
+            detail.violations.push(LimitViolation { kind, value, limit, at: Instant::from_secs(at) });
+        }
+        assert_eq!(
+            of_demand(&sample, &detail),
+            [
+                "a limit has lowered the demand (exhaust too hot: 823 °C, limit 800 °C): it stays there until standby is commanded"
+            ]
+        );
+    }
+
+    #[test]
+    fn only_a_demand_on_the_wire_is_sent() {
+        let (mut sample, _) = moment();
+        sample.input = PilotInput::Run(percent(60));
+        for (wire, sent) in [
+            (Some(WireCommand::Run(600)), true),
+            (Some(WireCommand::Run(590)), false),
+            (Some(WireCommand::RunRpm(600)), false),
+            (Some(WireCommand::Standby), false),
+            (None, false),
+        ] {
+            sample.on_wire = wire;
+            assert_eq!(is_sent(&sample), sent, "{wire:?}");
+        }
     }
 }

@@ -6,6 +6,7 @@ use super::limiter::Limiter;
 use super::tap::Tap;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::limit::LimitViolation;
 use jetlink::report::LinkState;
 use jetlink::telemetry::Telemetry;
 use sim::any::AnyEcu;
@@ -188,6 +189,8 @@ pub struct EngineContext<'a> {
     pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
+    /// The last violation of each limit that the node has reported.
+    pub violations: RefCell<Vec<LimitViolation>>,
     /// When each source last commanded standby.
     standbys: RefCell<Vec<(Origin, Nanos)>>,
     /// For what may come in any number.
@@ -212,6 +215,7 @@ impl<'a> EngineContext<'a> {
             stops: Cell::new(0),
             failure: RefCell::default(),
             recovered_after: Cell::new(None),
+            violations: RefCell::default(),
             standbys: RefCell::default(),
             limiter: RefCell::new(Limiter::new()),
             notes,
@@ -262,6 +266,13 @@ impl<'a> EngineContext<'a> {
         if wire {
             self.audit.borrow_mut().standby_took_effect(at);
         }
+    }
+
+    /// Keeps a violated limit.
+    pub fn violated(&self, violation: LimitViolation) {
+        let mut all = self.violations.borrow_mut();
+        all.retain(|other| other.kind != violation.kind);
+        all.push(violation);
     }
 
     /// Notes something about this engine.

@@ -33,6 +33,8 @@ pub struct Turn {
     pub pace: Option<Pace>,
     /// How the run passes, if that has changed.
     pub passing: Option<Passing>,
+    /// The script file has come to its end: the verdict is shown, and a person decides how it goes on.
+    pub over: bool,
     /// The run ends.
     pub end: bool,
     /// No engine time passes: another turn follows.
@@ -114,16 +116,28 @@ pub struct Live {
     continues: bool,
     /// Its actions come beside those of the keys.
     script: Option<Scripted>,
+    /// The script file has come to its end, and nothing was done since.
+    over: bool,
 }
 
 impl Live {
     /// With a tour the run chooses its speed itself; without, it is real time.
     pub fn new(requests: Receiver<Request>, end: EndRequest, tour: Option<Tour>) -> Self {
         let passing = Passing { speed: 1, auto: tour.is_some(), paused: false };
-        Self { requests, end, tour, passing, shown: None, stepping: false, continues: false, script: None }
+        Self {
+            requests,
+            end,
+            tour,
+            passing,
+            shown: None,
+            stepping: false,
+            continues: false,
+            script: None,
+            over: false,
+        }
     }
 
-    /// Plays a script file beside the keys. Its end is the run's.
+    /// Plays a script file beside the keys. At its end no time passes until a key acts or ends the run.
     pub fn with_script(self, script: Scripted) -> Self {
         Self { script: Some(script), ..self }
     }
@@ -134,6 +148,9 @@ impl Live {
         match request {
             Request::Wish(engine, wish) => {
                 self.continues = true;
+                if core::mem::take(&mut self.over) {
+                    self.script = None;
+                }
                 turn.wishes.push((engine, wish));
             }
             Request::Pause => self.passing.paused = !self.passing.paused,
@@ -157,7 +174,8 @@ impl Control for Live {
         self.stepping = false;
         if let Some(script) = &mut self.script {
             let played = script.turn(situation);
-            (turn.wishes, turn.end) = (played.wishes, played.end && !situation.complete);
+            turn.wishes = played.wishes;
+            self.over |= played.end && !situation.complete;
         }
         while let Ok(request) = self.requests.try_recv() {
             self.take(request, &mut turn);
@@ -169,7 +187,8 @@ impl Control for Live {
                 self.passing.speed = speed;
             }
         }
-        let finished = situation.complete && !self.continues;
+        let finished = (situation.complete && !self.continues) || self.over;
+        turn.over = self.over;
         let paused = (self.passing.paused && !self.stepping) || finished;
         if self.shown != Some(self.passing) {
             self.shown = Some(self.passing);
@@ -234,6 +253,28 @@ mod tests {
         keys.send(Request::Wish(Some(0), Wish::Act(Act::Arm))).unwrap();
         let armed = turn(&mut live, true);
         assert!(!armed.again && armed.wishes.len() == 1);
+    }
+
+    #[test]
+    fn at_the_end_of_a_script_file_no_time_passes_until_a_key_acts() {
+        let (keys, requests) = channel();
+        let live = Live::new(requests, EndRequest::default(), None);
+        let mut live = live.with_script(Scripted::new(Vec::new(), Some(Duration::from_secs(5))));
+        let mut at = |seconds: u64| {
+            live.turn(&Situation { at: Instant::from_secs(seconds), samples: &[], complete: false })
+        };
+        at(1);
+        let before = at(4);
+        assert!(!before.over && !before.again);
+        for _ in 0..3 {
+            let over = at(5);
+            assert!(over.over && over.again && !over.end);
+        }
+        keys.send(Request::Wish(Some(0), Wish::Act(Act::Arm))).unwrap();
+        let armed = at(5);
+        assert!(!armed.over && !armed.again && armed.wishes.len() == 1);
+        let after = at(6);
+        assert!(!after.over && !after.again && !after.end);
     }
 
     #[test]

@@ -3,11 +3,13 @@
 
 use super::audit::WireCommand;
 use super::context::{Note, PilotInput};
+use super::ending::EndRequest;
 use super::out::reader_left;
 use super::output::cannot_write;
 use super::quantity::seconds;
 use super::sample::{Sample, loss};
 use super::unshown::ShowError;
+use super::waiting;
 use csv::Writer;
 use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
@@ -31,8 +33,8 @@ pub struct Csv {
 
 impl Csv {
     /// A new file. Its head comes with the first row.
-    pub fn create(path: &str) -> Result<Self, String> {
-        let file = File::create(path).map_err(|error| cannot_write(path, &error))?;
+    pub fn create(path: &str, end: &EndRequest) -> Result<Self, String> {
+        let file = waiting::create(path, end).map_err(|error| cannot_write(path, &error))?;
         let (file, flushed) = (Writer::from_writer(file), WallInstant::now());
         Ok(Self { path: path.to_owned(), file, has_head: false, flushed, happened: Vec::new() })
     }

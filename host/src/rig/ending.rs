@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Who ended the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndedBy {
-    /// The key `q` or Esc.
+    /// The key `q`.
     Key,
     /// Ctrl-C, as a key or as a signal.
     Interrupt,

@@ -11,7 +11,7 @@ use sim::any::{AnyConfig, Protocol};
 use sim::ecu::Nanos;
 
 /// The engines of a run without `--engine`.
-const DEFAULT: [&str; 4] = [
+pub const DEFAULT: [&str; 4] = [
     "name=left,ecu=amt,engine=olympus,baud=2400",
     "name=right,ecu=amt,engine=titan,baud=2400",
     "name=centre,ecu=zk,version=4,baud=9600",

@@ -226,7 +226,7 @@ fn cut_form(value: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::engines::engines;
-    use super::super::plan::Plan;
+    use super::super::plan::{FlownBy, Plan};
     use super::*;
 
     #[test]
@@ -254,7 +254,8 @@ mod tests {
         let engines = engines(&[]).unwrap();
         let check = |text: &str, standby| {
             let mut faults = Faults::parse(text, &engines).unwrap();
-            let plan = Plan::new(&engines, None, standby, &mut faults).unwrap();
+            let flown_by = if standby { FlownBy::PilotsInStandby } else { FlownBy::Pilots };
+            let plan = Plan::new(&engines, None, flown_by, &mut faults).unwrap();
             faults.check(&plan, &engines)
         };
         for text in [
@@ -275,6 +276,37 @@ mod tests {
         ] {
             let error = check(text, standby).unwrap_err();
             assert!(error.starts_with("--faults: ") && error.contains(part), "{text}: {error}");
+        }
+    }
+
+    /// With MAVLink or radio control.
+    #[test]
+    fn a_fault_that_may_act_in_a_run_flown_from_outside_is_accepted() {
+        let engines = engines(&[]).unwrap();
+        let check = |text: &str, length: Option<u64>| {
+            let mut faults = Faults::parse(text, &engines).unwrap();
+            let plan = Plan::new(&engines, length.map(Duration::from_secs), FlownBy::Outside, &mut faults)?;
+            faults.check(&plan, &engines).map(|()| faults.until.map(|until| until.as_secs()))
+        };
+        for (text, until) in [
+            ("hot-start=left", None),
+            ("no-light=left", None),
+            ("flame-out=left@3s", None),
+            ("cut=left@40s+5s", None),
+            ("heavy", None),
+            ("heavy,until=30s", Some(30)),
+            ("heavy,from=50s", None),
+        ] {
+            assert_eq!(check(text, None), Ok(until), "{text}");
+            assert_eq!(check(text, Some(60)), Ok(until), "{text}");
+        }
+        for (text, part) in [
+            ("cut=left@60s+5s", "the cut of left at 60 s comes after the end of the run at 60 s"),
+            ("flame-out=left@99s", "the flame-out of left at 99 s comes after the end"),
+            ("heavy,from=60s", "`from` has to be earlier than --duration"),
+        ] {
+            assert_eq!(check(text, None).err(), None, "{text}");
+            assert!(check(text, Some(60)).unwrap_err().contains(part), "{text}");
         }
     }
 

@@ -40,9 +40,11 @@ mod simulated;
 mod story;
 mod summary;
 mod tap;
+mod title;
 mod tour;
 mod unshown;
 mod view;
+mod waiting;
 
 pub use self::options::Args;
 
@@ -62,6 +64,7 @@ use self::play::script;
 use self::plot::Plot;
 use self::report::Report;
 use self::show::{Files, Show, Shown};
+use self::title::Title;
 use self::tour::Tour;
 use self::unshown::ShowError;
 use self::view::model::Model;
@@ -102,6 +105,9 @@ pub fn run(args: &Args) -> ExitCode {
         };
         complain(&error);
         return ExitCode::from(status);
+    }
+    if let Some(notice) = &order.notice {
+        complain(notice);
     }
     match perform(args, &mut order) {
         Ok(status) => status,
@@ -153,16 +159,7 @@ fn complain(error: &str) {
 fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let end = EndRequest::by_signals()?;
     let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
-    let title = match order.setup.scenario {
-        Some(scenario) => format!("{}: {}", scenario.name, scenario.line),
-        None if order.tour => {
-            format!(
-                "Four simulated engines; the source of left falls silent for 6 s (seed {})",
-                order.setup.seed
-            )
-        }
-        None => format!("jetlink rig, seed {}", order.setup.seed),
-    };
+    let title = Title::of(&order.setup, &order.header, args.script.as_deref());
     let subjects = order.setup.engines.iter().map(|engine| Subject {
         name: engine.name(),
         caption: engine.caption(),
@@ -177,13 +174,25 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         by_rpm: engine.by_rpm(),
     });
     let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
-    let report = args.report.as_deref().map(|path| Report::create(path, about)).transpose()?;
+    let report = args.report.as_deref().map(|path| Report::create(path, about, &end)).transpose()?;
     let chronicle =
         (args.plot.is_some() || report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
-    let plot = args.plot.as_deref().map(|path| Plot::create(path, args.dark)).transpose()?;
-    let capture = args.capture.as_deref().map(|folder| Capture::create(folder, &names)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| Plot::create(path, args.dark, &end)).transpose()?;
+    let capture = args.capture.as_deref().map(|folder| Capture::create(folder, &names, &end)).transpose();
     // The last: what it held before is gone with this.
-    let csv = args.csv.as_deref().map(Csv::create).transpose()?;
+    let csv = capture.and_then(|capture| {
+        let csv = args.csv.as_deref().map(|path| Csv::create(path, &end)).transpose()?;
+        Ok((capture, csv))
+    });
+    let (capture, csv) = match (csv, end.requested()) {
+        (Ok(files), _) => files,
+        // Nothing has run yet: it was ended while it waited for the reader of a FIFO.
+        (Err(error), Some(by)) => {
+            complain(&error);
+            return Ok(ExitCode::from(by.status()));
+        }
+        (Err(error), None) => return Err(error),
+    };
     let files = Files { names: names.clone(), csv, chronicle, plot, capture };
     let to_stdout = wanted(args, order).iter().any(|file| output::is_stdout(&file.path));
     let is_terminal = !to_stdout && io::stdout().is_terminal();
@@ -196,8 +205,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let (requests, wanted_live) = mpsc::channel();
     let screen = (on_terminal && !order.setup.fast && !args.plain).then(|| {
         let setup = &order.setup;
-        let length = (!setup.is_commanded() || setup.ends).then_some(setup.plan.length);
-        let mut model = Model::new(&setup.engines, length, setup.scenario.is_some());
+        let mut model = Model::new(&setup.engines, setup.plan.length, setup.scenario.is_some());
         model.transmitter = setup.radio.as_ref().is_some_and(|radio| radio.transmitter().is_some());
         Screen::enter(model, theme, requests, end.clone())
     });
@@ -207,7 +215,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let (shown, mut control): (Shown, Box<dyn Control>) = match (screen, script) {
         (Some(Ok(screen)), script) => {
             order.setup.details = true;
-            let tour = order.tour.then(Tour::default);
+            let tour = order.header.silence.then(Tour::default);
             let live = Live::new(wanted_live, end.clone(), tour);
             let control = match script {
                 Some((actions, over)) => live.with_script(Scripted::new(actions, over)),
@@ -258,7 +266,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
         _ => Ok(()),
     };
-    let saved = save_script(args, order, &outcomes, &scripted)?;
+    let saved = save_script(args, order, &outcomes, &scripted, &end)?;
     if let Some(saved) = saved {
         text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved));
     }
@@ -292,6 +300,7 @@ fn save_script(
     order: &Order,
     outcomes: &Outcomes,
     scripted: &[Act],
+    end: &EndRequest,
 ) -> Result<Option<PathBuf>, String> {
     let done = outcomes.actions.iter().map(|(_, action)| &action.act);
     let by_key =
@@ -305,9 +314,10 @@ fn save_script(
     };
     let over = outcomes.is_played().then(|| Instant::MIN + outcomes.length);
     let text = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
-    match std::fs::write(&path, text) {
+    let name = path.display().to_string();
+    match waiting::write(&name, &text, end) {
         Ok(()) => Ok(Some(path)),
-        Err(error) => Err(output::cannot_write(&path.display().to_string(), &error)),
+        Err(error) => Err(output::cannot_write(&name, &error)),
     }
 }
 

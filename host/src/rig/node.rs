@@ -6,11 +6,12 @@
 use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
 use jetlink::channel::Channel;
-use jetlink::command::{Accepted, Command, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
+use jetlink::units::Throttle;
 use jetlink_rc::outputs::{Change, Outputs};
 use jetlink_rc::settings::OutputSettings;
 use jetlink_rc::shared::Shared;
@@ -231,6 +232,20 @@ impl<'a> Node<'a> {
             self.rejected_at_start.borrow_mut()[engine] += 1;
         }
         Some(answer)
+    }
+
+    /// What keeps a run of this source from starting an engine now; `None` while the node is away. Without a demand: at idle.
+    pub fn start_refusals(
+        &self,
+        engine: usize,
+        demand: Option<Demand>,
+        origin: Origin,
+    ) -> Option<Vec<Rejected>> {
+        let channels = self.channels.borrow().clone()?;
+        let mut all = Vec::new();
+        let demand = demand.unwrap_or(Demand::Throttle(Throttle::IDLE));
+        channels.get(engine)?.handle_in(&channels).start_refusals(demand, origin, |why| all.push(why));
+        Some(all)
     }
 
     fn look(&self) {

@@ -3,7 +3,7 @@
 use super::engines;
 use super::faults::Faults;
 use super::mavlink::{MOST_PORTS, Mavlink};
-use super::plan::Plan;
+use super::plan::{FlownBy, Plan};
 use super::play::action::Action;
 use super::play::script::{Header, Script, USUAL_SEED};
 use super::port::Address;
@@ -211,8 +211,8 @@ pub struct Order {
     pub header: Header,
     /// The actions of a script file, and its end.
     pub script: Option<Actions>,
-    /// No option was given: a person watches.
-    pub tour: bool,
+    /// What a person should know before the run.
+    pub notice: Option<String>,
 }
 
 /// Reads the command line, and the script file that it names.
@@ -228,16 +228,15 @@ pub fn order(args: &Args) -> Result<Order, String> {
     let scenario = args.scenario.as_deref().map(Scenario::named).transpose()?;
     let header = match &script {
         Some(script) => script.header.clone(),
-        None => header(args)?,
+        None => header(args, scenario.is_some())?,
     };
     let described: Vec<String> = match scenario {
         Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
         None => header.engines.clone(),
     };
-    let tour = scenario.is_none()
-        && args.mavlink.is_empty()
-        && header == Header { seed: header.seed, ..Header::default() };
-    let setup = setup(args, &header, scenario, &described, tour)?;
+    let notice = script.as_ref().zip(args.script.as_ref());
+    let notice = notice.and_then(|(script, path)| Some(format!("{path}: {}", script.of_another_version()?)));
+    let setup = setup(args, &header, scenario, &described)?;
     let script = match (script, &args.script) {
         (Some(script), Some(path)) => {
             if setup.radio.is_some() && script.end.is_none() {
@@ -248,16 +247,16 @@ pub fn order(args: &Args) -> Result<Order, String> {
         }
         _ => None,
     };
-    Ok(Order { setup, header, script, tour })
+    Ok(Order { setup, header, script, notice })
 }
 
 /// The command line in the words of a script file.
-fn header(args: &Args) -> Result<Header, String> {
+fn header(args: &Args, scenario: bool) -> Result<Header, String> {
     let seed = args
         .seed
         .parse()
         .map_err(|_| format!("--seed: `{}` is not a whole number from 0 to {}", args.seed, u64::MAX))?;
-    Ok(Header {
+    let mut header = Header {
         seed,
         engines: args.engines.clone(),
         duration: args.duration.clone(),
@@ -265,7 +264,11 @@ fn header(args: &Args) -> Result<Header, String> {
         faults: args.faults.clone(),
         rc: args.rc.clone(),
         valves: args.valves,
-    })
+        silence: false,
+    };
+    // Without options that change the run.
+    header.silence = !scenario && args.mavlink.is_empty() && header == Header { seed, ..Header::default() };
+    Ok(header)
 }
 
 /// Opens the ports of `--mavlink`.
@@ -303,7 +306,6 @@ fn setup(
     header: &Header,
     scenario: Option<&'static Scenario>,
     described: &[String],
-    tour: bool,
 ) -> Result<Setup, String> {
     let engines = engines::engines(described)?;
     let mut faults = match &header.faults {
@@ -316,13 +318,17 @@ fn setup(
         .map(|text| quantity::duration(text).map_err(|error| format!("--duration: {error}")))
         .transpose()?;
     let panic_at = args.panic_at.as_deref().map(quantity::duration).transpose()?;
-    let stands_by = header.standby || !args.mavlink.is_empty() || header.rc.is_some();
-    let mut plan = Plan::new(&engines, duration, stands_by, &mut faults)?;
+    let flown_by = match () {
+        () if !args.mavlink.is_empty() || header.rc.is_some() => FlownBy::Outside,
+        () if header.standby => FlownBy::PilotsInStandby,
+        () => FlownBy::Pilots,
+    };
+    let mut plan = Plan::new(&engines, duration, flown_by, &mut faults)?;
     faults.check(&plan, &engines)?;
     if let Some(scenario) = scenario {
-        plan.length = scenario.length();
+        plan.length = Some(scenario.length());
     }
-    if tour {
+    if header.silence {
         plan = plan.with_a_silence();
     }
     let details = args.capture.is_some();
@@ -341,6 +347,5 @@ fn setup(
         radio,
         valves: header.valves,
         speed: args.speed.unwrap_or(1),
-        ends: duration.is_some(),
     })
 }

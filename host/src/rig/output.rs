@@ -1,7 +1,9 @@
 //! The files that a run writes: all of them are checked before it begins, and none is touched before all are good.
 
+use super::ending::EndRequest;
+use super::waiting;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// A file named on the command line.
@@ -161,16 +163,17 @@ pub struct Whole {
     path: String,
     /// Beside the target, to be renamed; `None` where the target is no regular file.
     part: Option<PathBuf>,
+    end: EndRequest,
 }
 
 impl Whole {
-    /// Reserves the place.
-    pub fn create(path: &str) -> Result<Self, String> {
+    /// Reserves the place. `end`: ends the wait for the reader of a FIFO.
+    pub fn create(path: &str, end: &EndRequest) -> Result<Self, String> {
         let part = is_regular(path).then(|| part(path));
         if let Some(part) = &part {
             File::create(part).map_err(|error| cannot_write(path, &error))?;
         }
-        Ok(Self { path: path.to_owned(), part })
+        Ok(Self { path: path.to_owned(), part, end: end.clone() })
     }
 
     /// Writes it.
@@ -182,10 +185,7 @@ impl Whole {
                 let target = fs::canonicalize(&self.path).unwrap_or_else(|_| PathBuf::from(&self.path));
                 fs::write(part, text).and_then(|()| fs::rename(part, target))
             }
-            None => OpenOptions::new().write(true).open(&self.path).and_then(|mut file| {
-                file.write_all(text.as_bytes())?;
-                file.flush()
-            }),
+            None => waiting::write(&self.path, text, &self.end),
         };
         if written.is_err()
             && let Some(part) = part

@@ -20,12 +20,23 @@ const SHORTEST_STANDBY: Duration = Duration::from_secs(2);
 /// The times of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Total length aimed at.
-    pub length: Duration,
-    /// Start no engine.
-    pub standby_only: bool,
+    /// Total length aimed at; `None`: it lasts until somebody ends it.
+    pub length: Option<Duration>,
+    /// What commands the engines.
+    pub flown_by: FlownBy,
     /// Of each engine.
     pub engines: Vec<EnginePlan>,
+}
+
+/// What commands the engines of a run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum FlownBy {
+    /// Pilots, that start, fly and shut down.
+    Pilots,
+    /// Pilots that start no engine.
+    PilotsInStandby,
+    /// MAVLink or radio control: nobody knows when.
+    Outside,
 }
 
 /// The times of one engine.
@@ -48,11 +59,13 @@ impl Plan {
     pub fn new(
         engines: &[Engine],
         length: Option<Duration>,
-        standby_only: bool,
+        flown_by: FlownBy,
         faults: &mut Faults,
     ) -> Result<Self, String> {
-        if standby_only {
-            return Self::standby(engines.len(), length, faults);
+        match flown_by {
+            FlownBy::Pilots => {}
+            FlownBy::PilotsInStandby => return Self::standby(engines.len(), length, faults),
+            FlownBy::Outside => return Self::outside(engines.len(), length, faults),
         }
         let mut start_at = Instant::MIN + FIRST_START;
         let mut plans: Vec<EnginePlan> = engines
@@ -93,7 +106,7 @@ impl Plan {
         let first_shutdown = plans.iter().map(|plan| plan.shutdown_at).min().unwrap_or(Instant::MIN);
         let latest_end = (first_shutdown - Instant::MIN) - RECOVERY;
         end_of_faults(faults, latest_end)?;
-        Ok(Self { length, standby_only, engines: plans })
+        Ok(Self { length: Some(length), flown_by, engines: plans })
     }
 
     /// The source of the first engine falls silent for a while when all engines run: what the run without options shows.
@@ -116,15 +129,33 @@ impl Plan {
         }
         // The last third is for the recovery.
         end_of_faults(faults, length * 2 / 3)?;
-        let plan = EnginePlan {
-            start_at: Instant::MIN,
-            start_takes: Duration::MIN,
-            shutdown_at: Instant::MIN + length,
-            cooling_takes: Duration::MIN,
-            silent_at: None,
-        };
-        Ok(Self { length, standby_only: true, engines: vec![plan; engines] })
+        Ok(Self {
+            length: Some(length),
+            flown_by: FlownBy::PilotsInStandby,
+            engines: no_start(engines, Instant::MIN + length),
+        })
     }
+
+    /// Faults on the lines may last to the end: somebody flies who may want them so.
+    fn outside(engines: usize, length: Option<Duration>, faults: &Faults) -> Result<Self, String> {
+        let too_late = |time: Duration| length.is_some_and(|length| time >= length);
+        if faults.on_lines() && too_late(faults.from) {
+            return Err("--faults: `from` has to be earlier than --duration".to_owned());
+        }
+        Ok(Self { length, flown_by: FlownBy::Outside, engines: no_start(engines, Instant::MAX) })
+    }
+}
+
+/// Times of engines that no pilot starts.
+fn no_start(engines: usize, end: Instant) -> Vec<EnginePlan> {
+    let plan = EnginePlan {
+        start_at: Instant::MIN,
+        start_takes: Duration::MIN,
+        shutdown_at: end,
+        cooling_takes: Duration::MIN,
+        silent_at: None,
+    };
+    vec![plan; engines]
 }
 
 /// The faults on the lines end in time, or the command line is wrong.
@@ -155,21 +186,32 @@ fn text(time: Duration) -> String {
 impl Faults {
     /// Whether each of them can act in this run.
     pub fn check(&self, plan: &Plan, engines: &[Engine]) -> Result<(), String> {
-        let length = seconds(plan.length);
         let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
-        if let Some(cut) = self.cuts.iter().find(|cut| cut.at >= plan.length) {
-            let at = seconds(cut.at);
-            return Err(format!(
-                "--faults: the cut of {} at {at} s comes after the end of the run at {length} s",
-                name(cut.engine)
-            ));
-        }
+        let after_the_end = |what: &str, engine: usize, at: Duration| match plan.length {
+            Some(length) if at >= length => Err(format!(
+                "--faults: {what} of {} at {} s comes after the end of the run at {} s",
+                name(engine),
+                seconds(at),
+                seconds(length)
+            )),
+            _ => Ok(()),
+        };
+        self.cuts.iter().try_for_each(|cut| after_the_end("the cut", cut.engine, cut.at))?;
         for (i, &(engine, failure)) in self.failures.iter().enumerate() {
-            if plan.standby_only {
-                return Err(format!(
-                    "--faults: {} cannot act with --standby: no engine is started",
-                    failure.name()
-                ));
+            match plan.flown_by {
+                FlownBy::Pilots => {}
+                FlownBy::PilotsInStandby => {
+                    return Err(format!(
+                        "--faults: {} cannot act with --standby: no engine is started",
+                        failure.name()
+                    ));
+                }
+                FlownBy::Outside => {
+                    if let Failure::FlameOut(at) = failure {
+                        after_the_end("the flame-out", engine, at)?;
+                    }
+                    continue;
+                }
             }
             let (Failure::FlameOut(at), Some(times), Some(config)) =
                 (failure, plan.engines.get(engine), engines.get(engine))
@@ -218,11 +260,11 @@ mod tests {
     #[test]
     fn all_engines_have_time_to_run_and_to_cool() {
         let engines = engines(&[]).unwrap();
-        let plan = Plan::new(&engines, None, false, &mut Faults::default()).unwrap();
+        let plan = Plan::new(&engines, None, FlownBy::Pilots, &mut Faults::default()).unwrap();
         assert_eq!(plan.engines.len(), 4);
         for engine in &plan.engines {
             assert!(engine.shutdown_at >= engine.start_at + engine.start_takes + LEAST_RUNNING);
-            assert!(engine.shutdown_at + engine.cooling_takes <= Instant::MIN + plan.length);
+            assert!(engine.shutdown_at + engine.cooling_takes <= Instant::MIN + plan.length.unwrap());
         }
     }
 
@@ -230,24 +272,24 @@ mod tests {
     fn a_run_that_is_too_short_is_refused_with_the_shortest() {
         let engines = engines(&[]).unwrap();
         let none = &mut Faults::default();
-        let error = Plan::new(&engines, Some(Duration::from_secs(60)), false, none).unwrap_err();
+        let error = Plan::new(&engines, Some(Duration::from_secs(60)), FlownBy::Pilots, none).unwrap_err();
         let least: u64 =
             error.rsplit(' ').next().and_then(|word| word.strip_suffix('s')?.parse().ok()).unwrap();
-        assert!(Plan::new(&engines, Some(Duration::from_secs(least - 1)), false, none).is_err());
-        assert!(Plan::new(&engines, Some(Duration::from_secs(least)), false, none).is_ok());
-        assert!(Plan::new(&engines, Some(Duration::from_secs(1)), true, none).is_err());
+        assert!(Plan::new(&engines, Some(Duration::from_secs(least - 1)), FlownBy::Pilots, none).is_err());
+        assert!(Plan::new(&engines, Some(Duration::from_secs(least)), FlownBy::Pilots, none).is_ok());
+        assert!(Plan::new(&engines, Some(Duration::from_secs(1)), FlownBy::PilotsInStandby, none).is_err());
     }
 
     #[test]
     fn faults_end_before_the_first_shutdown() {
         let engines = engines(&[]).unwrap();
         let mut heavy = Faults::parse("heavy", &engines).unwrap();
-        let plan = Plan::new(&engines, None, false, &mut heavy).unwrap();
+        let plan = Plan::new(&engines, None, FlownBy::Pilots, &mut heavy).unwrap();
         let until = Instant::MIN + heavy.until.unwrap();
         assert!(plan.engines.iter().all(|engine| until + RECOVERY <= engine.shutdown_at));
         for text in ["heavy,until=175s", "heavy,from=170s"] {
             let mut late = Faults::parse(text, &engines).unwrap();
-            assert!(Plan::new(&engines, None, false, &mut late).is_err(), "{text}");
+            assert!(Plan::new(&engines, None, FlownBy::Pilots, &mut late).is_err(), "{text}");
         }
     }
 }

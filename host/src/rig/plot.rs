@@ -10,6 +10,7 @@ use self::panel::Panel;
 use self::scale::Scale;
 use self::svg::{Anchor, Stroke, Svg, width};
 use super::chronicle::{Chronicle, Happening};
+use super::ending::EndRequest;
 use super::output::Whole;
 use super::record::thinned;
 
@@ -38,8 +39,8 @@ pub struct Plot {
 
 impl Plot {
     /// Reserves its place.
-    pub fn create(path: &str, dark: bool) -> Result<Self, String> {
-        Ok(Self { file: Whole::create(path)?, dark })
+    pub fn create(path: &str, dark: bool, end: &EndRequest) -> Result<Self, String> {
+        Ok(Self { file: Whole::create(path, end)?, dark })
     }
 
     /// Draws it.
@@ -60,7 +61,7 @@ impl Picture<'_> {
     fn draw(&self) -> String {
         let palette = Palette::of(self.dark);
         let Chronicle { record, subjects, happened, first_mark, .. } = self.chronicle;
-        let title = lines(&self.chronicle.title, TITLE_SIZE, WIDTH - 2.0 * TITLE_SIDE);
+        let title = lines(&self.chronicle.title.to_string(), TITLE_SIZE, WIDTH - 2.0 * TITLE_SIDE);
         let head = HEAD + TITLE_LINE * title.len().saturating_sub(1) as f64;
         // A scenario's way to its first event is not what it is about.
         let begin = first_mark.map_or(0.0, |t| (t - BEFORE_FIRST_MARK).max(0.0));

@@ -10,6 +10,9 @@ use embassy_time::Instant;
 /// Points of an engine; when there are more, each two become one.
 const MOST_POINTS: usize = 8000;
 
+/// Points of the last two minutes, one for each sample.
+const RECENT_POINTS: usize = 1210;
+
 /// The least and the most of a value within a time.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Band {
@@ -116,6 +119,8 @@ impl Point {
 #[derive(Debug, Default)]
 pub struct Record {
     engines: Vec<Vec<Point>>,
+    /// The last minutes of each, a point for each sample.
+    recent: Vec<Vec<Point>>,
     /// Samples that make a point.
     each: u32,
     /// Those of them that the last point has.
@@ -125,7 +130,7 @@ pub struct Record {
 impl Record {
     /// Of this number of engines.
     pub fn new(engines: usize) -> Self {
-        Self { engines: vec![Vec::new(); engines], each: 1, had: 0 }
+        Self { engines: vec![Vec::new(); engines], recent: vec![Vec::new(); engines], each: 1, had: 0 }
     }
 
     /// A sample of all engines.
@@ -133,23 +138,13 @@ impl Record {
         let begins = self.had == 0;
         self.had = (self.had + 1) % self.each;
         for (points, sample) in self.engines.iter_mut().zip(samples) {
-            let point = Point::of(at, sample);
-            match points.last_mut() {
-                Some(last) if !begins => *last = last.with(&point),
-                _ => points.push(point),
+            add(points, at, sample, begins);
+        }
+        for (points, sample) in self.recent.iter_mut().zip(samples) {
+            if points.len() >= 2 * RECENT_POINTS {
+                points.drain(..RECENT_POINTS);
             }
-            // That nothing newer came is known later than it was so.
-            let old = |received: Instant| seconds(received + SAMPLE_EVERY - Instant::MIN);
-            let (rpm_from, egt_from) = (sample.rpm_old.map(old), sample.egt_old.map(old));
-            for point in points.iter_mut().rev() {
-                let (rpm, egt) =
-                    [rpm_from, egt_from].map(|from| from.is_some_and(|from| point.t >= from)).into();
-                if !rpm && !egt {
-                    break;
-                }
-                point.rpm_old |= rpm;
-                point.egt_old |= egt;
-            }
+            add(points, at, sample, true);
         }
         if self.had == 0 && self.engines.iter().any(|points| points.len() >= MOST_POINTS) {
             for points in &mut self.engines {
@@ -171,8 +166,36 @@ impl Record {
 
     /// Those since this time, in seconds.
     pub fn since(&self, engine: usize, t: f64) -> &[Point] {
-        let points = self.points(engine);
-        points.get(points.partition_point(|point| point.t < t)..).unwrap_or_default()
+        since(self.points(engine), t)
+    }
+
+    /// The same in the last two minutes, a point for each sample however long the run is.
+    pub fn recent(&self, engine: usize, t: f64) -> &[Point] {
+        since(self.recent.get(engine).map_or(&[], Vec::as_slice), t)
+    }
+}
+
+fn since(points: &[Point], t: f64) -> &[Point] {
+    points.get(points.partition_point(|point| point.t < t)..).unwrap_or_default()
+}
+
+/// Adds a sample, as a point of its own or to the last one.
+fn add(points: &mut Vec<Point>, at: Instant, sample: &Sample, begins: bool) {
+    let point = Point::of(at, sample);
+    match points.last_mut() {
+        Some(last) if !begins => *last = last.with(&point),
+        _ => points.push(point),
+    }
+    // That nothing newer came is known later than it was so.
+    let old = |received: Instant| seconds(received + SAMPLE_EVERY - Instant::MIN);
+    let (rpm_from, egt_from) = (sample.rpm_old.map(old), sample.egt_old.map(old));
+    for point in points.iter_mut().rev() {
+        let (rpm, egt) = [rpm_from, egt_from].map(|from| from.is_some_and(|from| point.t >= from)).into();
+        if !rpm && !egt {
+            break;
+        }
+        point.rpm_old |= rpm;
+        point.egt_old |= egt;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::audit::WireCommand;
 use super::chronicle::{Chronicle, Subject};
-use super::ending::EndedBy;
+use super::ending::{EndRequest, EndedBy};
 use super::outcome::{End, Outcomes};
 use super::output::Whole;
 use super::quantity::seconds;
@@ -30,8 +30,8 @@ pub struct Report {
 
 impl Report {
     /// Reserves its place.
-    pub fn create(path: &str, about: String) -> Result<Self, String> {
-        Ok(Self { file: Whole::create(path)?, about })
+    pub fn create(path: &str, about: String, end: &EndRequest) -> Result<Self, String> {
+        Ok(Self { file: Whole::create(path, end)?, about })
     }
 
     /// Writes it.
@@ -81,7 +81,7 @@ fn run(
         })
         .collect();
     json!({
-        "title": title,
+        "title": title.to_string(),
         "about": about,
         "from": 0,
         "to": chronicle.end(),

@@ -4,10 +4,12 @@ use super::audit::WireCommand;
 use super::context::{EngineContext, PilotInput, Stage};
 use super::play::action::Fault;
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Order, Origin};
+use jetlink::command::{Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
 use jetlink::ecu::Faults;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
+use jetlink::limit::LimitViolation;
 use jetlink::report::{Counters, LinkState, Timed};
 use jetlink::telemetry::Telemetry;
 use jetlink_rc::outputs::Outputs;
@@ -201,6 +203,14 @@ pub const fn decode_errors(counters: &Counters) -> u32 {
 pub struct Detail {
     /// All that the node knows of the engine.
     pub telemetry: Telemetry,
+    /// Its configuration as it is now.
+    pub config: EngineConfig,
+    /// What a start would command; `None` if that comes from outside and is not known.
+    pub start_demand: Option<Demand>,
+    /// What keeps the engine from a start now; `None` while the node is away.
+    pub start_refusals: Option<Vec<Rejected>>,
+    /// The last violation of each limit.
+    pub violations: Vec<LimitViolation>,
     /// Fuel valve and power, as a board with these outputs would drive them.
     pub outputs: Outputs,
     /// The bytes on its line since the sample before.

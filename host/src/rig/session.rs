@@ -10,7 +10,7 @@ use super::message::Message;
 use super::node::Node;
 use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
-use super::plan::Plan;
+use super::plan::{FlownBy, Plan};
 use super::play::player::Player;
 use super::radio::Radio;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
@@ -66,8 +66,6 @@ pub struct Setup {
     pub valves: bool,
     /// How many times as fast as the wall clock.
     pub speed: u32,
-    /// The run ends with the plan's length, although no pilot ends it.
-    pub ends: bool,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
 }
@@ -76,6 +74,16 @@ impl Setup {
     /// Whether MAVLink or radio control commands, and no pilot flies.
     pub const fn is_commanded(&self) -> bool {
         self.mavlink.is_some() || self.radio.is_some()
+    }
+
+    /// The source that would start this engine.
+    fn origin(&self, context: &EngineContext<'_>) -> Origin {
+        match (&self.mavlink, &self.radio) {
+            _ if context.played.get() => Origin::Bench,
+            (Some(_), _) => Origin::Mavlink,
+            (None, Some(_)) => Origin::Rc,
+            (None, None) => Origin::Bench,
+        }
     }
 
     /// Whether a script file of what was done plays the run again: nothing comes from outside or from a scenario.
@@ -156,8 +164,14 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let (node, player, seed) = (&node, &player, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 loop {
-                    let pilot =
-                        Pilot::new(context, node, *plan, setup.plan.standby_only, &setup.faults, seed);
+                    let pilot = Pilot::new(
+                        context,
+                        node,
+                        *plan,
+                        setup.plan.flown_by == FlownBy::PilotsInStandby,
+                        &setup.faults,
+                        seed,
+                    );
                     match select(clock::task(pilot.fly()), player.taken(i)).await {
                         Either::First(result) => {
                             flown.replace(Some(result));
@@ -213,13 +227,16 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     let end = RefCell::new(End::Complete);
     let watch = async {
         let mut ticker = Ticker::every(SAMPLE_EVERY);
-        let (mut all_done_at, mut shown_complete) = (None, false);
+        let (mut all_done_at, mut shown_complete, mut shown_over) = (None, false, false);
         loop {
             assert!(
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
                 "the moment of --panic-at"
             );
-            if setup.is_commanded() && setup.ends && Instant::now() >= Instant::MIN + setup.plan.length {
+            // No pilot ends it.
+            if setup.is_commanded()
+                && setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length)
+            {
                 end.replace(End::Interrupted);
                 return;
             }
@@ -240,11 +257,18 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             });
             let samples: Vec<Sample> = samples.collect();
             let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
-            let details = details.map(|(i, (context, telemetry))| Detail {
-                telemetry,
-                outputs: node.outputs(i),
-                entries: context.tap.borrow_mut().take(),
-                faults: player.faults(i),
+            let details = details.map(|(i, (context, telemetry))| {
+                let start_demand = player.start_demand(i).filter(|_| setup.mavlink.is_none());
+                Detail {
+                    telemetry,
+                    config: node.config(i),
+                    start_demand,
+                    start_refusals: node.start_refusals(i, start_demand, setup.origin(context)),
+                    violations: context.violations.borrow().clone(),
+                    outputs: node.outputs(i),
+                    entries: context.tap.borrow_mut().take(),
+                    faults: player.faults(i),
+                }
             });
             let message =
                 Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
@@ -282,6 +306,10 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                     end.replace(ended(complete));
                     return;
                 }
+                if turn.over && !shown_over {
+                    show(Message::Complete(Box::new(outcomes(ended(complete)))));
+                }
+                shown_over = turn.over;
                 if !turn.again {
                     break;
                 }
@@ -439,6 +467,9 @@ async fn listen(
             }
         };
         scenario_context.note_event(context.index, event);
+        if let Event::Limit(violation) = event {
+            context.violated(violation);
+        }
         let by_itself =
             matches!(event, Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node }));
         if let Event::Ordered(Ordered { order: Order::Standby, origin }) = event {

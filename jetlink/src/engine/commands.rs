@@ -234,7 +234,7 @@ impl Engine {
                 });
             }
             Mode::Standby | Mode::Pwm { .. } => self.try_start(now, origin, others_allow_start, |engine| {
-                engine.interlocks(now, demand, others_allow_start)
+                engine.interlocks(now, demand, others_allow_start, Err)
             }),
         };
         match result {
@@ -306,7 +306,7 @@ impl Engine {
             && matches!(self.mode, Mode::Standby)
             && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
         let result = if permitted {
-            self.interlocks(now, idle, others_allow_start).map_err(Rejected::Start)
+            self.interlocks(now, idle, others_allow_start, Err).map_err(Rejected::Start)
         } else {
             Err(Rejected::StandbyFirst)
         };
@@ -446,40 +446,84 @@ impl Engine {
         }
     }
 
-    /// The first interlock that keeps the engine from a start.
-    fn interlocks(&self, now: Instant, demand: Demand, others_allow_start: bool) -> Result<(), Interlock> {
+    /// The interlocks of a start, in their order. `unmet` gets each that is not satisfied and returns whether the next is checked.
+    fn interlocks(
+        &self,
+        now: Instant,
+        demand: Demand,
+        others_allow_start: bool,
+        mut unmet: impl FnMut(Interlock) -> Result<(), Interlock>,
+    ) -> Result<(), Interlock> {
         let rules = &self.config.start;
         let report = &self.link.status().report;
         if rules.arming && !self.armed {
-            return Err(Interlock::NotArmed);
+            unmet(Interlock::NotArmed)?;
         }
         if !self.is_idle(demand) {
-            return Err(Interlock::NotIdle);
+            unmet(Interlock::NotIdle)?;
         }
-        self.steady_link(now)?;
+        self.steady_link(now).or_else(&mut unmet)?;
         if self.pump.is_some() || self.link.service_frames().closing_pump {
-            return Err(Interlock::PumpOpen);
+            unmet(Interlock::PumpOpen)?;
         }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
-            return Err(Interlock::Fault);
+            unmet(Interlock::Fault)?;
         }
         if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {
-            return Err(Interlock::NotStandby);
+            unmet(Interlock::NotStandby)?;
         }
-        self.cold(now)?;
+        self.cold(now).or_else(&mut unmet)?;
         if let (Some(least), Some(supply)) =
             (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
             && supply < least
         {
-            return Err(Interlock::SupplyLow(supply));
+            unmet(Interlock::SupplyLow(supply))?;
         }
         if let Some((limit, _)) = self.limits.in_force() {
-            return Err(Interlock::Limit(limit));
+            unmet(Interlock::Limit(limit))?;
         }
         if !others_allow_start {
-            return Err(Interlock::OtherStarting);
+            unmet(Interlock::OtherStarting)?;
         }
         Ok(())
+    }
+
+    /// Everything that keeps a `Run` of this source from starting the engine now, in the order in which a refusal names the
+    /// first. Nothing changes.
+    pub fn start_refusals(
+        &self,
+        now: Instant,
+        demand: Demand,
+        origin: Origin,
+        others_allow_start: bool,
+        mut found: impl FnMut(Rejected),
+    ) {
+        let of_source = |table: &[bool; Origin::ALL.len()]| {
+            Origin::ALL.into_iter().zip(table).any(|(place, flag)| place == origin && *flag)
+        };
+        match &self.mode {
+            Mode::Stop(_) => found(Rejected::StopLatched),
+            Mode::Listen(_) if self.link.status().state == LinkState::Lost => found(Rejected::NoLink),
+            Mode::Listen(_) => found(Rejected::Listening),
+            Mode::Standby | Mode::Run(_) | Mode::Pwm { .. } => {}
+        }
+        if of_source(&self.must_disarm) {
+            found(Rejected::DisarmFirst);
+        }
+        if let Err(why) = self.can(now, demand) {
+            found(why);
+        }
+        if let Some(above) = self.sources.above(now, origin) {
+            found(Rejected::Behind(above));
+        }
+        if !matches!(self.mode, Mode::Standby) || !of_source(&self.permitted) {
+            found(Rejected::StandbyFirst);
+        }
+        // Each is found, so there is no first one.
+        let _ = self.interlocks(now, demand, others_allow_start, |interlock| {
+            found(Rejected::Start(interlock));
+            Ok(())
+        });
     }
 
     /// Whether the ECU has been received without a gap for the configured time.

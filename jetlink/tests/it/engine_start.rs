@@ -187,6 +187,30 @@ fn a_stream_of_run_alone_starts_nothing() {
     }
 }
 
+/// `Scenario` compares each answer to a run with what was announced; here stands that all of it is announced at once.
+#[test]
+fn everything_that_keeps_an_engine_from_a_start_is_announced_in_the_order_of_refusals() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        assert_eq!(scenario.start_refusals(run(0), Origin::Rc), [], "{ecu:?}");
+        assert_eq!(
+            scenario.start_refusals(run(0), Origin::Bench),
+            [Rejected::Behind(Origin::Rc), Rejected::StandbyFirst]
+        );
+        scenario.command(Command::EmergencyStop).unwrap();
+        assert_eq!(scenario.command(Command::Arm), Err(Rejected::StopLatched));
+        scenario.reports(Reports::Starting).pass_us(SECOND);
+        scenario.others_allow_start = false;
+        let all = scenario.start_refusals(run(50), Origin::Rc);
+        let interlocks =
+            [Interlock::NotArmed, Interlock::NotIdle, Interlock::NotStandby, Interlock::OtherStarting];
+        let before = [Rejected::StopLatched, Rejected::DisarmFirst, Rejected::StandbyFirst];
+        let expected: Vec<Rejected> = before.into_iter().chain(interlocks.map(Rejected::Start)).collect();
+        assert_eq!(all, expected, "{ecu:?}");
+        assert_eq!(scenario.command(run(50)), Err(Rejected::StopLatched));
+    }
+}
+
 #[test]
 fn a_start_needs_arming() {
     for ecu in BOTH {

@@ -32,6 +32,10 @@ pub enum Act {
 pub enum Fault {
     /// Both wires of the line are cut.
     Cut,
+    /// The wire from the node to the ECU is cut.
+    CutToEcu,
+    /// The wire from the ECU to the node is cut.
+    CutToNode,
     /// One byte in twelve suffers on the line.
     Noise,
     /// The ECU has no power.
@@ -46,8 +50,16 @@ pub enum Fault {
 
 impl Fault {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 6] =
-        [Self::Cut, Self::Noise, Self::FlameOut, Self::Power, Self::Reset, Self::Silence];
+    pub const ALL: [Self; 8] = [
+        Self::Cut,
+        Self::CutToEcu,
+        Self::CutToNode,
+        Self::Noise,
+        Self::FlameOut,
+        Self::Power,
+        Self::Reset,
+        Self::Silence,
+    ];
 
     /// Whether it happens once and cannot be ended.
     pub const fn is_once(self) -> bool {
@@ -58,6 +70,8 @@ impl Fault {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Cut => "cut line",
+            Self::CutToEcu => "cut wire to the ECU",
+            Self::CutToNode => "cut wire to the node",
             Self::Noise => "noise",
             Self::Power => "ECU without power",
             Self::Silence => "silent source",
@@ -70,6 +84,8 @@ impl Fault {
     const fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Cut => ("cut", "mend"),
+            Self::CutToEcu => ("cut-to-ecu", "mend-to-ecu"),
+            Self::CutToNode => ("cut-to-node", "mend-to-node"),
             Self::Noise => ("noise", "quiet"),
             Self::Power => ("power-off", "power-on"),
             Self::Silence => ("silent", "speak"),

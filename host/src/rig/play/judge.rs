@@ -122,6 +122,14 @@ mod tests {
     }
 
     #[test]
+    fn the_documentation_has_the_limits_of_the_judge() {
+        let page = include_str!("../../../../docs/rig.md");
+        let stop = format!("emergency stops that are later than {} ms on the wire", STOP_ON_WIRE / MILLIS);
+        let doubt = format!("and {} s after each: until then the node may be in doubt", DOUBT.as_secs());
+        assert!(page.contains(&stop) && page.contains(&doubt), "{stop}; {doubt}");
+    }
+
+    #[test]
     fn an_ignition_needs_a_commanded_run() {
         let mut judge = Judge::default();
         assert_eq!(look(&mut judge, 1000, true, &[], 0).ignitions, 0);

@@ -15,7 +15,7 @@ use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::{MILLIS, Nanos};
 use sim::receiver::Position;
-use sim::wire::{Faults as LineFaults, Plug};
+use sim::wire::{Direction, Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::task::Poll;
@@ -281,6 +281,17 @@ impl<'a> Player<'a> {
         }
     }
 
+    /// The demand of a run that would start this engine now.
+    pub fn start_demand(&self, engine: usize) -> Option<Demand> {
+        if let Some(transmitter) = self.transmitter {
+            return Throttle::from_tenths(transmitter.stick.get()).ok().map(Demand::Throttle);
+        }
+        match self.contexts.get(engine)?.input.get() {
+            PilotInput::Run(demand) => Some(demand),
+            PilotInput::Standby => self.idle(engine),
+        }
+    }
+
     fn idle(&self, engine: usize) -> Option<Demand> {
         if self.contexts.get(engine)?.engine.by_rpm() {
             return Some(Demand::Rpm(Rpm::new(self.speeds(engine)?.0)));
@@ -295,7 +306,8 @@ impl<'a> Player<'a> {
             return;
         };
         match fault {
-            Fault::Cut => plug.cut(begins),
+            // Below: a wire may be cut by two of them.
+            Fault::Cut | Fault::CutToEcu | Fault::CutToNode => {}
             Fault::Noise => {
                 let line = if begins { Faults::heavy() } else { LineFaults::default() };
                 plug.set_faults(line, line);
@@ -313,6 +325,13 @@ impl<'a> Player<'a> {
         } else {
             if begins {
                 faults.push(fault);
+            }
+            for (direction, one) in
+                [(Direction::ToEcu, Fault::CutToEcu), (Direction::ToNode, Fault::CutToNode)]
+            {
+                if fault == Fault::Cut || fault == one {
+                    plug.cut_one(direction, faults.contains(&Fault::Cut) || faults.contains(&one));
+                }
             }
             // A silent source is no reason to miss a window.
             if fault != Fault::Silence {
@@ -403,5 +422,16 @@ impl<'a> Player<'a> {
                 audit: &context.audit.borrow(),
             });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documentation_has_what_a_stop_by_switch_is_allowed() {
+        let allowed = format!("The judge allows a stop {} ms more", STOP_BY_SWITCH / MILLIS);
+        assert!(include_str!("../../../../docs/rig.md").contains(&allowed), "{allowed}");
     }
 }

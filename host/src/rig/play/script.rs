@@ -8,7 +8,7 @@
 //! 60.0 end
 //! ```
 
-use super::super::engines::Engine;
+use super::super::engines::{DEFAULT, Engine};
 use super::action::{Act, Action};
 use embassy_time::{Duration, Instant};
 
@@ -31,6 +31,8 @@ pub struct Header {
     pub rc: Option<String>,
     /// `--valves`.
     pub valves: bool,
+    /// The source of the first engine falls silent for a while when all engines run: what the rig shows without options.
+    pub silence: bool,
 }
 
 /// Where no seed is given.
@@ -46,6 +48,7 @@ impl Default for Header {
             faults: None,
             rc: None,
             valves: false,
+            silence: false,
         }
     }
 }
@@ -81,7 +84,7 @@ impl Script {
             if script.end.is_some() {
                 return Err(wrong("nothing follows `end`"));
             }
-            if matches!(first, "seed" | "duration" | "standby" | "faults" | "rc" | "valves") {
+            if matches!(first, "seed" | "duration" | "standby" | "faults" | "rc" | "valves" | "silence") {
                 if given.contains(&first) {
                     return Err(wrong(&format!("`{first}` is given twice")));
                 }
@@ -95,6 +98,7 @@ impl Script {
                 "duration" => script.header.duration = Some(rest.to_owned()),
                 "standby" => script.header.standby = true,
                 "valves" => script.header.valves = true,
+                "silence" => script.header.silence = true,
                 "faults" => script.header.faults = Some(rest.to_owned()),
                 "rc" => script.header.rc = Some(rest.to_owned()),
                 time => {
@@ -116,7 +120,17 @@ impl Script {
                 }
             }
         }
+        if script.header.silence && (script.header.standby || script.header.rc.is_some()) {
+            return Err("`silence` needs pilots that fly: it goes with neither `standby` nor `rc`".to_owned());
+        }
         Ok(script)
+    }
+
+    /// What to say where another version wrote it.
+    pub fn of_another_version(&self) -> Option<String> {
+        let own = env!("CARGO_PKG_VERSION");
+        (self.version != own)
+            .then(|| format!("written by version {}, played by {own}: the run may differ", self.version))
     }
 
     /// Its actions on these engines. They have to leave the run an end.
@@ -153,12 +167,13 @@ pub fn text(
     end: Option<Instant>,
 ) -> String {
     let mut text = format!("{HEAD}{}\nseed {}\n", env!("CARGO_PKG_VERSION"), header.seed);
-    for engine in &header.engines {
+    let described = header.engines.iter().map(String::as_str);
+    let usual = DEFAULT.into_iter().filter(|_| header.engines.is_empty());
+    for engine in described.chain(usual) {
         text += &format!("engine {engine}\n");
     }
-    if header.engines.is_empty() {
-        let names: Vec<&str> = engines.iter().map(Engine::name).collect();
-        text += &format!("# the default engines: {}\n", names.join(", "));
+    if header.silence {
+        text += "silence\n";
     }
     if let Some(duration) = &header.duration {
         text += &format!("duration {duration}\n");
@@ -208,6 +223,7 @@ mod tests {
             faults: Some("light".to_owned()),
             rc: Some("sbus".to_owned()),
             valves: true,
+            silence: false,
         };
         let engines = engines(&header.engines).unwrap();
         let at = |ms| Instant::MIN + Duration::from_millis(ms);
@@ -225,6 +241,24 @@ mod tests {
         assert_eq!(script.header, header);
         assert_eq!(script.actions(&engines), Ok(actions));
         assert_eq!(script.end, Some(Duration::from_millis(12_345)));
+    }
+
+    #[test]
+    fn the_default_engines_and_the_silence_are_written() {
+        let header = Header { silence: true, ..Header::default() };
+        let written = text(&header, &engines(&[]).unwrap(), &[], None);
+        let read = Script::parse(&written).unwrap().header;
+        assert_eq!((read.engines, read.silence), (DEFAULT.map(str::to_owned).to_vec(), true));
+        for other in ["standby", "rc sbus"] {
+            assert!(Script::parse(&format!("{written}{other}\n")).unwrap_err().contains("needs pilots"));
+        }
+    }
+
+    #[test]
+    fn another_version_is_named() {
+        let of = |version: &str| Script::parse(&format!("{HEAD}{version}\n")).unwrap().of_another_version();
+        assert_eq!(of(env!("CARGO_PKG_VERSION")), None);
+        assert!(of("0.0.9").unwrap().starts_with("written by version 0.0.9, played by "));
     }
 
     #[test]

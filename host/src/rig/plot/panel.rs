@@ -67,6 +67,12 @@ pub fn lanes(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> usize {
     last.map_or(0, |last| last + 1).max(LANES.0)
 }
 
+/// That there are lines without a name.
+fn unnamed(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Option<String> {
+    let count = marks(happened, time, sides).iter().filter(|mark| mark.lane.is_none()).count();
+    (count > 0).then(|| format!("{count} more marked without a name: no room"))
+}
+
 /// All that one panel needs.
 #[derive(Debug)]
 pub struct Panel<'a> {
@@ -104,6 +110,9 @@ impl Panel<'_> {
             format!("{}; demand: 100 % = {} rpm", self.subject.caption, thousands(self.subject.max_rpm))
         };
         svg.text((20.0, top + 21.0), 19, Anchor::Start, self.palette.ink, &caption);
+        if let Some(text) = unnamed(self.happened, self.time, self.sides) {
+            svg.text((self.sides.1, top + 21.0), SMALL, Anchor::End, self.palette.mark, &text);
+        }
         self.stages(svg, curves, ribbon + RIBBON);
         self.gaps(svg, curves);
         self.curves(svg, curves);
@@ -158,6 +167,8 @@ impl Panel<'_> {
 
     /// Where nothing is received.
     fn gaps(&self, svg: &mut Svg, top: f64) {
+        // Beside one that is named another one is not.
+        let mut free = self.sides.0;
         for (received, from, to) in self.runs(|point| point.link) {
             let (from, to) = (self.at(from), self.at(to));
             if received {
@@ -167,9 +178,14 @@ impl Panel<'_> {
             // What is too short to be seen is not named either.
             if to - from > SHORTEST_GAP {
                 let text = "nothing received";
-                let at_end = from + width(text, SMALL) > self.sides.1;
+                let wide = width(text, SMALL) + 3.0;
+                let at_end = from + wide > self.sides.1;
                 let (x, anchor) = if at_end { (to, Anchor::End) } else { (from + 3.0, Anchor::Start) };
-                svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
+                let first = if at_end { to - wide } else { from };
+                if first >= free {
+                    svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
+                    free = first + wide;
+                }
             }
         }
     }
@@ -306,10 +322,11 @@ impl Panel<'_> {
             joins = true;
         }
         for (old, piece) in pieces {
-            if self.bands && !steps && !old {
-                let upper = piece.iter().map(|(t, band)| (self.at(*t), scale.at(band.most)));
-                let lower = piece.iter().rev().map(|(t, band)| (self.at(*t), scale.at(band.least)));
-                svg.area(&upper.chain(lower).collect::<Vec<_>>(), color);
+            if self.bands && !old {
+                let drawn = |area: Vec<(f64, f64)>| {
+                    area.into_iter().map(|(t, value)| (self.at(t), scale.at(value))).collect()
+                };
+                svg.areas(&areas(&piece, steps).into_iter().map(drawn).collect::<Vec<_>>(), color);
             }
             let middle = |band: Band| f64::midpoint(band.least, band.most);
             let mut line: Vec<(f64, f64)> = Vec::new();
@@ -377,6 +394,20 @@ impl Panel<'_> {
     }
 }
 
+/// What a curve's bands cover, where they are more than a line. A step holds until the next point.
+fn areas(piece: &[(f64, Band)], steps: bool) -> Vec<Vec<(f64, f64)>> {
+    if !steps {
+        let upper = piece.iter().map(|(t, band)| (*t, band.most));
+        let lower = piece.iter().rev().map(|(t, band)| (*t, band.least));
+        return vec![upper.chain(lower).collect()];
+    }
+    let each = piece.iter().zip(piece.iter().skip(1)).filter(|((_, band), _)| band.most > band.least);
+    let area = |(&(from, band), &(to, _)): (&(f64, Band), &(f64, Band))| {
+        vec![(from, band.most), (to, band.most), (to, band.least), (from, band.least)]
+    };
+    each.map(area).collect()
+}
+
 /// The same line without the points between two that lie on a straight line with them.
 fn straightened(line: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut kept: Vec<(f64, f64)> = Vec::new();
@@ -393,4 +424,33 @@ fn straightened(line: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         kept.push(point);
     }
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_demand_is_a_band_where_points_replace_samples() {
+        let band = |least, most| Band { least, most };
+        let piece = [(0.0, band(20.0, 60.0)), (3.2, band(60.0, 60.0)), (6.4, band(60.0, 60.0))];
+        assert_eq!(areas(&piece, true), [[(0.0, 60.0), (3.2, 60.0), (3.2, 20.0), (0.0, 20.0)]]);
+        assert_eq!(areas(&piece, false).len(), 1);
+    }
+
+    #[test]
+    fn marks_without_room_for_their_names_are_counted() {
+        let of = |count: u32| {
+            let happened = |i: u32| Happening {
+                t: 50.0 + f64::from(i) / 10.0,
+                engine: None,
+                text: "limit: exhaust too hot".to_owned(),
+            };
+            (0..count).map(happened).collect::<Vec<_>>()
+        };
+        let sides = (100.0, 1220.0);
+        let time = Scale::new(0.0..100.0, sides.0..sides.1);
+        assert_eq!(unnamed(&of(8), &time, sides), None);
+        assert_eq!(unnamed(&of(11), &time, sides).as_deref(), Some("3 more marked without a name: no room"));
+    }
 }

@@ -97,10 +97,13 @@ impl Svg {
         ));
     }
 
-    /// An area within these points, seen through.
-    pub fn area(&mut self, points: &[(f64, f64)], fill: &str) {
-        let points = joined(points);
-        self.push(&format!("<polygon points=\"{points}\" fill=\"{fill}\" fill-opacity=\"0.35\"/>"));
+    /// The areas within these points, seen through.
+    pub fn areas(&mut self, areas: &[Vec<(f64, f64)>], fill: &str) {
+        if areas.is_empty() {
+            return;
+        }
+        let outlines: String = areas.iter().map(|points| format!("M{}z", joined(points))).collect();
+        self.push(&format!("<path d=\"{outlines}\" fill=\"{fill}\" fill-opacity=\"0.35\"/>"));
     }
 
     /// A text; `size` is in pixels.

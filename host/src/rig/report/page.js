@@ -43,6 +43,11 @@ for (const [name, line, words] of [
   add(key, "i").style.borderTop = "3px " + line + " var(--" + name + ")";
   key.append(words);
 }
+for (const [name, words] of [["gap", "nothing received"], ["mark", "an event"]]) {
+  const key = add(legend, "span");
+  add(key, "i").style.borderTop = "9px solid var(--" + name + ")";
+  key.append(words);
+}
 const range = add(main, "p");
 range.id = "range";
 
@@ -52,6 +57,7 @@ const panels = run.engines.map((engine) => {
   const paragraph = add(section, "div", undefined, "verdict");
   verdict(paragraph, engine.verdict);
   const canvas = add(section, "canvas");
+  const note = add(section, "p", "", "thin");
   const readout = add(section, "p", "", "readout");
   const details = add(section, "details");
   add(details, "summary", "what was counted");
@@ -62,7 +68,7 @@ const panels = run.engines.map((engine) => {
     add(row, "td", cell);
   }
   const marks = run.happened.filter((mark) => mark[1] === null || mark[1] === engine.name);
-  const panel = { engine, canvas, readout, marks };
+  const panel = { engine, canvas, readout, note, marks };
   listen(panel);
   return panel;
 });
@@ -192,6 +198,21 @@ function curve(panel, context, [least, above], old, y, name, thick) {
   context.setLineDash([]);
 }
 
+// Times from which to which this holds, of those that are shown.
+function spans(engine, holds) {
+  const found = [];
+  let begun = null;
+  engine.t.forEach((t, i) => {
+    if (holds(i)) begun ??= t;
+    else if (begun !== null) {
+      found.push([begun, t]);
+      begun = null;
+    }
+  });
+  if (begun !== null) found.push([begun, engine.t[engine.t.length - 1]]);
+  return found.filter(([from, to]) => to >= shown[0] && from <= shown[1]);
+}
+
 function text(context, words, at, y, align, name) {
   context.fillStyle = colour(name);
   context.textAlign = align;
@@ -217,13 +238,9 @@ function panel_draw(panel) {
   context.rect(LEFT, 0, right - LEFT, canvas.clientHeight);
   context.clip();
   // Where nothing is received.
+  const gaps = spans(engine, (i) => (engine.flags[i] & 8) === 0);
   context.fillStyle = colour("gap");
-  engine.t.forEach((t, i) => {
-    const next = engine.t[i + 1] ?? t;
-    if ((engine.flags[i] & 8) === 0 && next >= shown[0] && t <= shown[1]) {
-      context.fillRect(x(panel, t), TOP, x(panel, next) - x(panel, t) + 0.5, middle - TOP);
-    }
-  });
+  for (const [from, to] of gaps) context.fillRect(x(panel, from), TOP, x(panel, to) - x(panel, from) + 0.5, middle - TOP);
   context.restore();
 
   context.strokeStyle = colour("grid");
@@ -272,6 +289,25 @@ function panel_draw(panel) {
     curve(panel, context, engine.commanded, 0, percent, "commanded", 3);
     curve(panel, context, engine.sent, 0, percent, "sent", 1.5);
   }
+  // What is too short to be seen is not named either, nor what stands beside one with the same name.
+  panel.named = [];
+  const taken = new Map();
+  const name_span = ([from, to], words, y, name) => {
+    const begin = Math.max(x(panel, from), LEFT), end = Math.min(x(panel, to), right);
+    const long = context.measureText(words).width + 6, ends = begin + long > right, first = ends ? end - long : begin;
+    if (end - begin < 4 || first < (taken.get(words) ?? LEFT)) return;
+    taken.set(words, first + long);
+    text(context, words, ends ? end - 3 : begin + 3, y, ends ? "right" : "left", name);
+    panel.named.push(words);
+  };
+  for (const gap of gaps) name_span(gap, "nothing received", middle - 6, "ink");
+  // An AMT ECU with a fault sends sets that carry no rpm.
+  for (const span of spans(engine, (i) => (engine.flags[i] & 24) === 24 && engine.rpm[0][i] === null)) {
+    context.strokeStyle = colour("rpm");
+    context.lineWidth = 3;
+    line(x(panel, span[0]), middle - 20, x(panel, span[1]), middle - 20);
+    name_span(span, "fault sets: no rpm", middle - 25, "rpm");
+  }
   const lanes = new Array(LANES).fill(LEFT);
   panel.unnamed = 0;
   for (const [t, , words] of marks) {
@@ -290,6 +326,8 @@ function panel_draw(panel) {
       panel.unnamed += 1;
     }
   }
+  panel.note.textContent =
+    panel.unnamed === 0 ? "" : panel.unnamed + " more marked without a name: zoom in for room, or see the events";
   if (drag) {
     context.fillStyle = colour("mark");
     context.globalAlpha = 0.2;

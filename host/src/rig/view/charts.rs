@@ -1,9 +1,10 @@
 //! The last two minutes of each engine: shaft speed with EGT above, the throttle in a strip of its own below. A demand in rpm
 //! belongs to the shaft speed.
 
+use super::super::chronicle::shown;
 use super::super::quantity::seconds;
 use super::super::record::{Band, Point, thinned};
-use super::model::{Model, Subject};
+use super::model::{Event, Model, Subject};
 use super::theme::{Theme, Tone};
 use embassy_time::Instant;
 use ratatui::Frame;
@@ -52,7 +53,7 @@ type Curve = Vec<Vec<(f64, f64)>>;
 
 fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine: usize, subject: &Subject) {
     let now = seconds(model.at - Instant::MIN);
-    let points = thinned(model.record.since(engine, now - SPAN), usize::from(area.width) * 2);
+    let points = thinned(model.record.recent(engine, now - SPAN), usize::from(area.width) * 2);
     let curve = |value: &dyn Fn(&Point) -> Option<Band>, scale: f64| -> Curve {
         let known = points.chunk_by(|a, b| value(a).is_some() == value(b).is_some());
         let piece = |points: &[Point]| {
@@ -76,6 +77,13 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
     if by_rpm {
         speeds.insert(0, ("demand", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
     }
+    // Behind the curves: what happened, and at the bottom where nothing is received.
+    let marks = marks(model, engine);
+    let through = |top: f64| -> Curve { marks.iter().map(|(t, _)| vec![(*t, 0.0), (*t, top)]).collect() };
+    let gaps = curve(&|point| (!point.link).then_some(Band::of(0.0)), 1.0);
+    let has_gap = !gaps.is_empty();
+    speeds.insert(0, ("marks", Tone::Quiet, through(top_rpm)));
+    speeds.push(("gaps", Tone::Bad, gaps));
     let title = vec![
         Span::styled(format!(" {}: ", model.name(engine)), theme.style(Tone::Head)),
         Span::styled("rpm", theme.style(Tone::Good)),
@@ -85,9 +93,12 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
     let name = format!("{:.0}k", top_rpm / 1000.0);
     let strip = if by_rpm { 0 } else { STRIP.min(area.height / 3) };
     let [upper, lower] = Layout::vertical([Constraint::Fill(1), Constraint::Length(strip)]).areas(area);
-    chart(theme, frame, upper, title.into(), &speeds, top_rpm, &name);
+    let room = usize::from(upper.width.saturating_sub(2));
+    let below = Line::from(Span::styled(named(&marks, has_gap, room, theme), theme.style(Tone::Quiet)));
+    chart(theme, frame, upper, [title.into(), below], &speeds, top_rpm, &name);
     if strip > 0 {
         let throttles = [
+            ("marks", Tone::Quiet, through(THROTTLE_TOP)),
             ("sent", Tone::Busy, curve(&|point| point.sent_throttle, 1.0)),
             ("commanded", Tone::Warn, curve(&|point| point.throttle, 1.0)),
         ];
@@ -97,15 +108,49 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
             Span::raw(" and "),
             Span::styled("sent ", theme.style(Tone::Busy)),
         ];
-        chart(theme, frame, lower, title.into(), &throttles, THROTTLE_TOP, &format!("{THROTTLE_TOP:.0} %"));
+        chart(
+            theme,
+            frame,
+            lower,
+            [title.into(), Line::default()],
+            &throttles,
+            THROTTLE_TOP,
+            &format!("{THROTTLE_TOP:.0} %"),
+        );
     }
+}
+
+/// What happened to an engine, in seconds before now, the latest last.
+fn marks(model: &Model, engine: usize) -> Vec<(f64, String)> {
+    let name = model.name(engine);
+    let of_engine = model.events.iter().filter(|event| event.name == name || event.name == "all");
+    let mark = |event: &Event| {
+        let t = seconds(event.at - Instant::MIN) - seconds(model.at - Instant::MIN);
+        (t >= -SPAN).then(|| shown(&event.text)).flatten().map(|text| (t, text))
+    };
+    of_engine.filter_map(mark).collect()
+}
+
+/// The names of the lines in a chart, the latest last: as many as there is room for, and how many more there are.
+fn named(marks: &[(f64, String)], has_gap: bool, room: usize, theme: Theme) -> String {
+    let gap = has_gap.then(|| "bottom line: nothing received".to_owned());
+    let latest = marks.iter().rev().map(|(t, text)| format!("{text} {t:.0} s"));
+    let all: Vec<String> = gap.into_iter().chain(latest).map(|text| theme.text(&text)).collect();
+    let text = |kept: usize| {
+        let names: Vec<&str> = all.iter().take(kept).rev().map(String::as_str).collect();
+        let more = all.len() - kept;
+        let more = if more > 0 { format!("{more} more, ") } else { String::new() };
+        format!(" {more}{} ", names.join(", "))
+    };
+    let fits = (1..=all.len()).rev().map(text).find(|text| text.chars().count() <= room);
+    fits.unwrap_or_default()
 }
 
 fn chart(
     theme: Theme,
     frame: &mut Frame<'_>,
     area: Rect,
-    title: Line<'static>,
+    [title, below]: [Line<'static>; 2],
     curves: &[(&'static str, Tone, Curve)],
     top: f64,
     top_name: &str,
@@ -117,7 +162,8 @@ fn chart(
         pieces.iter().map(move |piece| set.clone().data(piece))
     });
     let label = |text: &str| Span::styled(text.to_owned(), quiet);
-    let block = Block::bordered().border_set(theme.border()).border_style(quiet).title(title);
+    let block =
+        Block::bordered().border_set(theme.border()).border_style(quiet).title(title).title_bottom(below);
     let x = Axis::default().style(quiet).bounds([-SPAN, 0.0]);
     let y = Axis::default().style(quiet).bounds([0.0, top]);
     let chart = Chart::new(sets.collect())

@@ -133,8 +133,22 @@ pub const KEYS: [Key; 28] = [
 ];
 
 /// While the menu of faults is open.
-pub const FAULTS: [Key; 6] = [
+pub const FAULTS: [Key; 8] = [
     key(&[Char('c')], "c", Does::Wish(Wish::Toggle(Fault::Cut)), "cut both wires, or mend them", ""),
+    key(
+        &[Char('e')],
+        "e",
+        Does::Wish(Wish::Toggle(Fault::CutToEcu)),
+        "cut the wire to the ECU, or mend it",
+        "",
+    ),
+    key(
+        &[Char('i')],
+        "i",
+        Does::Wish(Wish::Toggle(Fault::CutToNode)),
+        "cut the wire to the node, or mend it",
+        "",
+    ),
     key(&[Char('n')], "n", Does::Wish(Wish::Toggle(Fault::Noise)), "noise on the line, or end it", ""),
     key(&[Char('o')], "o", Does::Wish(Wish::Toggle(Fault::FlameOut)), "flame-out", ""),
     key(&[Char('p')], "p", Does::Wish(Wish::Toggle(Fault::Power)), "the ECU's power off, or on", ""),

@@ -1,10 +1,12 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
 use super::super::context::{Note, Stage};
-use super::super::control::{Control, Scripted, Situation, Turn};
+use super::super::control::{Control, Live, Scripted, Situation, Turn};
+use super::super::ending::{EndRequest, EndedBy};
 use super::super::message::Message;
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
+use super::super::play::action::Fault;
 use super::super::play::script;
 use super::super::session;
 use super::super::tour::Tour;
@@ -15,6 +17,7 @@ use super::theme::Theme;
 use clap::Parser;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use embassy_time::{Duration, Instant};
+use jetlink::event::LossStage;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
@@ -77,7 +80,7 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
     let mut order = order(&Cli::parse_from(args).args).unwrap();
     std::fs::remove_file(&path).unwrap();
     order.setup.details = true;
-    let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), false));
+    let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
     let mut bytes = Vec::new();
     let (actions, over) = order.script.take().unwrap();
     let show = |message: super::super::message::Message| {
@@ -125,6 +128,11 @@ const HEAD: &str = "jetlink rig script, version 0.1.0\n";
 const PAIR: &str =
     "engine name=left,ecu=amt,engine=olympus,baud=115200\nengine name=right,ecu=zk,version=5\n";
 
+/// What the rig plays without options.
+fn tour() -> String {
+    format!("{HEAD}silence\n")
+}
+
 fn pair(end: f64, keys: &[(f64, KeyEvent)], name: &str) -> Played {
     play(name, &format!("{HEAD}{PAIR}"), keys, end)
 }
@@ -137,7 +145,7 @@ fn char(c: char) -> KeyEvent {
 fn the_tour_shows_what_happens_and_why() {
     let mut seen: Vec<String> = Vec::new();
     for end in [40.0, 129.5, 132.0, 135.3, 138.5, 145.0] {
-        let played = play("tour", HEAD, &[], end);
+        let played = play("tour", &tour(), &[], end);
         let screen = text(&buffer(&played.model, COLOUR, 80, 24));
         seen.push(screen.lines().nth(1).unwrap().to_owned());
     }
@@ -157,7 +165,7 @@ fn the_tour_shows_what_happens_and_why() {
 /// In seconds of the spectator, by the speeds that the tour chooses.
 #[test]
 fn the_tour_is_worth_watching() {
-    let played = play("watching", HEAD, &[], 230.0);
+    let played = play("watching", &tour(), &[], 230.0);
     let record = &played.model.record;
     let (mut tour, mut watched) = (Tour::default(), 0.0);
     let (mut moves, mut all_run) = (None, None);
@@ -177,6 +185,14 @@ fn the_tour_is_worth_watching() {
     }
     let (moves, all_run) = (moves.expect("a gauge moves"), all_run.expect("all run"));
     assert!(moves <= 5.0 && all_run <= 30.0 && watched <= 90.0, "{moves} s, {all_run} s, {watched} s");
+    let readme = include_str!("../../../../README.md");
+    let length = played.model.length.expect("pilots end it").as_secs();
+    for number in [
+        format!("cooling in about {:.0} s: ×", (watched / 10.0).round() * 10.0),
+        format!("plays the same {length} s of engine time"),
+    ] {
+        assert!(readme.contains(&number), "{number}");
+    }
 }
 
 #[test]
@@ -215,7 +231,6 @@ fn long_texts_fit_their_panels() {
     use jetlink::command::{Demand, Origin};
     use jetlink::ecu::Faults;
     use jetlink::engine::state::EngineState;
-    use jetlink::event::LossStage;
     use jetlink::report::{EcuState, LinkState};
     use jetlink::units::Rpm;
 
@@ -494,7 +509,7 @@ fn space_stops_a_scenario_and_it_is_not_judged() {
     for (keys, stops) in [(vec![], false), (vec![(60.0, char(' '))], true)] {
         let mut order = order(&Cli::parse_from(args).args).unwrap();
         order.setup.details = true;
-        let model = RefCell::new(Model::new(&order.setup.engines, Some(order.setup.plan.length), true));
+        let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, true));
         let show = |message: Message| {
             model.borrow_mut().message(message);
             true
@@ -681,6 +696,110 @@ fn why_shows_what_prevents_a_start() {
     assert!(screen.contains(reason), "{reason}: {screen}");
 }
 
+/// The source of left was silent and is back: its demand rises from idle, and meanwhile is not what is commanded.
+#[test]
+fn why_says_at_which_rate_a_demand_rises() {
+    let keys =
+        [(50.0, char('f')), (50.1, char('s')), (54.0, char('s')), (54.1, char('f')), (54.2, char('w'))];
+    let (mut rising, mut there) = (0, 0);
+    for tenths in 0..25 {
+        let end = 54.5 + f64::from(tenths) / 5.0;
+        let played = pair(end, &keys, "rises");
+        let sample = played.model.samples[0];
+        let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+        let is_sent = sample
+            .input
+            .throttle_percent()
+            .is_some_and(|percent| sample.wire_text() == format!("{percent:.1} %"));
+        let claims = screen.contains("nothing limits it: the commanded demand is sent");
+        assert_eq!(claims, is_sent && sample.loss == LossStage::None, "{screen}");
+        there += u32::from(claims);
+        rising += u32::from(screen.contains("it rises at 50.0 % a second until it is there (RISE)"));
+    }
+    assert!(rising >= 2 && there >= 2, "{rising}, {there}");
+}
+
+/// The other wire still works, and mending one mends no other.
+#[test]
+fn one_wire_can_be_cut_and_mended_by_key() {
+    let menu = (50.0, char('f'));
+    let run = |name: &str, keys: &[(f64, KeyEvent)]| {
+        let played = pair(53.0, &[&[menu], keys].concat(), name);
+        let link = played.model.samples[0].link;
+        let faults = played.model.details[0].faults.clone();
+        (link == jetlink::report::LinkState::Up, faults, played.script)
+    };
+    let (up, faults, script) = run("to-node", &[(50.1, char('i'))]);
+    assert!(!up && faults == [Fault::CutToNode], "{faults:?}");
+    assert!(script.contains("left cut-to-node\n"), "{script}");
+    let (up, faults, script) = run("to-ecu", &[(50.1, char('e'))]);
+    assert!(up && faults == [Fault::CutToEcu], "{faults:?}");
+    assert!(script.contains("left cut-to-ecu\n"), "{script}");
+    // Both wires, then one: mending the one leaves both cut.
+    let (up, faults, _) = run("both", &[(50.1, char('c')), (50.2, char('i')), (50.3, char('i'))]);
+    assert!(!up && faults == [Fault::Cut], "{faults:?}");
+    let (up, faults, script) = run("mended", &[(50.1, char('i')), (51.5, char('i'))]);
+    assert!(up && faults.is_empty(), "{faults:?}");
+    assert!(script.contains("left mend-to-node\n"), "{script}");
+}
+
+/// The charts mark what happened, and where nothing was received.
+#[test]
+fn charts_mark_events_and_gaps_and_name_them() {
+    let keys = [(50.0, char('f')), (50.1, char('c')), (58.0, char('c')), (58.1, char('f'))];
+    let played = pair(62.0, &keys, "marks");
+    let screen = text(&buffer(&played.model, COLOUR, 200, 50));
+    for name in ["cut -12 s", "link lost -1", "mend -4 s", "bottom line: nothing received"] {
+        assert!(screen.contains(name), "{name}: {screen}");
+    }
+    // The first second, before the first frame, is over two minutes ago.
+    let clean = pair(125.0, &[], "no-marks");
+    let screen = text(&buffer(&clean.model, COLOUR, 200, 50));
+    assert!(!screen.contains("bottom line") && !screen.contains(" more, "), "{screen}");
+}
+
+/// However long the run is, the charts have a point for each sample.
+#[test]
+fn the_last_two_minutes_are_not_thinned() {
+    let played = pair(2.0, &[], "long-run");
+    let mut record = super::super::record::Record::new(2);
+    for i in 0..20_000 {
+        record.add(Instant::MIN + Duration::from_millis(i * 100), &played.model.samples);
+    }
+    let (since, end) = (1999.9 - 120.0, 1999.9);
+    assert!(record.samples_a_point() > 1 && record.since(0, since).len() < 700);
+    let recent = record.recent(0, since);
+    assert!((1200..=1201).contains(&recent.len()), "{}", recent.len());
+    assert!(recent.windows(2).all(|two| (two[1].t - two[0].t - 0.1).abs() < 1e-6));
+    assert!((recent.last().unwrap().t - end).abs() < 1e-6);
+}
+
+/// The verdict is there while a person has not decided yet how it goes on, and no time passes.
+#[test]
+fn a_script_file_on_a_terminal_ends_with_the_verdict_on_the_screen() {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/captures/played.txt");
+    let mut order = order(&Cli::parse_from(["rig", "--fast", "--script", script]).args).unwrap();
+    let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
+    let (actions, over) = order.script.take().unwrap();
+    let end = EndRequest::default();
+    let (_keys, requests) = std::sync::mpsc::channel();
+    let mut live = Live::new(requests, end.clone(), None).with_script(Scripted::new(actions, over));
+    // As `q`, once the verdict is there.
+    let show = |message: Message| {
+        let is_end = matches!(message, Message::Complete(_));
+        model.borrow_mut().message(message);
+        if is_end {
+            end.request(EndedBy::Key);
+        }
+        true
+    };
+    let outcomes = session::run(&order.setup, &mut live, show);
+    let model = model.into_inner();
+    assert!(model.verdict.as_ref().is_some_and(|verdict| verdict.pass), "{:?}", model.verdict);
+    assert_eq!(outcomes.length, Duration::from_secs(65));
+    assert!(text(&buffer(&model, COLOUR, 80, 24)).contains("PASS"));
+}
+
 #[test]
 fn why_shows_the_valve_that_a_stop_has_closed() {
     let played = pair(53.0, &[(50.0, char(' ')), (52.0, char('w'))], "why_stopped");
@@ -736,7 +855,7 @@ fn pictures_and_texts_of_the_documentation_are_what_the_screen_shows() {
     let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
     let write = std::env::var_os("JETLINK_WRITE_PICTURES").is_some();
     // The source of left has fallen silent.
-    let mut played = play("picture", &format!("{HEAD}seed 1\n"), &[], 131.2);
+    let mut played = play("picture", &tour(), &[], 131.2);
     played.model.passing.auto = true;
     for (width, height) in [(80, 24), (200, 50)] {
         let buffer = buffer(&played.model, COLOUR, width, height);

@@ -5,7 +5,6 @@ use super::super::fit::wrapped;
 use super::super::sample::Sample;
 use super::model::Model;
 use super::theme::{Theme, Tone};
-use jetlink::engine::state::EngineState;
 use jetlink_rc::outputs::Valve;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -24,49 +23,68 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
         Block::bordered().border_set(theme.border()).border_style(theme.style(Tone::Quiet)).title(title);
     let inside = block.inner(area);
     frame.render_widget(block, area);
-    let mut lines = lines(model, theme, inside.width.into());
-    // On a low screen all of the text is worth more than the space between.
-    if lines.len() > inside.height.into() {
+    let (width, height) = (usize::from(inside.width), usize::from(inside.height));
+    let mut lines = lines(model, theme, width, false);
+    // On a low screen all of the text is worth more than the space between, and than what is met.
+    if lines.len() > height {
         lines.retain(|line| line.width() > 0);
+    }
+    if lines.len() > height {
+        lines = self::lines(model, theme, width, true);
+    }
+    if let Some(hidden) = lines.len().checked_sub(height).filter(|hidden| *hidden > 0) {
+        lines.truncate(height.saturating_sub(1));
+        let text = format!("{} more lines: they need a higher screen", hidden + 1);
+        lines.push(Line::from(Span::styled(text, theme.style(Tone::Warn))));
     }
     frame.render_widget(Paragraph::new(lines), inside);
 }
 
-fn lines(model: &Model, theme: Theme, width: usize) -> Vec<Line<'static>> {
+/// `low`: in as few lines as possible.
+fn lines(model: &Model, theme: Theme, width: usize, low: bool) -> Vec<Line<'static>> {
     let line = |text: String, tone| Line::from(Span::styled(theme.text(&text), theme.style(tone)));
     let wrapped = |text: String, indent, tone| -> Vec<Line<'static>> {
         let lines = wrapped(&theme.text(&text), width, indent, theme.mark());
         lines.into_iter().map(|line| Line::from(Span::styled(line, theme.style(tone)))).collect()
     };
-    let (Some(subject), Some(detail), Some(sample)) = (
-        model.subjects.get(model.selected),
-        model.details.get(model.selected),
-        model.samples.get(model.selected),
-    ) else {
+    let (Some(detail), Some(sample)) = (model.details.get(model.selected), model.samples.get(model.selected))
+    else {
         return vec![line("nothing is known yet".to_owned(), Tone::Quiet)];
     };
-    let others_start = model.samples.iter().enumerate().any(|(i, other)| {
-        i != model.selected && matches!(other.does, EngineState::Starting(_) | EngineState::StartRequested)
-    });
-    let mut lines = vec![line("Conditions of a start now".to_owned(), Tone::Head)];
-    for condition in conditions::of_start(&detail.telemetry, &subject.engine.config, others_start) {
+    let conditions = conditions::of_start(detail);
+    let met: Vec<&str> = conditions.iter().filter(|condition| condition.met).map(|c| c.what).collect();
+    let head = "Conditions of a start now";
+    let mut lines = match (low, met.is_empty()) {
+        (true, false) => wrapped(format!("{head}; met: {}", met.join(", ")), 1, Tone::Head),
+        _ => vec![line(head.to_owned(), Tone::Head)],
+    };
+    for condition in conditions.iter().filter(|condition| !(low && condition.met)) {
         let (mark, tone) = if condition.met { ("✓", Tone::Good) } else { ("✗", Tone::Warn) };
-        let text = format!(" {mark} {:<15} {}", condition.what, condition.text);
-        lines.extend(wrapped(text, INDENT, tone));
+        let (text, indent) = if low {
+            (format!(" {mark} {}: {}", condition.what, condition.text), 3)
+        } else {
+            (format!(" {mark} {:<15} {}", condition.what, condition.text), INDENT)
+        };
+        lines.extend(wrapped(text, indent, tone));
     }
-    lines.push(line(String::new(), Tone::Plain));
+    let space = || (!low).then(|| line(String::new(), Tone::Plain));
+    lines.extend(space());
     lines.push(line(
         format!("Demand: commanded {}, sent {}", super::rows::commanded(sample), sample.wire_text()),
         Tone::Head,
     ));
-    let held = conditions::of_demand(&detail.telemetry, &subject.engine.config);
+    let held = conditions::of_demand(sample, detail);
     if held.is_empty() {
-        lines.push(line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good));
+        lines.push(if conditions::is_sent(sample) {
+            line("   nothing limits it: the commanded demand is sent".to_owned(), Tone::Good)
+        } else {
+            line("   nothing limits it: the next frames carry it".to_owned(), Tone::Warn)
+        });
     }
     lines.extend(held.into_iter().flat_map(|text| wrapped(format!("   {text}"), 3, Tone::Warn)));
     let valve = if detail.outputs.valve() == Valve::Open { "open" } else { "closed" };
     let power = if detail.outputs.power() { "on" } else { "off" };
-    lines.push(line(String::new(), Tone::Plain));
+    lines.extend(space());
     lines.push(line(format!("Outputs: fuel valve {valve}, starter and ignition {power}"), Tone::Head));
     lines
 }

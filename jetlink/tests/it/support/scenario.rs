@@ -264,7 +264,29 @@ impl Scenario {
 
     pub fn command_from(&mut self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
         let free = self.others_allow_start;
-        self.bench.act(|engine, now| engine.command(now, command, origin, free))
+        let stopped = !matches!(self.order(), Order::Run(_) | Order::Doubt(_));
+        let announced = self.start_refusals(command, origin);
+        let answer = self.bench.act(|engine, now| engine.command(now, command, origin, free));
+        if matches!(command, Command::Run(_)) && stopped {
+            // Arming is another command.
+            let first = announced.iter().find(|why| **why != Rejected::DisarmFirst);
+            match answer {
+                Ok(Accepted::InForce) => assert_eq!(announced, []),
+                Err(why) => assert_eq!(first, Some(&why), "of {announced:?}"),
+                Ok(_) => {}
+            }
+        }
+        answer
+    }
+
+    /// What the engine announces to keep this command from starting it now.
+    pub fn start_refusals(&self, command: Command, origin: Origin) -> Vec<Rejected> {
+        let mut announced = Vec::new();
+        if let Command::Run(demand) = command {
+            let (now, free) = (at_us(self.now_us()), self.others_allow_start);
+            self.bench.machine.start_refusals(now, demand, origin, free, |why| announced.push(why));
+        }
+        announced
     }
 
     /// What would be answered to a command now.

@@ -1,0 +1,48 @@
+//! Opens what a run writes to. A FIFO without a reader makes that wait, and the end of the run ends the wait.
+
+use super::ending::EndRequest;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Write};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+/// Between two looks at whether the run was ended.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// After it was ended: a reader that waits already is there within this time.
+const GRACE: Duration = Duration::from_millis(300);
+/// After this long the wait is reported.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// Opens this file for writing, from its beginning.
+pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
+    if fs::metadata(path).map_or(true, |found| found.is_file()) {
+        return File::create(path);
+    }
+    let (opened, wait) = channel();
+    let (name, began) = (path.to_owned(), Instant::now());
+    // It cannot be called back: where nobody ever reads, it ends with the program.
+    std::thread::spawn(move || opened.send(File::create(name)));
+    let (mut ended, mut reported) = (None, false);
+    loop {
+        match wait.recv_timeout(LOOK_EVERY) {
+            Ok(file) => return file,
+            Err(RecvTimeoutError::Disconnected) => return Err(ErrorKind::Other.into()),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if end.requested().is_some() && ended.get_or_insert_with(Instant::now).elapsed() >= GRACE {
+            return Err(io::Error::new(ErrorKind::Interrupted, "the run was ended while nobody read it"));
+        }
+        if !reported && began.elapsed() >= QUIET {
+            reported = true;
+            // Nothing can be done if this cannot be written either.
+            let _ = writeln!(io::stderr(), "jetlink rig: waits for a reader of {path}");
+        }
+    }
+}
+
+/// Writes this file as a whole.
+pub fn write(path: &str, text: &str, end: &EndRequest) -> io::Result<()> {
+    let mut file = create(path, end)?;
+    file.write_all(text.as_bytes())?;
+    file.flush()
+}
