@@ -11,14 +11,17 @@ mod cases;
 mod context;
 mod fate;
 mod faults;
+mod frames;
 mod history;
 mod judge;
 mod judge_tests;
+mod line;
 mod log;
 mod pilots;
 mod radio;
 mod settings;
 mod valve;
+mod vehicle;
 mod wire;
 mod worlds;
 

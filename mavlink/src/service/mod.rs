@@ -23,6 +23,8 @@ use crate::vehicle::Vehicle;
 use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use jetlink::channel::Source;
+#[cfg(feature = "record")]
+use jetlink::command::Command;
 use jetlink::config::EngineConfig;
 
 /// Time between two looks at the engines.
@@ -234,6 +236,13 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
     /// What was counted.
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+
+    /// What an engine, by its place from 0, was commanded since the last call.
+    #[cfg(feature = "record")]
+    pub fn take_commands(&mut self, place: usize) -> impl Iterator<Item = Command> + use<N, P> {
+        let engine = self.engines.get_mut(place);
+        engine.map(|engine| core::mem::take(&mut engine.commanded)).into_iter().flatten()
     }
 
     /// What was counted on a port.
