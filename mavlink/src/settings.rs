@@ -8,6 +8,7 @@ settings! {
     /// Settings of the node that count from its next start on.
     pub struct Identity, "identity.", AtNextStart {
         system: number "MAV_SYSID" = 0 in 0..=255, "System id of the vehicle. 0: learn it from the autopilot.";
+        learnt: number "MAV_SYSID_LEARN" = 0 in 0..=255, "System id that was learnt where MAV_SYSID is 0; the node sets it. 0: none.";
         base: number "MAV_COMP_BASE" = 25 in 25..=90, "Component id of the node; engine 1 has the next, engine 2 the one after it.";
         autopilot_port: number "MAV_AP_PORT" = 1 in 0..=8, "Port of the autopilot, from 1. 0: there is none.";
     }
@@ -40,6 +41,9 @@ settings! {
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
     }
 }
+
+/// The setting that the node itself changes.
+pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 
 /// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that no board has, for
 /// a governor, which takes rpm demands that MAVLink does not carry, or for numbers that follow from the protocol.

@@ -124,6 +124,8 @@ struct Later {
 pub struct Vehicle {
     rng: Rng,
     learns: bool,
+    /// What is stored of it.
+    learnt: u8,
     /// A second vehicle is there.
     company: bool,
     /// Outputs 17 to 32 are used.
@@ -163,6 +165,8 @@ impl Vehicle {
                     .then(|| embassy_time::Duration::from_secs(rng.between(1, 60))),
                 ..EngineSettings::DEFAULT
             };
+            let id = if learns { "learnt" } else { "set" };
+            context.note(format!("MAVLink, {id} id: {settings:?}"));
             context.speak(Spoken {
                 has_output: settings.source == 1,
                 relight: settings.relight,
@@ -202,6 +206,7 @@ impl Vehicle {
         };
         Self {
             learns,
+            learnt: 0,
             company: !learns && rng.percent(50),
             high,
             people,
@@ -228,6 +233,7 @@ impl Vehicle {
     ) -> Receiver<'a, N> {
         let mut node = NodeSettings::DEFAULT;
         node.identity.system = if self.learns { 0 } else { SYSTEM };
+        node.identity.learnt = self.learnt;
         let parts: Vec<_> = self
             .people
             .iter()
@@ -291,6 +297,7 @@ impl Vehicle {
             Some(service) if now >= self.poll_at => {
                 self.poll_at = service.poll(Instant::from_micros(now)).as_micros().max(now + MS);
                 self.collect(now, contexts, service);
+                self.learnt = service.settings().identity.learnt;
             }
             Some(_) => {}
             None => self.poll_at = u64::MAX,
@@ -679,9 +686,12 @@ impl Vehicle {
         match says {
             None => {
                 for person in &self.people {
-                    if let Some(spoken) = &mut contexts[person.engine].history.spoken {
+                    let context = &mut contexts[person.engine];
+                    if let Some(spoken) = &mut context.history.spoken {
                         spoken.damaged.push(now);
                     }
+                    let from = ["the autopilot", "the ground station"][port];
+                    context.note(format!("a damaged frame from {from}: {bytes:02X?}"));
                 }
             }
             Some(Says::Nothing) => {}

@@ -122,7 +122,10 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
     fn vehicle_event(&mut self, now: Instant, event: Option<VehicleEvent>) {
         match event {
             Some(VehicleEvent::Learnt(id)) => {
-                self.say(now, Place::Node, Severity::Info, None, format_args!("vehicle is system {id}"));
+                let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start on" };
+                let text = format_args!("autopilot is system {id}{when}");
+                self.say(now, Place::Node, Severity::Info, None, text);
+                self.store_learnt(id);
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
                 // There is no id to send it with, but where one is set.

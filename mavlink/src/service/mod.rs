@@ -175,7 +175,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
             engines,
             signing: Signing::new(now, signing),
-            vehicle: Vehicle::new(settings.identity.system),
+            vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
             received: Vec::new(),

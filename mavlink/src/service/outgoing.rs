@@ -23,6 +23,10 @@ const ALL: u8 = 255;
 
 impl<const N: usize, const P: usize> Service<'_, N, P> {
     pub(super) fn tick(&mut self, now: Instant) {
+        for port in 0..self.ports.len() {
+            self.ports.get_mut(port).into_iter().for_each(|port| port.decoder.look_after());
+            self.receive(now, port, &[]);
+        }
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
             if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.received)) {

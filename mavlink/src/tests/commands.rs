@@ -407,3 +407,25 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         world.start(0).await;
     });
 }
+
+#[test]
+fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        // The first bytes of a frame that is 280 bytes long: everything behind them may belong to it.
+        world.say_bytes(TO_GROUND, &[0xFD, 255, 0, 0, 0, 255, 190, 0, 0, 0]);
+        world.pass(0.1).await;
+        let stop = COMMAND_LONG_DATA {
+            command: CMD_DO_ENGINE_CONTROL,
+            target_system: SYSTEM,
+            target_component: ENGINE[1],
+            ..Default::default()
+        };
+        world.say(TO_GROUND, GROUND, &stop);
+        world.pass(0.3).await;
+        assert_eq!(world.ordered(1), Some(0), "it waits for the rest of the frame");
+        world.pass(0.5).await;
+        assert_eq!(world.ordered(1), None, "the stop acts");
+    });
+}

@@ -14,7 +14,7 @@ const TICK: u64 = 60 * MS;
 const REPEAT: u64 = 5 * SECOND;
 /// A heartbeat keeps an order alive for this long.
 const HEARTBEAT: u64 = 5 * SECOND;
-/// An id is learnt within this time, and everything else is known of the vehicle.
+/// Everything that there is to know of the vehicle and the engine is known by then.
 const KNOWN: u64 = 15 * SECOND;
 /// A demand that was held has risen to the stream's, if that comes without gaps.
 const RISEN: u64 = 15 * SECOND;
@@ -28,6 +28,8 @@ struct Words<'a> {
     shown: Vec<(u64, Option<bool>)>,
     /// Starts that are no repeat, of all senders.
     starts: Vec<(u64, bool)>,
+    /// The node has the id of the vehicle from here on, over resets too: it has answered.
+    known: u64,
 }
 
 impl<'a> Words<'a> {
@@ -67,7 +69,9 @@ impl<'a> Words<'a> {
                 _ => {}
             }
         }
-        Self { spoken, late: Spans::from(&late), shown, starts }
+        let answered = spoken.answers.first().map_or(u64::MAX, |answer| answer.at);
+        let known = if spoken.learns { answered } else { 0 };
+        Self { spoken, late: Spans::from(&late), shown, starts, known }
     }
 
     /// How much earlier than at this instant a frame may have come that is found now.
@@ -272,9 +276,10 @@ impl Case<'_> {
     fn not_obeyed(&self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let mut wrong = Vec::new();
-        let known = |at: u64| !words.spoken.learns || at > self.up(at) + KNOWN;
         let cut = |at: u64| h.resets.iter().any(|reset| (at..at + FOUND_LATE).contains(&reset.down));
-        for Said { at, word } in words.spoken.said.iter().filter(|said| known(said.at) && !cut(said.at)) {
+        for Said { at, word } in
+            words.spoken.said.iter().filter(|said| said.at > words.known && !cut(said.at))
+        {
             let (wanted, what) = match word {
                 Word::Stop => (PilotCommand::ShutDown, "a stop"),
                 Word::EmergencyStop => (PilotCommand::Stop, "an emergency stop"),
@@ -288,7 +293,10 @@ impl Case<'_> {
         for pair in words.shown.windows(2) {
             let (at, shown) = pair[1];
             let disarms = pair[0].1 == Some(true) && shown == Some(false);
-            if disarms && known(at) && !cut(at) && !self.commands(words, at, |it| it == PilotCommand::Disarm)
+            if disarms
+                && pair[0].0 > words.known
+                && !cut(at)
+                && !self.commands(words, at, |it| it == PilotCommand::Disarm)
             {
                 wrong.push((at, "the vehicle was disarmed, and its engine is not".into()));
             }
@@ -375,7 +383,7 @@ impl Case<'_> {
             let answers = words.spoken.answers.iter().filter(|answer| answer.at == at);
             let accepted = answers.clone().any(|answer| answer.accepted);
             let known = at > self.up(at) + KNOWN;
-            if answers.count() == 0 && (known || !words.spoken.learns) {
+            if answers.count() == 0 && at > words.known {
                 wrong.push((at, "a start is not answered".into()));
             }
             if accepted && !begun(at) {
