@@ -15,6 +15,7 @@ use jetlink::channel::{Events, Source};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
+use jetlink::engine::state::EngineState;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
@@ -76,6 +77,8 @@ pub(crate) struct Engine<'a> {
     last_starts: Vec<LastStart, SENDERS>,
     stopped_at: Option<Instant>,
     refreshed: Option<Instant>,
+    /// Who waits for the end of a start, and on which port.
+    pub progress: Option<(u8, Address)>,
     /// The vehicle was disarmed for long enough that standby was commanded.
     stood_by: bool,
     /// What was commanded since it was last taken.
@@ -121,6 +124,7 @@ impl<'a> Engine<'a> {
             last_starts: Vec::new(),
             stopped_at: None,
             refreshed: None,
+            progress: None,
             stood_by: false,
             #[cfg(feature = "record")]
             commanded: Vec::new(),
@@ -141,6 +145,18 @@ impl<'a> Engine<'a> {
 
     pub fn telemetry(&self) -> Telemetry {
         self.source.handle().telemetry()
+    }
+
+    /// How the start has ended that somebody waits for; `None`: it has not.
+    pub fn start_ended(&self) -> Option<Ack> {
+        match (self.switch, self.telemetry().state) {
+            (Switch::Stopped, _) if self.stopped_at >= self.last_starts.iter().map(|last| last.at).max() => {
+                Some(Ack::Cancelled)
+            }
+            (Switch::Stopped, _) => Some(Ack::Failed),
+            (_, EngineState::Running) => Some(Ack::Accepted),
+            _ => None,
+        }
     }
 
     /// Whether its switch is at run.

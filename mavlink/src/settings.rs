@@ -22,6 +22,7 @@ settings! {
         own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, "Components of our own vehicle may command and set.";
         efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all; an ArduPilot mixes them.";
         efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Time between two EFI_STATUS of an engine on the autopilot's port.";
+        progress: yes_no "MAV_IN_PROGRESS" = 0 in 0..=1, "A start is answered IN_PROGRESS, each second, and finally when the engine runs or the start has ended. QGroundControl and Mission Planner send no other command to the engine until then, a stop neither.";
     }
     groups {
         /// Settings that count from the next start on.

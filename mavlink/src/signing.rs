@@ -133,6 +133,19 @@ pub struct SigningCounters {
 }
 
 impl SigningCounters {
+    /// Each with its name as a named value.
+    pub(crate) const fn named(&self) -> [(&'static str, u32); 7] {
+        [
+            ("unsigned", self.not_signed),
+            ("badsigned", self.badly_signed),
+            ("replayed", self.replayed),
+            ("duplicate", self.duplicates),
+            ("clockback", self.clocks_behind),
+            ("toomany", self.too_many),
+            ("setups", self.setups_refused),
+        ]
+    }
+
     pub(crate) const fn count(&mut self, why: Ignored) {
         let counter = match why {
             Ignored::Unsigned => &mut self.not_signed,

@@ -93,6 +93,8 @@ pub struct Service<'a, const N: usize, const P: usize> {
     next_heartbeat: Instant,
     /// Engine that sends first: where a port is slow, not always the same is dropped.
     first: usize,
+    /// The counter of signing that was sent last.
+    signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
@@ -185,6 +187,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
             next_tick: now,
             next_heartbeat: now,
             first: 0,
+            signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
             damaged: false,

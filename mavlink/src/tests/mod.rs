@@ -2,6 +2,7 @@
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod commands;
+mod fram;
 mod mutated;
 mod parameters;
 mod signing;

@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::service::parameters::{engine_parameters, node_parameters};
-use crate::settings::{EngineSettings, NodeSettings, ONLY_IN_CONFIG};
+use crate::settings::{EngineSettings, ONLY_IN_CONFIG};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
