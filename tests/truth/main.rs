@@ -165,6 +165,18 @@ fn the_truth_is_as_it_should_be_in_random_worlds() {
 }
 
 #[test]
+fn the_truth_is_as_it_should_be_in_random_worlds_with_mavlink() {
+    let (tally, text) = play(vehicle::SEEDS.start, 3 * 3600, 2, 1);
+    tally.print();
+    if let Some(text) = text {
+        panic!("{text}");
+    }
+    for what in ["words of MAVLink", "starts of MAVLink", "frames of a stream that had to be followed"] {
+        assert!(tally.seen.get(what).is_some_and(|count| *count >= 3), "too few {what}");
+    }
+}
+
+#[test]
 #[ignore = "one seed, given by JETLINK_SEED"]
 fn replay() {
     let seed = number("JETLINK_SEED").unwrap_or(1);

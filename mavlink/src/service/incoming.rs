@@ -25,7 +25,7 @@ impl<const N: usize, const P: usize> Service<'_, N, P> {
         }
         let fields = &frame.fields;
         let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
-        if frame.id == SETUP_SIGNING_DATA::ID {
+        if cfg!(feature = "signing") && frame.id == SETUP_SIGNING_DATA::ID {
             self.set_up_signing(now, port, from, target(setup_signing::TARGET), fields);
             return;
         }
