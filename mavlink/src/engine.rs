@@ -15,6 +15,7 @@ use jetlink::channel::{Events, Source};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
+use jetlink::engine::state::EngineState;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
@@ -26,6 +27,9 @@ pub(crate) const HEARTBEAT_AGE: Duration = Duration::from_secs(5);
 const REFRESH: Duration = Duration::from_millis(200);
 /// Senders whose last start is remembered.
 const SENDERS: usize = 4;
+/// Commands that are recorded between two looks: a start is three.
+#[cfg(feature = "record")]
+pub(crate) const RECORDED: usize = 16;
 /// Longest time in which a demand that was held rises at once.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
 
@@ -73,8 +77,13 @@ pub(crate) struct Engine<'a> {
     last_starts: Vec<LastStart, SENDERS>,
     stopped_at: Option<Instant>,
     refreshed: Option<Instant>,
+    /// Who waits for the end of a start, and on which port.
+    pub progress: Option<(u8, Address)>,
     /// The vehicle was disarmed for long enough that standby was commanded.
     stood_by: bool,
+    /// What was commanded since it was last taken.
+    #[cfg(feature = "record")]
+    pub commanded: Vec<Command, RECORDED>,
 }
 
 /// What is known besides the engine.
@@ -115,7 +124,10 @@ impl<'a> Engine<'a> {
             last_starts: Vec::new(),
             stopped_at: None,
             refreshed: None,
+            progress: None,
             stood_by: false,
+            #[cfg(feature = "record")]
+            commanded: Vec::new(),
         }
     }
 
@@ -123,8 +135,28 @@ impl<'a> Engine<'a> {
         self.source.handle().name()
     }
 
+    /// Commands the engine.
+    fn command(&mut self, command: Command) -> Result<Accepted, Rejected> {
+        // What nobody takes is lost.
+        #[cfg(feature = "record")]
+        let _ = self.commanded.push(command);
+        self.source.command(command)
+    }
+
     pub fn telemetry(&self) -> Telemetry {
         self.source.handle().telemetry()
+    }
+
+    /// How the start has ended that somebody waits for; `None`: it has not.
+    pub fn start_ended(&self) -> Option<Ack> {
+        match (self.switch, self.telemetry().state) {
+            (Switch::Stopped, _) if self.stopped_at >= self.last_starts.iter().map(|last| last.at).max() => {
+                Some(Ack::Cancelled)
+            }
+            (Switch::Stopped, _) => Some(Ack::Failed),
+            (_, EngineState::Running) => Some(Ack::Accepted),
+            _ => None,
+        }
     }
 
     /// Whether its switch is at run.
@@ -148,7 +180,7 @@ impl<'a> Engine<'a> {
         let held = situation.vehicle.arming() == Arming::Disarmed || self.switch == Switch::Waiting;
         let throttle = self.hold(situation.now, throttle, held);
         self.refreshed = Some(situation.now);
-        match self.source.command(Command::Run(Demand::Throttle(throttle))) {
+        match self.command(Command::Run(Demand::Throttle(throttle))) {
             Ok(Accepted::InForce) if self.switch == Switch::Waiting => {
                 self.switch = Switch::Run;
                 None
@@ -265,13 +297,13 @@ impl<'a> Engine<'a> {
                 Order::Listen => return Err(Rejected::Listening.into()),
                 Order::Run(_) | Order::Doubt(_) | Order::Pwm => return Err(Refusal::AlreadyRuns),
             }
-            self.source.command(Command::Arm)?;
-            match self.source.command(Command::Standby)? {
+            self.command(Command::Arm)?;
+            match self.command(Command::Standby)? {
                 Accepted::InForce => {}
                 Accepted::Behind(active) => return Err(Rejected::Behind(active).into()),
                 _ => return Err(Refusal::NotInControl),
             }
-            match self.source.command(Command::Run(Demand::Throttle(Throttle::IDLE)))? {
+            match self.command(Command::Run(Demand::Throttle(Throttle::IDLE)))? {
                 Accepted::InForce => Ok(Switch::Run),
                 Accepted::StartWaits => Ok(Switch::Waiting),
                 Accepted::Behind(active) => Err(Rejected::Behind(active).into()),
@@ -303,7 +335,7 @@ impl<'a> Engine<'a> {
     pub fn stop(&mut self, now: Instant) -> Result<(), Refusal> {
         self.switch = Switch::Stopped;
         self.stopped_at = Some(now);
-        match self.source.command(Command::ShutDown) {
+        match self.command(Command::ShutDown) {
             // An emergency stop is more than this.
             Ok(_) | Err(Rejected::StopLatched) => Ok(()),
             Err(why) => Err(why.into()),
@@ -315,7 +347,7 @@ impl<'a> Engine<'a> {
         self.switch = Switch::Stopped;
         self.stopped_at = Some(now);
         // It is never refused.
-        let _ = self.source.command(Command::EmergencyStop);
+        let _ = self.command(Command::EmergencyStop);
         self.note_emergency_stop(now);
     }
 
@@ -328,20 +360,20 @@ impl<'a> Engine<'a> {
 
     /// Releases an emergency stop.
     pub fn release(&mut self) -> Result<(), Refusal> {
-        self.source.command(Command::ReleaseStop)?;
+        self.command(Command::ReleaseStop)?;
         Ok(())
     }
 
     /// Passes a service command on.
     pub fn service(&mut self, service: Service) -> Result<(), Refusal> {
-        self.source.command(Command::Service(service))?;
+        self.command(Command::Service(service))?;
         Ok(())
     }
 
     fn disarm(&mut self) {
         (self.armed, self.armed_for_start) = (false, false);
         // It is never refused.
-        let _ = self.source.command(Command::Disarm);
+        let _ = self.command(Command::Disarm);
     }
 
     /// The vehicle was armed and shows disarmed: a start that is under way ends, however it was allowed.
@@ -370,7 +402,7 @@ impl<'a> Engine<'a> {
             Switch::Stopped if telemetry.ordered.order == Order::Listen => None,
             Switch::Stopped => {
                 self.refreshed = Some(situation.now);
-                let _ = self.source.command(Command::Present);
+                let _ = self.command(Command::Present);
                 None
             }
             Switch::Found => None,
@@ -425,7 +457,7 @@ impl<'a> Engine<'a> {
         match vehicle.arming() {
             Arming::Armed => {
                 if !self.armed && self.must_disarm.is_none() && !telemetry.stop_latched {
-                    self.armed = self.source.command(Command::Arm).is_ok();
+                    self.armed = self.command(Command::Arm).is_ok();
                 }
             }
             Arming::Disarmed => {

@@ -18,6 +18,10 @@ use mavlink_core::MessageData;
 /// Largest frame that is sent here, signed.
 pub const MAX_SENT: usize = 10 + SENT_PAYLOAD + 2 + SIGNATURE;
 
+/// Looks at the beginning of a frame until the rest of it is given up: 0.5 s, as the service looks every 50 ms. Behind damaged bytes that
+/// look like the beginning of a long frame a stop would have to wait until as many bytes have come.
+const PATIENCE: u8 = 10;
+
 const START_V1: u8 = 0xFE;
 const START_V2: u8 = 0xFD;
 const SIGNED: u8 = 0x01;
@@ -74,6 +78,8 @@ pub struct Received {
 pub struct Decoder {
     /// The beginning of a frame, or nothing.
     buffer: Vec<u8, MAX_FRAME>,
+    /// How often it was looked at while it began with the same byte.
+    looks: u8,
     counters: Received,
 }
 
@@ -95,6 +101,7 @@ impl Decoder {
     pub const fn new() -> Self {
         Self {
             buffer: Vec::new(),
+            looks: 0,
             counters: Received { frames: 0, unknown: 0, bad_checksums: 0, skipped: 0 },
         }
     }
@@ -122,17 +129,30 @@ impl Decoder {
         (bytes.len(), None)
     }
 
+    /// Gives up a frame whose rest does not come. Call it every 50 ms, and then [`Self::receive`].
+    pub fn look_after(&mut self) {
+        self.looks = self.looks.saturating_add(1);
+        if self.buffer.is_empty() {
+            self.looks = 0;
+        } else if self.looks >= PATIENCE {
+            self.skip();
+        }
+    }
+
+    /// No frame begins with the first byte.
+    fn skip(&mut self) {
+        let next = self.buffer.iter().skip(1).position(|&byte| is_start(byte));
+        let gone = next.map_or(self.buffer.len(), |at| at + 1);
+        self.counters.skipped = self.counters.skipped.wrapping_add(gone as u32);
+        self.drop_first(gone);
+    }
+
     /// Searches the buffer until it holds the beginning of a frame or nothing.
     fn search(&mut self, key: Option<&Key>) -> Option<Frame> {
         loop {
             match self.look(key) {
                 Found::Incomplete => return None,
-                Found::Nothing => {
-                    let next = self.buffer.iter().skip(1).position(|&byte| is_start(byte));
-                    let gone = next.map_or(self.buffer.len(), |at| at + 1);
-                    self.counters.skipped = self.counters.skipped.wrapping_add(gone as u32);
-                    self.drop_first(gone);
-                }
+                Found::Nothing => self.skip(),
                 Found::Unknown(len) => {
                     self.counters.unknown = self.counters.unknown.wrapping_add(1);
                     self.drop_first(len);
@@ -147,6 +167,7 @@ impl Decoder {
     }
 
     fn drop_first(&mut self, count: usize) {
+        self.looks = 0;
         // What is left fits. A copy in place is 1.4 kB of `core`.
         self.buffer = Vec::from_slice(self.buffer.get(count..).unwrap_or_default()).unwrap_or_default();
     }

@@ -70,6 +70,10 @@ pub enum Ack {
     Denied = 2,
     /// Not known here.
     Unsupported = 3,
+    /// It began, and failed.
+    Failed = 4,
+    /// It has begun: another answer follows.
+    InProgress = 5,
     /// Cancelled by `COMMAND_CANCEL`.
     Cancelled = 6,
 }

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
 //! | [`signing`] | who has the key may command |
-//! | [`store`], [`record`] | settings that stay |
+//! | [`store`], [`record`], [`fram`] | settings that stay; an F-RAM that holds them |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
 //! | `engine` | one engine: its switch, its demand source, what arms it |
@@ -28,6 +28,7 @@ pub mod attached;
 mod dialect;
 mod engine;
 mod fields;
+pub mod fram;
 pub mod frame;
 pub mod ids;
 mod number;

@@ -8,6 +8,7 @@ settings! {
     /// Settings of the node that count from its next start on.
     pub struct Identity, "identity.", AtNextStart {
         system: number "MAV_SYSID" = 0 in 0..=255, "System id of the vehicle. 0: learn it from the autopilot.";
+        learnt: number "MAV_SYSID_LEARN" = 0 in 0..=255, "System id that was learnt where MAV_SYSID is 0; the node sets it. 0: none.";
         base: number "MAV_COMP_BASE" = 25 in 25..=90, "Component id of the node; engine 1 has the next, engine 2 the one after it.";
         autopilot_port: number "MAV_AP_PORT" = 1 in 0..=8, "Port of the autopilot, from 1. 0: there is none.";
     }
@@ -21,6 +22,7 @@ settings! {
         own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, "Components of our own vehicle may command and set.";
         efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all; an ArduPilot mixes them.";
         efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Time between two EFI_STATUS of an engine on the autopilot's port.";
+        progress: yes_no "MAV_IN_PROGRESS" = 0 in 0..=1, "A start is answered IN_PROGRESS, each second, and finally when the engine runs or the start has ended. QGroundControl and Mission Planner send no other command to the engine until then, a stop neither.";
     }
     groups {
         /// Settings that count from the next start on.
@@ -40,6 +42,9 @@ settings! {
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
     }
 }
+
+/// The setting that the node itself changes.
+pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 
 /// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that few boards have, for
 /// a governor, which takes rpm demands that MAVLink does not carry, or for numbers that follow from the protocol.

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 /// Length of what a signed frame ends with: link, stamp and signature.
 pub const SIGNATURE: usize = 13;
 /// Senders that are remembered.
-pub const STREAMS: usize = 16;
+pub const STREAMS: usize = if cfg!(feature = "signing") { 16 } else { 1 };
 /// Bytes of the hash that are sent.
 const HASH: usize = 6;
 /// How far the first stamp of a sender may be behind ours: 1 minute.
@@ -133,6 +133,19 @@ pub struct SigningCounters {
 }
 
 impl SigningCounters {
+    /// Each with its name as a named value.
+    pub(crate) const fn named(&self) -> [(&'static str, u32); 7] {
+        [
+            ("unsigned", self.not_signed),
+            ("badsigned", self.badly_signed),
+            ("replayed", self.replayed),
+            ("duplicate", self.duplicates),
+            ("clockback", self.clocks_behind),
+            ("toomany", self.too_many),
+            ("setups", self.setups_refused),
+        ]
+    }
+
     pub(crate) const fn count(&mut self, why: Ignored) {
         let counter = match why {
             Ignored::Unsigned => &mut self.not_signed,
@@ -203,7 +216,8 @@ impl Signing {
     }
 
     pub const fn key(&self) -> Option<&Key> {
-        self.state.key()
+        // Without the feature nothing of signing is left in an image.
+        if cfg!(feature = "signing") { self.state.key() } else { None }
     }
 
     /// What is to be kept.
@@ -213,7 +227,7 @@ impl Signing {
 
     /// Bytes that signing adds to a frame.
     pub const fn overhead(&self) -> usize {
-        if self.state.key.is_some() { SIGNATURE } else { 0 }
+        if self.key().is_some() { SIGNATURE } else { 0 }
     }
 
     fn stamp(&self, now: Instant) -> Stamp {
@@ -223,6 +237,7 @@ impl Signing {
 
     /// What the next frame is signed with. No two are alike.
     pub fn seal(&mut self, now: Instant, link: u8) -> Option<Seal<'_>> {
+        self.key()?;
         let stamp = self.stamp(now).max(self.state.stamp.after(1));
         let key = self.state.key.as_ref()?;
         self.state.stamp = stamp;

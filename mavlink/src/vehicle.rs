@@ -1,6 +1,6 @@
 //! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port come here.
 //!
-//! The system id is set, or learnt: the only autopilot received for 5 s. Whether the vehicle is armed takes two heartbeats that
+//! The system id is set, or learnt: the only autopilot received for 5 s. What was learnt is stored, and changes at a start only. Whether the vehicle is armed takes two heartbeats that
 //! say so; silence says nothing.
 
 use crate::frame::Address;
@@ -26,7 +26,7 @@ pub(crate) enum Arming {
 /// Something that the vehicle did.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum VehicleEvent {
-    /// Its id is known.
+    /// An id is known. It is the vehicle's from now on, or, where it had one, from the node's next start on.
     Learnt(u8),
     /// Two autopilots are received: none is learnt.
     TwoAutopilots(u8, u8),
@@ -44,6 +44,10 @@ struct Candidate {
 #[derive(Debug)]
 pub(crate) struct Vehicle {
     id: Option<u8>,
+    /// Its id was not set.
+    learns: bool,
+    /// The id that was learnt last: it counts from the node's next start on.
+    learnt: u8,
     candidate: Option<Candidate>,
     /// Another autopilot that is received, and when last.
     other: Option<(u8, Instant)>,
@@ -58,10 +62,13 @@ pub(crate) struct Vehicle {
 }
 
 impl Vehicle {
-    /// With a set id, or one that is to be learnt.
-    pub fn new(system: u8) -> Self {
+    /// With a set id, or the one that was learnt before, or one that is to be learnt; 0 is none.
+    pub fn new(set: u8, learnt: u8) -> Self {
+        let system = if set != 0 { set } else { learnt };
         Self {
             id: (system != 0).then_some(system),
+            learns: set == 0,
+            learnt,
             candidate: None,
             other: None,
             two_reported: false,
@@ -70,6 +77,11 @@ impl Vehicle {
             last: None,
             disarmed_since: None,
         }
+    }
+
+    /// The same vehicle, of which nothing was received.
+    pub fn anew(&self) -> Self {
+        Self { learns: self.learns, learnt: self.learnt, ..Self::new(self.id.unwrap_or(0), 0) }
     }
 
     /// Its system id, once it is known.
@@ -124,6 +136,8 @@ impl Vehicle {
         }
         match self.id {
             Some(id) if id == from.system => self.own(now, base_mode & MODE_ARMED != 0),
+            // Another one, where ours is not there.
+            Some(_) if self.learns && !self.is_received(now) => self.learn(now, from.system, may_learn),
             Some(_) => None,
             None => self.learn(now, from.system, may_learn),
         }
@@ -146,8 +160,9 @@ impl Vehicle {
         };
         self.candidate = Some(candidate);
         let alone = self.other.is_none_or(|(_, last)| !received(last));
-        if alone && may_learn && now >= candidate.since + LEARN {
-            self.id = Some(system);
+        if alone && may_learn && now >= candidate.since + LEARN && self.learnt != system {
+            self.learnt = system;
+            self.id.get_or_insert(system);
             return Some(VehicleEvent::Learnt(system));
         }
         None
@@ -191,7 +206,7 @@ mod tests {
 
     #[test]
     fn the_only_autopilot_is_learnt_after_five_seconds() {
-        let mut vehicle = Vehicle::new(0);
+        let mut vehicle = Vehicle::new(0, 0);
         // A ground station and a camera are no autopilots.
         let ground = Address { system: 255, component: 1 };
         assert_eq!(vehicle.heartbeat(at(0), ground, (TYPE_GCS, AUTOPILOT_INVALID, 0), true), None);
@@ -203,16 +218,22 @@ mod tests {
         }
         assert_eq!(beat(&mut vehicle, 5, 3, 0), Some(VehicleEvent::Learnt(3)));
         assert_eq!(vehicle.id(), Some(3));
-        // Another one later changes nothing.
+        // Another one beside it changes nothing.
         for second in 6..20 {
+            assert_eq!(beat(&mut vehicle, second, 3, 0), None);
             assert_eq!(beat(&mut vehicle, second, 4, 0), None);
         }
+        // In its place it is learnt once, and counts from the next start on.
+        let learnt: std::vec::Vec<_> =
+            (20..60).filter_map(|second| beat(&mut vehicle, second, 4, 0)).collect();
+        assert_eq!(learnt, [VehicleEvent::Learnt(4)]);
         assert_eq!(vehicle.id(), Some(3));
+        assert_eq!((Vehicle::new(0, 4).id(), Vehicle::new(3, 4).id()), (Some(4), Some(3)));
     }
 
     #[test]
     fn of_two_autopilots_none_is_learnt_until_one_is_gone() {
-        let mut vehicle = Vehicle::new(0);
+        let mut vehicle = Vehicle::new(0, 0);
         beat(&mut vehicle, 0, 3, 0);
         assert_eq!(beat(&mut vehicle, 1, 4, 0), Some(VehicleEvent::TwoAutopilots(3, 4)));
         for second in 2..20 {
@@ -225,7 +246,7 @@ mod tests {
 
     #[test]
     fn nothing_is_learnt_while_an_engine_is_ordered() {
-        let mut vehicle = Vehicle::new(0);
+        let mut vehicle = Vehicle::new(0, 0);
         let from = Address { system: 3, component: 1 };
         for second in 0..20 {
             assert_eq!(vehicle.heartbeat(at(second), from, (1, 3, 0), false), None);
@@ -235,7 +256,7 @@ mod tests {
 
     #[test]
     fn it_takes_two_heartbeats_to_arm_and_to_disarm_and_silence_is_neither() {
-        let mut vehicle = Vehicle::new(3);
+        let mut vehicle = Vehicle::new(3, 0);
         assert_eq!(vehicle.arming(), Arming::Unknown);
         beat(&mut vehicle, 0, 3, MODE_ARMED);
         assert_eq!(vehicle.arming(), Arming::Unknown);

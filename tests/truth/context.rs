@@ -1,7 +1,9 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
 use crate::faults::{Disturber, Fault, Weather};
-use crate::history::{Commanded, History, Kind, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks};
+use crate::history::{
+    Commanded, History, Kind, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Spoken, Sticks,
+};
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::radio::{Layout, Receiver, Transmitter};
@@ -18,8 +20,9 @@ use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
 use sim::zk::ControlledBy;
 use std::collections::VecDeque;
 
-/// The source of radio control.
+/// The source of radio control, and that of MAVLink.
 const RC: usize = 1;
+const MAVLINK: usize = 2;
 
 /// From look to look at the turbines.
 pub const LOOK: u64 = 50 * MS;
@@ -54,6 +57,8 @@ pub struct EngineContext {
     script: Script,
     valve: Valve,
     transmitter: Option<Transmitter>,
+    /// Until when its autopilot says nothing of its outputs.
+    pub not_spoken_to_until: u64,
 }
 
 /// What a case does with an engine, and when.
@@ -149,6 +154,7 @@ impl EngineContext {
             script: Script::default(),
             valve: Valve::new(Wiring::DelayOff),
             transmitter: None,
+            not_spoken_to_until: 0,
             setup,
         };
         (context, (rx, tx))
@@ -169,15 +175,29 @@ impl EngineContext {
         self.history.samples.last().is_some_and(|sample| sample.phase.is_live())
     }
 
+    /// It is commanded through MAVLink: that source is no other pilot's.
+    pub fn speak(&mut self, spoken: Spoken) {
+        self.pilots.retain(|pilot| pilot.source != MAVLINK);
+        self.history.spoken = Some(spoken);
+    }
+
     /// Until when no pilot commands anything.
     pub fn silent_until(&self) -> u64 {
-        self.pilots.iter().map(|pilot| pilot.next).min().unwrap_or(0)
+        let pilots = self.next_pilot();
+        match &self.history.spoken {
+            Some(spoken) if spoken.has_output => pilots.min(self.not_spoken_to_until),
+            _ if self.pilots.is_empty() => 0,
+            _ => pilots,
+        }
+    }
+
+    fn next_pilot(&self) -> u64 {
+        self.pilots.iter().map(|pilot| pilot.next).min().unwrap_or(u64::MAX)
     }
 
     /// Time of the next event here.
     pub fn next(&self) -> u64 {
-        self.silent_until()
-            .max(u64::from(self.pilots.is_empty()) * u64::MAX)
+        self.next_pilot()
             .min(self.disturber.next())
             .min(self.script.next())
             .min(self.transmitter.as_ref().map_or(u64::MAX, |transmitter| transmitter.next))
@@ -364,7 +384,8 @@ impl EngineContext {
         }
     }
 
-    fn view(&self) -> View {
+    /// What a pilot sees.
+    pub fn view(&self) -> View {
         let at = now();
         let (phase, egt) = self.plug.ecu(|ecu| (ecu.turbine().phase(), ecu.turbine().egt()));
         let takes_rpm = self.history.version(at) >= 4;

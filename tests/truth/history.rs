@@ -249,6 +249,67 @@ pub struct Sticks {
     pub on: bool,
 }
 
+/// What somebody behind MAVLink says to an engine that the documents let count: it is well formed, addressed to it, and from a system
+/// that may say it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Word {
+    /// A frame of the autopilot's outputs: the throttle of the engine's one, 0.1 %; `None`: no pulse that is accepted. `sure`: it is
+    /// neither late nor one of the first of a new clock.
+    Output {
+        tenths: Option<u32>,
+        sure: bool,
+    },
+    /// Heartbeat of the autopilot.
+    Vehicle {
+        armed: bool,
+    },
+    /// Heartbeat of any component of a system that may command.
+    Station,
+    /// A start. `again`: sent with a confirmation above 0.
+    Start {
+        from: u8,
+        again: bool,
+        while_disarmed: bool,
+    },
+    Stop,
+    EmergencyStop,
+    Release,
+    /// A service command: the number of a ZK action.
+    Service(u8),
+    Ctf,
+}
+
+/// A word that came to the node.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Said {
+    pub at: u64,
+    pub word: Word,
+}
+
+/// An answer to `DO_ENGINE_CONTROL`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Answered {
+    pub at: u64,
+    pub accepted: bool,
+}
+
+/// An engine that is commanded through MAVLink.
+#[derive(Clone, PartialEq, Default, Debug)]
+pub struct Spoken {
+    /// Its demand comes from an output of the autopilot; otherwise it idles, and heartbeats keep the order alive.
+    pub has_output: bool,
+    /// It starts with the throttle above idle.
+    pub relight: bool,
+    /// Time disarmed until standby.
+    pub standby_after: Option<u64>,
+    /// The id of the vehicle has to be learnt after each start of the node.
+    pub learns: bool,
+    pub said: Vec<Said>,
+    pub answers: Vec<Answered>,
+    /// When a damaged frame came: what follows it may be found later.
+    pub damaged: Vec<u64>,
+}
+
 /// The pin of a fuel valve.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Pin {
@@ -448,6 +509,8 @@ pub struct History {
     pub shut: Spans,
     /// Stick and switch. Empty: there is no radio control.
     pub sticks: Vec<Sticks>,
+    /// What is said through MAVLink, where the engine is commanded so.
+    pub spoken: Option<Spoken>,
 }
 
 impl History {
@@ -477,6 +540,7 @@ impl History {
             pin: Vec::new(),
             shut: Spans::default(),
             sticks: Vec::new(),
+            spoken: None,
         }
     }
 

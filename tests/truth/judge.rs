@@ -10,6 +10,7 @@ mod healthy;
 mod limits;
 mod obeyed;
 mod silence;
+mod spoken;
 mod starts;
 mod sticks;
 mod stops;
@@ -76,10 +77,12 @@ pub enum Rule {
     CutOff,
     /// Radio control commands what stick and switch say, and stop at the switch stops.
     Sticks,
+    /// MAVLink commands what somebody said who may, and what was said is obeyed.
+    Spoken,
 }
 
 impl Rule {
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::Ignition,
         Self::RunAtRest,
         Self::Doubt,
@@ -106,6 +109,7 @@ impl Rule {
         Self::ShutValve,
         Self::CutOff,
         Self::Sticks,
+        Self::Spoken,
     ];
 }
 
@@ -256,6 +260,7 @@ pub fn judge(history: &History) -> Verdict {
     case.stops();
     case.valve();
     case.sticks();
+    case.spoken();
     case.starts();
     case.run_at_rest();
     case.doubt();

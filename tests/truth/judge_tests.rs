@@ -2,6 +2,7 @@
 
 mod flight;
 mod silence;
+mod spoken;
 mod starts;
 mod sticks;
 mod stops;

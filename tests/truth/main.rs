@@ -11,14 +11,17 @@ mod cases;
 mod context;
 mod fate;
 mod faults;
+mod frames;
 mod history;
 mod judge;
 mod judge_tests;
+mod line;
 mod log;
 mod pilots;
 mod radio;
 mod settings;
 mod valve;
+mod vehicle;
 mod wire;
 mod worlds;
 
@@ -159,6 +162,18 @@ fn the_truth_is_as_it_should_be_in_random_worlds() {
         panic!("{text}");
     }
     enough_happened(&tally);
+}
+
+#[test]
+fn the_truth_is_as_it_should_be_in_random_worlds_with_mavlink() {
+    let (tally, text) = play(vehicle::SEEDS.start, 3 * 3600, 2, 1);
+    tally.print();
+    if let Some(text) = text {
+        panic!("{text}");
+    }
+    for what in ["words of MAVLink", "starts of MAVLink", "frames of a stream that had to be followed"] {
+        assert!(tally.seen.get(what).is_some_and(|count| *count >= 3), "too few {what}");
+    }
 }
 
 #[test]

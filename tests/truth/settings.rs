@@ -377,7 +377,7 @@ pub fn command(command: PilotCommand, amt: bool) -> Option<Command> {
     })
 }
 
-/// What a command of radio control is to the judge.
+/// What a command of radio control or of MAVLink is to the judge.
 pub fn commanded(command: Command) -> PilotCommand {
     match command {
         Command::Standby => PilotCommand::Standby,
@@ -390,7 +390,10 @@ pub fn commanded(command: Command) -> PilotCommand {
         Command::Arm => PilotCommand::Arm,
         Command::Disarm => PilotCommand::Disarm,
         Command::Present => PilotCommand::Nothing,
-        other => panic!("radio control does not command {other:?}"),
+        Command::ShutDown => PilotCommand::ShutDown,
+        Command::Service(Service::Zk(ZkService::Action(action))) => PilotCommand::Service(action.code()),
+        Command::Service(Service::Amt(AmtService::Ctf)) => PilotCommand::Ctf,
+        other => panic!("nobody commands {other:?}"),
     }
 }
 

@@ -9,6 +9,7 @@ use crate::judge::failed_for_sure;
 use crate::pilots::Rng;
 use crate::radio::Receiver;
 use crate::settings::{self, Setup};
+use crate::vehicle::{self, Receiver as Service, Vehicle};
 use embassy_time::{Duration, Ticker};
 use jetlink::channel::Handle;
 use jetlink::config::EngineConfig;
@@ -60,14 +61,17 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     let contexts = setups.drain(..).map(|setup| EngineContext::random(rng, setup, weather)).collect();
     let fate = Fate::random(rng, weather);
     let together = if N > 1 && rng.percent(60) { rng.wait(150 * SECOND) } else { u64::MAX };
-    play::<N>(seed, rng, contexts, fate, together, seconds * SECOND)
+    let mut contexts: Vec<Wired> = contexts;
+    let vehicle = vehicle::SEEDS.contains(&seed);
+    let vehicle = vehicle.then(|| Vehicle::random(seed, contexts.iter_mut().map(|(context, _)| context)));
+    play::<N>(seed, rng, contexts, vehicle, fate, together, seconds * SECOND)
 }
 
 /// Plays a case: what happens to each engine, and to the node.
 pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
     clock::reset();
     let contexts = engines.into_iter().map(|(setup, acts)| EngineContext::scripted(setup, acts)).collect();
-    play::<N>(0, &mut Rng(1), contexts, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
+    play::<N>(0, &mut Rng(1), contexts, None, Fate::Script(blows.into()), u64::MAX, seconds * SECOND)
 }
 
 type Wired = (EngineContext, (WireRx, WireTx));
@@ -77,6 +81,7 @@ fn play<const N: usize>(
     seed: u64,
     rng: &mut Rng,
     wired: Vec<Wired>,
+    mut vehicle: Option<Vehicle>,
     mut fate: Fate,
     mut together: u64,
     end: u64,
@@ -99,6 +104,7 @@ fn play<const N: usize>(
         let ended = boot(
             rng,
             &mut contexts,
+            &mut vehicle,
             &mut halves,
             &configs,
             memory,
@@ -139,7 +145,7 @@ fn play<const N: usize>(
                 word.store(rng.next() as u32, Ordering::Relaxed);
             }
         }
-        halves = down_for(rng, &mut contexts, down_at + down, end);
+        halves = down_for(rng, &mut contexts, &mut vehicle, down_at + down, end);
         for context in &mut contexts {
             context.history.resets.push(Reset { down: down_at, up: now(), cause });
         }
@@ -205,13 +211,18 @@ async fn poll_all(tasks: &mut Tasks<'_>) {
 }
 
 /// Lets everything but the node act once.
-fn act_all(
+fn act_all<const N: usize>(
     rng: &mut Rng,
     contexts: &mut [EngineContext],
+    vehicle: &mut Option<Vehicle>,
     handles: &[Handle<'_>],
     receivers: &mut [Option<Receiver<'_>>],
+    service: Option<&mut Service<'_, N>>,
     look: bool,
 ) {
+    if let Some(vehicle) = vehicle {
+        vehicle.act(now(), contexts, service);
+    }
     for (port, context) in contexts.iter_mut().enumerate() {
         context.act(rng, handles.get(port), receivers.get_mut(port).and_then(Option::as_mut));
         if look {
@@ -221,23 +232,31 @@ fn act_all(
 }
 
 /// Time of the next event.
-fn next(contexts: &[EngineContext], look_at: u64) -> u64 {
+fn next(contexts: &[EngineContext], vehicle: Option<&Vehicle>, look_at: u64) -> u64 {
     let at = now();
-    contexts.iter().map(|context| context.next().max(at + MS)).chain([look_at]).min().unwrap_or(look_at)
+    let vehicle = vehicle.map_or(u64::MAX, Vehicle::next);
+    let contexts = contexts.iter().map(EngineContext::next);
+    contexts.chain([vehicle]).map(|next| next.max(at + MS)).chain([look_at]).min().unwrap_or(look_at)
 }
 
 /// The rest of the world, while there is no node.
-fn down_for(rng: &mut Rng, contexts: &mut [EngineContext], until: u64, end: u64) -> Vec<(WireRx, WireTx)> {
+fn down_for(
+    rng: &mut Rng,
+    contexts: &mut [EngineContext],
+    vehicle: &mut Option<Vehicle>,
+    until: u64,
+    end: u64,
+) -> Vec<(WireRx, WireTx)> {
     let mut tasks = nature(contexts);
     let mut all = pin!(poll_all(&mut tasks));
     let mut look_at = now();
     while now() < until.min(end) {
         let look = now() >= look_at;
-        act_all(rng, contexts, &[], &mut [], look);
+        act_all::<0>(rng, contexts, vehicle, &[], &mut [], None, look);
         if look {
             look_at = now() + LOOK;
         }
-        let next = next(contexts, look_at).min(until);
+        let next = next(contexts, vehicle.as_ref(), look_at).min(until);
         clock::run_for(all.as_mut(), Duration::from_micros(next - now()));
     }
     contexts.iter().map(|context| context.plug.reset_node()).collect()
@@ -248,6 +267,7 @@ fn down_for(rng: &mut Rng, contexts: &mut [EngineContext], until: u64, end: u64)
 fn boot<const N: usize>(
     rng: &mut Rng,
     contexts: &mut [EngineContext],
+    vehicle: &mut Option<Vehicle>,
     halves: &mut Vec<(WireRx, WireTx)>,
     configs: &[EngineConfig; N],
     memory: &'static [RetainedMemory; N],
@@ -272,6 +292,7 @@ fn boot<const N: usize>(
             handle,
         ));
     }
+    let mut service = vehicle.as_mut().map(|vehicle| vehicle.begin::<N>(now(), &handles, configs));
     let mut tasks: Tasks<'_> = nature(contexts);
     for ((runner, (rx, tx)), context) in node.runners().into_iter().zip(halves.drain(..)).zip(contexts.iter())
     {
@@ -298,12 +319,12 @@ fn boot<const N: usize>(
             contexts.iter_mut().for_each(|context| context.fly(rng));
         }
         let look = at >= look_at;
-        act_all(rng, contexts, &handles, &mut receivers, look);
+        act_all(rng, contexts, vehicle, &handles, &mut receivers, service.as_mut(), look);
         if look {
             look_at = at + LOOK;
             blow = fate.sooner(rng, contexts, reset_at).or(blow);
         }
-        let next = next(contexts, look_at).min(reset_at).max(at + 1);
+        let next = next(contexts, vehicle.as_ref(), look_at).min(reset_at).max(at + 1);
         clock::run_for(all.as_mut(), Duration::from_micros(next - at));
     }
 }

@@ -59,20 +59,47 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             Ok(ack) => (ack, None),
             Err((ack, why)) => (ack, why),
         };
-        if !matches!(result, Ack::Accepted | Ack::Cancelled) {
+        if !matches!(result, Ack::Accepted | Ack::InProgress | Ack::Cancelled) {
             self.counters.commands_refused = self.counters.commands_refused.wrapping_add(1);
         }
+        self.acknowledge(now, port, to, place, command, result);
+        if let Some(why) = why {
+            self.say(now, place, Severity::Warning, Some(port), format_args!("refused: {why}"));
+        }
+    }
+
+    fn acknowledge(
+        &mut self,
+        now: Instant,
+        port: usize,
+        to: Address,
+        place: Place,
+        command: u16,
+        result: Ack,
+    ) {
         let ack = COMMAND_ACK_DATA {
             command,
             result: result as u8,
-            progress: 0,
+            // Not known, where it is in progress.
+            progress: if result == Ack::InProgress { u8::MAX } else { 0 },
             result_param2: 0,
             target_system: to.system,
             target_component: to.component,
         };
         self.send(now, port, place, Class::Answer, &ack);
-        if let Some(why) = why {
-            self.say(now, place, Severity::Warning, Some(port), format_args!("refused: {why}"));
+    }
+
+    /// Answers whoever waits for the end of a start. `again`: also where it has not ended.
+    pub(super) fn report_progress(&mut self, now: Instant, place: usize, again: bool) {
+        let Some(engine) = self.engines.get_mut(place) else { return };
+        let Some((port, to)) = engine.progress else { return };
+        let ended = engine.start_ended();
+        if ended.is_some() {
+            engine.progress = None;
+        }
+        if ended.is_some() || again {
+            let result = ended.unwrap_or(Ack::InProgress);
+            self.acknowledge(now, port.into(), to, Place::Engine(place), CMD_DO_ENGINE_CONTROL, result);
         }
     }
 
@@ -101,9 +128,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
                         let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
                         let situation = Self::situation(now, &self.vehicle, &self.received);
-                        engine
-                            .start(situation, from, confirmation, bits == WHILE_DISARMED)
-                            .map(|()| Ack::Accepted)
+                        let answer = engine.start(situation, from, confirmation, bits == WHILE_DISARMED);
+                        if answer.is_ok() && self.settings.progress {
+                            engine.progress = u8::try_from(port).ok().map(|port| (port, from));
+                        }
+                        match answer {
+                            Ok(()) | Err((Ack::Accepted, None)) if engine.progress.is_some() => {
+                                Ok(Ack::InProgress)
+                            }
+                            answer => answer.map(|()| Ack::Accepted),
+                        }
                     }
                     _ => refuse(Refusal::Malformed(
                         "DO_ENGINE_CONTROL: param1 0 or 1, param3 0, param4 0 or 1",

@@ -26,7 +26,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
         let fields = &frame.fields;
         let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
-        if frame.id == SETUP_SIGNING_DATA::ID {
+        if cfg!(feature = "signing") && frame.id == SETUP_SIGNING_DATA::ID {
             self.set_up_signing(now, port, from, target(setup_signing::TARGET), fields);
             return;
         }
@@ -123,7 +123,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn vehicle_event(&mut self, now: Instant, event: Option<VehicleEvent>) {
         match event {
             Some(VehicleEvent::Learnt(id)) => {
-                self.say(now, Place::Node, Severity::Info, None, format_args!("vehicle is system {id}"));
+                let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start on" };
+                let text = format_args!("autopilot is system {id}{when}");
+                self.say(now, Place::Node, Severity::Info, None, text);
+                self.store_learnt(id);
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
                 // There is no id to send it with, but where one is set.

@@ -1,11 +1,12 @@
 //! Settings that stay: a parameter that was set is answered when it is stored, and is as before when it cannot be.
 
+use super::parameters::Name;
 use super::{Keeping, Pending, Place, Service};
 use crate::attached::Attached;
 use crate::ids::Severity;
 use crate::record::{self, Record};
 use crate::refusal::Refusal;
-use crate::settings::{Table, find_row};
+use crate::settings::{LEARNT, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::{Effect, Row};
@@ -34,6 +35,18 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.set_damaged(false);
         self.anew = true;
         Ok(())
+    }
+
+    /// Stores the id of the vehicle that was learnt.
+    pub(super) fn store_learnt(&mut self, id: u8) {
+        let old = core::mem::replace(&mut self.settings.identity.learnt, id).into();
+        let port = self.autopilot_port.unwrap_or(0);
+        if self.keeping == Keeping::Stored
+            && let Some((index, _)) = self.position(Place::Node, Name::of(LEARNT.as_bytes()))
+        {
+            // Where there is no space it is learnt again at the next start.
+            let _ = self.pending.push_back(Pending { port, place: Place::Node, index, old });
+        }
     }
 
     /// Whether all records have to be stored anew. Returned once.

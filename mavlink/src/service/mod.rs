@@ -24,6 +24,8 @@ use crate::vehicle::Vehicle;
 use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use jetlink::channel::Source;
+#[cfg(feature = "record")]
+use jetlink::command::Command;
 use jetlink::config::EngineConfig;
 
 /// Time between two looks at the engines.
@@ -95,6 +97,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     next_heartbeat: Instant,
     /// Engine that sends first: where a port is slow, not always the same is dropped.
     first: usize,
+    /// The counter of signing that was sent last.
+    signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
@@ -193,7 +197,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
             engines,
             signing: Signing::new(now, signing),
-            vehicle: Vehicle::new(settings.identity.system),
+            vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
             received: Vec::new(),
@@ -203,6 +207,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             next_tick: now,
             next_heartbeat: now,
             first: 0,
+            signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
             damaged: false,
@@ -259,6 +264,13 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// What was counted.
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+
+    /// What an engine, by its place from 0, was commanded since the last call.
+    #[cfg(feature = "record")]
+    pub fn take_commands(&mut self, place: usize) -> impl Iterator<Item = Command> + use<N, P, A> {
+        let engine = self.engines.get_mut(place);
+        engine.map(|engine| core::mem::take(&mut engine.commanded)).into_iter().flatten()
     }
 
     /// What was counted on a port.

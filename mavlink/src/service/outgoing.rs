@@ -28,17 +28,23 @@ const ALL: u8 = 255;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     pub(super) fn tick(&mut self, now: Instant) {
+        for port in 0..self.ports.len() {
+            self.ports.get_mut(port).into_iter().for_each(|port| port.decoder.look_after());
+            self.receive(now, port, &[]);
+        }
         for place in 0..self.engines.len() {
             let Some(engine) = self.engines.get_mut(place) else { continue };
             if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.received)) {
                 self.say_not_started(now, place, why);
             }
             self.report_events(now, place);
+            self.report_progress(now, place, now >= self.next_heartbeat);
         }
         self.report_lost_texts(now);
         self.report_attached(now);
         if now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
+            self.send_signing(now);
             for port in 0..self.ports.len() {
                 self.send_heartbeat(now, port, Place::Node);
                 (0..self.engines.len())
@@ -162,6 +168,21 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
+    /// Sends what was ignored for its signature: one counter a second, those above 0 in turn.
+    fn send_signing(&mut self, now: Instant) {
+        if !cfg!(feature = "signing") {
+            return;
+        }
+        let counters = self.counters.signing.named();
+        let ahead = counters.into_iter().enumerate().cycle().skip(usize::from(self.signing_sent) + 1);
+        let next = ahead.take(counters.len()).find(|(_, (_, count))| *count > 0);
+        let Some((sent, (name, count))) = next else { return };
+        self.signing_sent = sent as u8; // 7 of them
+        for port in 0..self.ports.len() {
+            self.send_value(now, port, Place::Node, Class::Telemetry, name, count as f32);
+        }
+    }
+
     fn send_telemetry(&mut self, now: Instant, port: usize, engine: usize) {
         let to_autopilot = self.autopilot_port == Some(port);
         let settings = &self.settings;
@@ -202,12 +223,19 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let telemetry = engine.telemetry();
         let streams = self.ports.get_mut(port).and_then(|port| port.streams.get_mut(place));
         let quality = streams.and_then(|streams| streams.quality.percent(&telemetry.counters));
-        let since = self.since_start(now);
         for (name, value) in named_values(&telemetry, quality, with_main) {
-            let message =
-                NAMED_VALUE_FLOAT_DATA { time_boot_ms: since, value, name: value_name(name, place) };
-            self.send(now, port, Place::Engine(place), class, &message);
+            self.send_value(now, port, Place::Engine(place), class, name, value);
         }
+    }
+
+    fn send_value(&mut self, now: Instant, port: usize, place: Place, class: Class, name: &str, value: f32) {
+        let since = now.saturating_duration_since(self.started).as_millis();
+        let message = NAMED_VALUE_FLOAT_DATA {
+            time_boot_ms: since as u32, // wraps after 49 days
+            value,
+            name: value_name(name, place.engine()),
+        };
+        self.send(now, port, place, class, &message);
     }
 
     /// Requests the autopilot's outputs, where an engine follows them.
@@ -264,10 +292,10 @@ fn rc_channels(time_boot_ms: u32, channels: &Channels) -> RC_CHANNELS_DATA {
     }
 }
 
-/// Name of a named value: 10 bytes, with the engine's number from 1 at its end.
-fn value_name(name: &str, place: usize) -> CharArray<10> {
+/// Name of a named value: 10 bytes, with the engine's number from 1 at its end, if it is of an engine.
+fn value_name(name: &str, engine: Option<usize>) -> CharArray<10> {
     let mut bytes = [0; 10];
-    let number = b'1'.saturating_add(place as u8);
-    bytes.iter_mut().zip(name.bytes().take(9).chain([number])).for_each(|(slot, byte)| *slot = byte);
+    let number = engine.map(|engine| b'1'.saturating_add(engine as u8));
+    bytes.iter_mut().zip(name.bytes().take(9).chain(number)).for_each(|(slot, byte)| *slot = byte);
     CharArray::new(bytes)
 }

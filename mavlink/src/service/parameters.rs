@@ -41,7 +41,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         count
     }
 
-    fn position(&self, place: Place, name: Name<'_>) -> Option<(usize, &'static Row)> {
+    pub(super) fn position(&self, place: Place, name: Name<'_>) -> Option<(usize, &'static Row)> {
         let mut before = 0;
         let found = self.find_row(place, &mut |row| {
             let is_it = row.name.as_bytes() == name.0;
@@ -230,11 +230,11 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
 /// A name that was received.
 #[derive(Clone, Copy)]
-struct Name<'a>(&'a [u8]);
+pub(super) struct Name<'a>(&'a [u8]);
 
 impl<'a> Name<'a> {
     /// Of 16 letters, or of fewer that zeros follow.
-    fn of(bytes: &'a [u8]) -> Self {
+    pub fn of(bytes: &'a [u8]) -> Self {
         let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
         Self(bytes.get(..end).unwrap_or_default())
     }

@@ -9,7 +9,6 @@ use crate::refusal::Refusal;
 use crate::request::RateRequest;
 use crate::servo::FrameClock;
 use crate::signing::{Key, Stamp};
-use crate::vehicle::Vehicle;
 use embassy_time::Instant;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
@@ -86,7 +85,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let key = Key::new(setup.bytes(setup_signing::KEY));
         self.signing.set_key(now, key, stamp);
         // What was received before may have come from anybody. The id stays: it changes at a start only.
-        self.vehicle = Vehicle::new(self.vehicle.id().unwrap_or(0));
+        self.vehicle = self.vehicle.anew();
         self.request = RateRequest::new(now);
         self.clocks = [FrameClock::default(); 2];
         self.received.clear();

@@ -407,3 +407,61 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         world.start(0).await;
     });
 }
+
+#[test]
+fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        // The first bytes of a frame that is 280 bytes long: everything behind them may belong to it.
+        world.say_bytes(TO_GROUND, &[0xFD, 255, 0, 0, 0, 255, 190, 0, 0, 0]);
+        world.pass(0.1).await;
+        let stop = COMMAND_LONG_DATA {
+            command: CMD_DO_ENGINE_CONTROL,
+            target_system: SYSTEM,
+            target_component: ENGINE[1],
+            ..Default::default()
+        };
+        world.say(TO_GROUND, GROUND, &stop);
+        world.pass(0.3).await;
+        assert_eq!(world.ordered(1), Some(0), "it waits for the rest of the frame");
+        world.pass(0.5).await;
+        assert_eq!(world.ordered(1), None, "the stop acts");
+    });
+}
+
+/// The answers to a start since frame `at`.
+fn answers(world: &World<'_>, at: usize) -> std::vec::Vec<u8> {
+    let frames = world.frames.borrow();
+    let acks = frames.iter().skip(at).filter_map(|(_, _, frame)| match &frame.message() {
+        MavMessage::COMMAND_ACK(ack) if ack.command == CMD_DO_ENGINE_CONTROL => Some(ack.result),
+        _ => None,
+    });
+    acks.collect()
+}
+
+#[test]
+fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(NODE, "MAV_IN_PROGRESS", 1.0).await.0, Some(1.0));
+        let at = world.frames.borrow().len();
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(Ack::InProgress as u8));
+        world.until("the engine runs", 120, || world.telemetry(1).state == EngineState::Running).await;
+        world.pass(3.0).await;
+        let all = answers(world, at);
+        let (last, before) = all.split_last().unwrap();
+        assert_eq!(*last, Ack::Accepted as u8, "{all:?}");
+        assert!(before.len() > 5 && before.iter().all(|ack| *ack == Ack::InProgress as u8), "{all:?}");
+        // A stop is answered as always, and the start of before has been.
+        assert_eq!(world.control(1, &[0.0]).await.0, Some(Ack::Accepted as u8));
+        // A start that is stopped is cancelled.
+        world.cold(1).await;
+        let at = world.frames.borrow().len();
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(Ack::InProgress as u8));
+        world.pass(2.0).await;
+        assert_eq!(world.command(ENGINE[1], CMD_USER_1, &[3.0]).await.0, Some(0));
+        world.pass(2.0).await;
+        assert_eq!(answers(world, at).last(), Some(&(Ack::Cancelled as u8)));
+    });
+}

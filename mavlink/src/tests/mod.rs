@@ -3,6 +3,7 @@
 
 mod attached;
 mod commands;
+mod fram;
 mod mutated;
 mod parameters;
 mod signing;

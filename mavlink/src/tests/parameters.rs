@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::service::parameters::{engine_parameters, node_parameters};
-use crate::settings::{EngineSettings, NodeSettings, ONLY_IN_CONFIG};
+use crate::settings::{EngineSettings, ONLY_IN_CONFIG};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
@@ -45,10 +45,10 @@ fn a_list_has_every_setting_once_at_twenty_a_second() {
         world.pass(15.0).await;
         let listed = listed(world, at);
         let mut expected = Vec::new();
-        let defaults = NodeSettings::DEFAULT;
+        let settings = *world.service.borrow().settings();
         let node: Vec<_> = node_parameters().collect();
         for (i, row) in node.iter().enumerate() {
-            let value = defaults.number(row.name).unwrap() as f32;
+            let value = settings.number(row.name).unwrap() as f32;
             expected.push((NODE, i as u16, node.len() as u16, row.name.to_string(), value));
         }
         let service = world.service.borrow();

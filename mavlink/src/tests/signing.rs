@@ -343,3 +343,31 @@ fn by_another_port_no_key_is_set_or_cleared() {
         world.start(0).await;
     });
 }
+
+#[test]
+fn what_was_ignored_is_shown_by_the_node() {
+    run_with_key(async |world| {
+        world.ready().await;
+        let values = |at: usize| {
+            let frames = world.frames.borrow();
+            let mut seen = std::collections::BTreeMap::new();
+            for (_, port, frame) in
+                frames.iter().skip(at).filter(|(_, _, frame)| frame.from.component == NODE)
+            {
+                if let (TO_GROUND, MavMessage::NAMED_VALUE_FLOAT(value)) = (*port, &frame.message()) {
+                    seen.insert(String::from(value.name.to_str().unwrap()), value.value);
+                }
+            }
+            seen
+        };
+        assert!(values(0).is_empty(), "nothing was ignored: {:?}", values(0));
+        for _ in 0..3 {
+            world.say_bytes(TO_GROUND, &encode(GROUND, 0, &start()));
+        }
+        world.say_bytes(TO_GROUND, &bytes(START_WITH_ANOTHER_KEY));
+        let at = world.frames.borrow().len();
+        world.pass(4.0).await;
+        let expected = [("unsigned", 3.0), ("badsigned", 1.0)];
+        assert_eq!(values(at), expected.map(|(name, count)| (String::from(name), count)).into());
+    });
+}

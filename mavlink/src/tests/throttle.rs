@@ -1,8 +1,9 @@
 //! Throttle from the autopilot: what it moves, what it never starts, and what its silence does.
 
 use super::world::*;
-use crate::dialect::RC_CHANNELS_OVERRIDE_DATA;
+use crate::dialect::{HEARTBEAT_DATA, RC_CHANNELS_OVERRIDE_DATA};
 use crate::frame::Address;
+use crate::ids::CMD_USER_1;
 use embassy_time::{Duration, Instant};
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
@@ -241,5 +242,49 @@ fn slow_streams_go_through_the_stages_of_loss_as_gaps_do() {
         }
         assert!(lost && world.telemetry(1).state == EngineState::Running);
         assert!(lowest < 500, "lowest {lowest}");
+    });
+}
+
+#[test]
+fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1500);
+        world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
+        world.restart_service();
+        world.throttle(1300);
+        world.until("the stream is followed", 3, || world.ordered(1) == Some(250)).await;
+        world.restart_service();
+        let (answer, texts) = world.command(ENGINE[1], CMD_USER_1, &[1.0, 21196.0]).await;
+        assert_eq!(answer, Some(0), "an emergency stop: {texts}");
+        assert!(world.telemetry(1).stop_latched);
+        // Another vehicle counts from the node's next start on, and not while ours is there.
+        world.pass(40.0).await;
+        let (answer, _) = world.command(ENGINE[1], CMD_USER_1, &[2.0, 21196.0]).await;
+        assert_eq!(answer, Some(0));
+        world.cold(1).await;
+        assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM);
+        world.plane.system.set(SYSTEM + 1);
+        world.pass(30.0).await;
+        assert_eq!(world.service.borrow().system_id(), Some(SYSTEM));
+        assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM + 1);
+        assert!(world.texts().contains("autopilot is system 4 from the next start on"));
+        world.restart_service();
+        assert_eq!(world.service.borrow().system_id(), Some(SYSTEM + 1));
+    });
+}
+
+#[test]
+fn a_vehicle_that_is_received_beside_ours_is_not_learnt() {
+    run(async |world| {
+        world.ready().await;
+        let other = Address { system: SYSTEM + 1, component: 1 };
+        for _ in 0..30 {
+            world.pass(1.0).await;
+            let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
+            world.say(TO_AUTOPILOT, other, &beat);
+        }
+        assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM);
     });
 }

@@ -77,6 +77,8 @@ pub struct World<'a> {
     /// The node has that key, too; not while a test sets it.
     pub key_is_everywhere: Cell<bool>,
     ports: [PortConfig; 2],
+    /// The service began anew: what was being sent is cut off.
+    restarted: Cell<bool>,
     pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
     /// Bytes that were sent on each port.
     pub bytes: RefCell<[usize; 2]>,
@@ -255,6 +257,7 @@ impl World<'_> {
         });
         let toy = Toy(self.toy.clone());
         self.service.replace(Service::with(now, settings, signing, parts, ports, toy));
+        self.restarted.set(true);
     }
 
     /// Outputs 3 and 4, which engines 0 and 1 follow.
@@ -394,6 +397,9 @@ impl World<'_> {
         loop {
             let now = Instant::now();
             self.service.borrow_mut().poll(now);
+            if self.restarted.take() {
+                decoders = [Decoder::new(), Decoder::new()];
+            }
             for (port, decoder) in decoders.iter_mut().enumerate() {
                 let mut bytes = [0; 500];
                 let most = if port == TO_AUTOPILOT { 28 } else { 500 };
@@ -519,6 +525,7 @@ pub fn run_signed(
         key,
         stamp: Cell::new(0),
         ports,
+        restarted: Cell::new(false),
         key_is_everywhere: Cell::new(true),
         frames: RefCell::default(),
         bytes: RefCell::default(),

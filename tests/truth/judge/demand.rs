@@ -38,6 +38,14 @@ impl Case<'_> {
     /// come in one slot, and one command of standby between two of run changes nothing.
     fn was_in_force(&self, commanded: Commanded, demanded: Demanded, since: u64, from: f64) -> bool {
         let Commanded { source, at, .. } = commanded;
+        // Frames of a stream that was held up come at one instant: the demand is that of the first, and then that of the last.
+        let first = self.h.commanded(at, at).iter().find(|other| other.source == source);
+        if let Some(PilotCommand::Run(before)) = first.map(|first| first.command)
+            && before != demanded
+            && from + STEP >= self.share(before)
+        {
+            return true;
+        }
         let mut next = at;
         let mut standby = 0;
         for &(when, command) in self.command_log.until(source, at.saturating_sub(1)).iter().rev() {

@@ -1,0 +1,425 @@
+//! MAVLink: what is commanded is what somebody said who may, at the same instant, and what was said is obeyed.
+
+use super::{Case, Rule, seconds};
+use crate::history::{
+    Answered, Cause, Demanded, MS, PilotCommand, SECOND, Said, Spans, Spoken, Switch, Word,
+};
+
+const MAVLINK: usize = 2;
+/// Behind a damaged frame others may be found later, for this long.
+const FOUND_LATE: u64 = 1500 * MS;
+/// From one look of the service at its engines to the next.
+const TICK: u64 = 60 * MS;
+/// The same start of the same sender is a repeat for this long.
+const REPEAT: u64 = 5 * SECOND;
+/// A heartbeat keeps an order alive for this long.
+const HEARTBEAT: u64 = 5 * SECOND;
+/// Everything that there is to know of the vehicle and the engine is known by then.
+const KNOWN: u64 = 15 * SECOND;
+/// A demand that was held has risen to the stream's, if that comes without gaps.
+const RISEN: u64 = 15 * SECOND;
+
+/// What is said to an engine, and what can be known from that alone.
+struct Words<'a> {
+    spoken: &'a Spoken,
+    /// When frames may be found later than they came.
+    late: Spans,
+    /// When the vehicle has shown something else, since the node began: armed, disarmed, or nothing.
+    shown: Vec<(u64, Option<bool>)>,
+    /// Starts that are no repeat, of all senders.
+    starts: Vec<(u64, bool)>,
+    /// The node has the id of the vehicle from here on, over resets too: it has answered.
+    known: u64,
+}
+
+impl<'a> Words<'a> {
+    fn new(spoken: &'a Spoken, resets: &[(u64, u64)]) -> Self {
+        let late: Vec<_> = spoken.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
+        let mut ups = resets.iter().map(|(_, up)| *up).peekable();
+        let (mut shown, mut same) = (vec![(0, None)], (false, 0));
+        let mut starts = Vec::new();
+        let mut last: Vec<(u8, u64)> = Vec::new();
+        for Said { at, word } in &spoken.said {
+            while let Some(up) = ups.next_if(|up| up <= at) {
+                shown.push((up, None));
+                same = (false, 0);
+                last.clear();
+            }
+            match *word {
+                Word::Vehicle { armed } => {
+                    same = if same.0 == armed { (armed, same.1 + 1) } else { (armed, 1) };
+                    if same.1 >= 2 && shown.last().is_some_and(|(_, before)| *before != Some(armed)) {
+                        shown.push((*at, Some(armed)));
+                    }
+                }
+                Word::Start { from, again, while_disarmed } => {
+                    let before = last.iter_mut().find(|(sender, _)| *sender == from);
+                    match before {
+                        Some((_, when)) if again || *at < *when + REPEAT => {}
+                        Some((_, when)) => {
+                            *when = *at;
+                            starts.push((*at, while_disarmed));
+                        }
+                        None => {
+                            last.push((from, *at));
+                            starts.push((*at, while_disarmed));
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        let answered = spoken.answers.first().map_or(u64::MAX, |answer| answer.at);
+        let known = if spoken.learns { answered } else { 0 };
+        Self { spoken, late: Spans::from(&late), shown, starts, known }
+    }
+
+    /// How much earlier than at this instant a frame may have come that is found now.
+    fn tolerance(&self, at: u64) -> u64 {
+        if self.late.contains(at) { FOUND_LATE } else { 0 }
+    }
+
+    fn said(&self, from: u64, to: u64) -> &'a [Said] {
+        let said = &self.spoken.said;
+        let first = said.partition_point(|said| said.at < from);
+        let last = said.partition_point(|said| said.at <= to).max(first);
+        &said[first..last]
+    }
+
+    /// The words that may be found at this instant.
+    fn now(&self, at: u64) -> impl Iterator<Item = Word> + 'a {
+        self.said(at - self.tolerance(at).min(at), at).iter().map(|said| said.word)
+    }
+
+    /// What the vehicle has shown at an instant.
+    fn shows(&self, at: u64) -> Option<bool> {
+        self.shown[..self.shown.partition_point(|(when, _)| *when <= at)].last().and_then(|(_, shown)| *shown)
+    }
+
+    /// Whether it may have shown this in a time.
+    fn may_show(&self, from: u64, to: u64, armed: bool) -> bool {
+        self.shows(from) == Some(armed)
+            || self.shown.iter().any(|(at, shown)| (from..=to).contains(at) && *shown == Some(armed))
+    }
+
+    /// The last throttle that may count, since then.
+    fn throttle(&self, since: u64, at: u64) -> Option<u32> {
+        self.said(since, at).iter().rev().find_map(|said| match said.word {
+            Word::Output { tenths, .. } => tenths,
+            _ => None,
+        })
+    }
+}
+
+impl Case<'_> {
+    pub(super) fn spoken(&mut self) {
+        let h = self.h;
+        let Some(spoken) = &h.spoken else { return };
+        let resets: Vec<_> = h.resets.iter().map(|reset| (reset.down, reset.up)).collect();
+        let words = Words::new(spoken, &resets);
+        let mut wrong = self.not_said(&words);
+        wrong.extend(self.not_obeyed(&words));
+        wrong.extend(self.not_followed(&words));
+        wrong.extend(self.not_started(&words));
+        for (at, text) in wrong.into_iter().take(5) {
+            self.verdict.finding(Rule::Spoken, at, text);
+        }
+        self.verdict.count("words of MAVLink", spoken.said.len() as u64);
+        self.verdict.count("starts of MAVLink", words.starts.len() as u64);
+    }
+
+    /// When the node began that is there now.
+    fn up(&self, at: u64) -> u64 {
+        self.h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= at).last().unwrap_or(0)
+    }
+
+    /// Commands that nobody gave.
+    fn not_said(&self, words: &Words<'_>) -> Vec<(u64, String)> {
+        let h = self.h;
+        let mut wrong = Vec::new();
+        let own: Vec<_> = h.commanded.iter().filter(|it| it.source == MAVLINK).collect();
+        // The last order of a person, and when.
+        let mut stopped: Option<u64> = None;
+        for (i, commanded) in own.iter().enumerate() {
+            let (at, up) = (commanded.at, self.up(commanded.at));
+            let earliest = at - words.tolerance(at).min(at);
+            let any = |is: fn(Word) -> bool| words.now(at).any(is);
+            let begins = i > 0 && own[i - 1].at == at && own[i - 1].command == PilotCommand::Standby;
+            let start = words.starts.iter().rev().find(|(when, _)| (earliest..=at).contains(when));
+            let why = match commanded.command {
+                PilotCommand::Run(Demanded::Throttle(0)) if begins => {
+                    stopped = None;
+                    None
+                }
+                PilotCommand::Run(Demanded::Throttle(tenths)) if !begins => {
+                    self.unexplained_run(words, at, tenths, stopped.filter(|stopped| *stopped >= up))
+                }
+                PilotCommand::Standby => match start {
+                    None => Some("a start that nobody commanded".to_string()),
+                    Some((_, while_disarmed)) => self.unexplained_start(words, at, earliest, *while_disarmed),
+                },
+                PilotCommand::ShutDown => {
+                    stopped = Some(at);
+                    let long = words.spoken.standby_after.is_some_and(|after| {
+                        let since = at.saturating_sub(after);
+                        !words.may_show(since + TICK, at, true) && words.shows(at) == Some(false)
+                    });
+                    (!any(|word| word == Word::Stop) && !long).then(|| "a stop that nobody commanded".into())
+                }
+                PilotCommand::Stop => {
+                    stopped = Some(at);
+                    let said = any(|word| word == Word::EmergencyStop);
+                    (!said).then(|| "an emergency stop that nobody commanded".into())
+                }
+                PilotCommand::Release => {
+                    let said = any(|word| word == Word::Release);
+                    (!said).then(|| "a release that nobody commanded".into())
+                }
+                PilotCommand::Service(number) => {
+                    let said = words.now(at).any(|word| word == Word::Service(number));
+                    (!said).then(|| "a service that nobody commanded".into())
+                }
+                PilotCommand::Ctf => {
+                    let said = any(|word| word == Word::Ctf);
+                    (!said).then(|| "CTF that nobody commanded".into())
+                }
+                PilotCommand::Arm => {
+                    let shown = words.may_show(earliest.saturating_sub(TICK), at, true);
+                    (!shown && start.is_none()).then(|| "armed, and the vehicle does not show it".into())
+                }
+                PilotCommand::Disarm => {
+                    let stop = h.commanded(up.max(at.saturating_sub(SECOND)), at).iter();
+                    let mut stop = stop.filter(|it| it.command == PilotCommand::Stop);
+                    // A latched stop that outlived a reset disarms, too.
+                    let begun = at < up + 2 * SECOND;
+                    let shown = words.shows(at) == Some(true) && words.shows(earliest) == Some(true);
+                    (shown && stop.next().is_none() && !begun)
+                        .then(|| "disarmed, and the vehicle shows armed".into())
+                }
+                PilotCommand::Nothing => None,
+                _ => Some("no command of MAVLink".into()),
+            };
+            if let Some(why) = why {
+                wrong.push((at, format!("{}: {why}", commanded.command)));
+            }
+        }
+        wrong
+    }
+
+    /// Why a command of a running engine is none that a stream gives.
+    fn unexplained_run(
+        &self,
+        words: &Words<'_>,
+        at: u64,
+        tenths: u32,
+        stopped: Option<u64>,
+    ) -> Option<String> {
+        let earliest = at - words.tolerance(at).min(at);
+        if let Some(stopped) = stopped {
+            return Some(format!("stopped at {}, and nobody has started it since", seconds(stopped)));
+        }
+        if !words.spoken.has_output {
+            let alive = words
+                .said(at.saturating_sub(HEARTBEAT + TICK), at)
+                .iter()
+                .any(|said| matches!(said.word, Word::Station | Word::Vehicle { .. }));
+            return (tenths > 0 || !alive).then(|| "its demand has no source, or nobody is there".into());
+        }
+        let most = words.now(at).filter_map(|word| match word {
+            Word::Output { tenths, .. } => tenths,
+            _ => None,
+        });
+        let Some(most) = most.max() else { return Some("no frame of the stream came".into()) };
+        if tenths > most {
+            return Some(format!("the stream has {}", Demanded::Throttle(most)));
+        }
+        let disarmed = words.shows(earliest) == Some(false) && words.shows(at) == Some(false);
+        (tenths > 0 && disarmed && !words.may_show(earliest, at, true))
+            .then(|| "the vehicle is disarmed".into())
+    }
+
+    /// Why a start that was said is not to be passed on.
+    fn unexplained_start(
+        &self,
+        words: &Words<'_>,
+        at: u64,
+        earliest: u64,
+        while_disarmed: bool,
+    ) -> Option<String> {
+        let rules = &self.h.rules;
+        if !while_disarmed && !words.may_show(earliest, at, true) {
+            return Some("a start, and the vehicle is disarmed".into());
+        }
+        if !words.spoken.has_output {
+            let alive = words.said(at.saturating_sub(HEARTBEAT), at).iter();
+            let alive = alive.clone().any(|said| matches!(said.word, Word::Station | Word::Vehicle { .. }));
+            return (!alive).then(|| "a start, and nobody is there".into());
+        }
+        match words.throttle(earliest.saturating_sub(rules.ages[MAVLINK]), at) {
+            None => Some("a start, and no stream".into()),
+            Some(tenths) if tenths > rules.idle_band && !words.spoken.relight => {
+                // Several may be found at once.
+                (words.tolerance(at) == 0).then(|| format!("a start, with {}", Demanded::Throttle(tenths)))
+            }
+            Some(_) => None,
+        }
+    }
+
+    /// Whether a command of MAVLink follows a word in time.
+    fn commands(&self, words: &Words<'_>, at: u64, is: impl Fn(PilotCommand) -> bool) -> bool {
+        let late = words.late.touches(at, at + 1);
+        let by = at + if late { FOUND_LATE } else { 0 };
+        self.h.commanded(at, by).iter().any(|it| it.source == MAVLINK && is(it.command))
+    }
+
+    /// Orders of a person, and of a vehicle that is disarmed, act at once.
+    fn not_obeyed(&self, words: &Words<'_>) -> Vec<(u64, String)> {
+        let h = self.h;
+        let mut wrong = Vec::new();
+        let cut = |at: u64| h.resets.iter().any(|reset| (at..at + FOUND_LATE).contains(&reset.down));
+        for Said { at, word } in
+            words.spoken.said.iter().filter(|said| said.at > words.known && !cut(said.at))
+        {
+            let (wanted, what) = match word {
+                Word::Stop => (PilotCommand::ShutDown, "a stop"),
+                Word::EmergencyStop => (PilotCommand::Stop, "an emergency stop"),
+                Word::Release => (PilotCommand::Release, "a release"),
+                _ => continue,
+            };
+            if !self.commands(words, *at, |command| command == wanted) {
+                wrong.push((*at, format!("{what} was commanded, and nothing comes of it")));
+            }
+        }
+        for pair in words.shown.windows(2) {
+            let (at, shown) = pair[1];
+            let disarms = pair[0].1 == Some(true) && shown == Some(false);
+            if disarms
+                && pair[0].0 > words.known
+                && !cut(at)
+                && !self.commands(words, at, |it| it == PilotCommand::Disarm)
+            {
+                wrong.push((at, "the vehicle was disarmed, and its engine is not".into()));
+            }
+        }
+        wrong
+    }
+
+    /// The demand of an engine that runs by MAVLink alone is that of every frame of the stream.
+    fn not_followed(&mut self, words: &Words<'_>) -> Vec<(u64, String)> {
+        let h = self.h;
+        let mut wrong = Vec::new();
+        let mut frames = 0;
+        for Said { at, word } in &words.spoken.said {
+            let (at, Word::Output { tenths: Some(tenths), sure: true }) = (*at, *word) else { continue };
+            let lately = h.commanded(at.saturating_sub(RISEN + 5 * SECOND), at);
+            let flies = lately.iter().rev().find(|it| it.source == MAVLINK && it.at < at);
+            let flies =
+                flies.is_some_and(|it| matches!(it.command, PilotCommand::Run(_)) && it.at + SECOND > at);
+            let alone = lately.iter().all(|it| {
+                it.source == MAVLINK && matches!(it.command, PilotCommand::Run(_) | PilotCommand::Arm)
+                    || it.command == PilotCommand::Nothing
+            });
+            let wire = h.frames_within(at.saturating_sub(SECOND), at + SECOND).iter();
+            let mut switches = wire.filter_map(|frame| frame.sent.switch());
+            let runs = switches.all(|switch| switch == Switch::Run)
+                && h.samples(at.saturating_sub(RISEN), at + SECOND)
+                    .iter()
+                    .all(|sample| sample.runs() && !sample.fault);
+            let trouble = self.blind.union(&h.noise).union(&self.down);
+            if !flies
+                || !alone
+                || !runs
+                || words.tolerance(at) > 0
+                || at < self.up(at) + KNOWN + RISEN
+                || trouble.touches(at.saturating_sub(RISEN), at + SECOND)
+            {
+                continue;
+            }
+            frames += 1;
+            let now = h.commanded(at, at).iter().rev().find(|it| it.source == MAVLINK);
+            let held = words.may_show(at.saturating_sub(RISEN), at, false) || words.shows(at) != Some(true);
+            let text = match now.map(|it| it.command) {
+                Some(PilotCommand::Run(Demanded::Throttle(now))) if now.abs_diff(tenths) <= 1 || held => {
+                    continue;
+                }
+                Some(command) => format!("{command}"),
+                None => "nothing".into(),
+            };
+            let stream = Demanded::Throttle(tenths);
+            wrong.push((at, format!("{text} is commanded, and the stream has {stream}")));
+            if wrong.len() > 3 {
+                break;
+            }
+        }
+        self.verdict.count("frames of a stream that had to be followed", frames);
+        wrong
+    }
+
+    /// A start that is said as documented is begun, and its answer is the truth.
+    fn not_started(&mut self, words: &Words<'_>) -> Vec<(u64, String)> {
+        let h = self.h;
+        let rules = &h.rules;
+        let mut wrong = Vec::new();
+        let mut had_to_begin = 0;
+        let begun = |at: u64| {
+            h.commanded(at, at).windows(2).any(|pair| {
+                let own = pair.iter().all(|it| it.source == MAVLINK);
+                own && pair[0].command == PilotCommand::Standby
+                    && matches!(pair[1].command, PilotCommand::Run(_))
+            })
+        };
+        for Answered { at, .. } in words.spoken.answers.iter().filter(|answer| answer.accepted) {
+            let says = |word: Word| matches!(word, Word::Start { .. } | Word::Stop);
+            if !words.now(*at).any(says) && words.tolerance(*at) == 0 {
+                wrong.push((*at, "a command is accepted that nobody gave".into()));
+            }
+        }
+        let mut before: Option<u64> = None;
+        for (at, while_disarmed) in words.starts.iter().copied() {
+            let previous = before.replace(at);
+            if words.late.touches(at.saturating_sub(FOUND_LATE), at + 1) {
+                continue;
+            }
+            let answers = words.spoken.answers.iter().filter(|answer| answer.at == at);
+            let accepted = answers.clone().any(|answer| answer.accepted);
+            let known = at > self.up(at) + KNOWN;
+            if answers.count() == 0 && at > words.known {
+                wrong.push((at, "a start is not answered".into()));
+            }
+            if accepted && !begun(at) {
+                wrong.push((at, "a start is accepted, and is not begun".into()));
+            }
+            let since = at.saturating_sub(6 * SECOND);
+            let wire: Vec<_> = h.frames_within(at.saturating_sub(3 * SECOND), at).iter().collect();
+            let standby = wire.iter().filter_map(|frame| frame.sent.switch()).collect::<Vec<_>>();
+            let standby = standby.len() > 2 && standby.iter().all(|switch| *switch == Switch::Standby);
+            let quiet = h.commanded(since, at.saturating_sub(1)).iter().all(|it| {
+                it.source == MAVLINK && matches!(it.command, PilotCommand::Nothing | PilotCommand::Arm)
+            });
+            let stops = h.commanded(0, at).iter().any(|it| it.command == PilotCommand::Stop)
+                || h.resets.iter().any(|reset| reset.cause == Cause::BrownOut);
+            let armed = words.shows(since) == Some(true) && !words.may_show(since, at, false);
+            let idle = !words.spoken.has_output
+                || words
+                    .said(at.saturating_sub(300 * MS), at)
+                    .iter()
+                    .any(|said| matches!(said.word, Word::Output { tenths: Some(_), sure: true }))
+                    && words.said(since, at).iter().all(|said| match said.word {
+                        Word::Output { tenths, .. } => tenths.is_some_and(|tenths| tenths <= rules.idle_band),
+                        _ => true,
+                    });
+            let present =
+                words.said(at.saturating_sub(4 * SECOND), at).iter().any(|said| said.word == Word::Station);
+            let alone = rules.start_wait == 0 && previous.is_none_or(|previous| at > previous + 150 * SECOND);
+            if !(standby && quiet && armed && idle && present && known && alone) || stops || while_disarmed {
+                continue;
+            }
+            had_to_begin += 1;
+            if !begun(at) && !h.commanded(at, at).iter().any(|it| it.command == PilotCommand::Standby) {
+                wrong.push((at, "a start is commanded as documented, and is not begun".into()));
+            }
+        }
+        self.verdict.count("starts of MAVLink that had to begin", had_to_begin);
+        wrong
+    }
+}

@@ -1,0 +1,81 @@
+//! Histories by hand for the judge's rules: what is said through MAVLink.
+
+use super::*;
+use crate::history::{Answered, Said, Spoken, Word};
+
+const MAVLINK: usize = 2;
+const RUN: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
+const START: Word = Word::Start { from: 255, again: false, while_disarmed: false };
+const ARMED: Word = Word::Vehicle { armed: true };
+const DISARMED: Word = Word::Vehicle { armed: false };
+
+const fn output(tenths: u32) -> Word {
+    Word::Output { tenths: Some(tenths), sure: true }
+}
+
+/// Whether the rule is broken by these words and these commands of MAVLink. Times are in seconds.
+fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
+    let said = words.iter().map(|&(at, word)| Said { at: micros(at), word }).collect();
+    let starts = words.iter().filter(|(_, word)| matches!(word, Word::Start { .. }));
+    let accepted = |at: f64| commands.contains(&(at, PilotCommand::Standby));
+    let answers = starts.map(|&(at, _)| Answered { at: micros(at), accepted: accepted(at) }).collect();
+    let story = Story::new(ZK5).with(|h| {
+        h.spoken = Some(Spoken { has_output: true, said, answers, ..Spoken::default() });
+        h.commanded = commands
+            .iter()
+            .map(|&(at, command)| Commanded { at: micros(at), source: MAVLINK, command })
+            .collect();
+        h.end = micros(60.0);
+    });
+    judge(&story.0).rules().contains(&Rule::Spoken)
+}
+
+/// An armed vehicle at idle, and a start of it.
+const WORDS: [(f64, Word); 4] = [(1.0, ARMED), (2.0, ARMED), (2.9, output(0)), (3.0, START)];
+const COMMANDS: [(f64, PilotCommand); 3] =
+    [(2.0, PilotCommand::Arm), (3.0, PilotCommand::Standby), (3.0, RUN)];
+
+fn with(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
+    breaks(&[&WORDS[..], words].concat(), &[&COMMANDS[..], commands].concat())
+}
+
+#[test]
+fn a_start_is_what_somebody_said_of_an_armed_vehicle_at_idle() {
+    assert!(!breaks(&WORDS, &COMMANDS));
+    let other = |place: usize, word: Word| {
+        let mut words = WORDS;
+        words[place].1 = word;
+        words
+    };
+    assert!(breaks(&other(3, Word::Station), &COMMANDS), "nobody said it");
+    assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
+    assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
+    assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
+    // The same again is a repeat.
+    assert!(with(&[(4.0, START)], &[(4.0, PilotCommand::Standby), (4.0, RUN)]));
+    assert!(!with(&[(4.0, START)], &[]));
+}
+
+#[test]
+fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
+    let half = PilotCommand::Run(Demanded::Throttle(500));
+    assert!(!with(&[(5.0, output(500))], &[(5.0, half)]));
+    assert!(with(&[(5.0, output(400))], &[(5.0, half)]), "more than the stream has");
+    assert!(with(&[(4.9, output(500))], &[(5.0, half)]), "no frame came");
+    let disarmed = [(4.0, DISARMED), (4.5, DISARMED), (5.0, output(500))];
+    let disarm = (4.5, PilotCommand::Disarm);
+    assert!(with(&disarmed, &[disarm, (5.0, half)]));
+    assert!(!with(&disarmed, &[disarm, (5.0, RUN)]));
+    assert!(with(&disarmed, &[(5.0, RUN)]), "the engine stays armed");
+}
+
+#[test]
+fn a_stop_that_is_said_is_commanded_and_no_other() {
+    let stop = (5.0, PilotCommand::ShutDown);
+    assert!(!with(&[(5.0, Word::Stop)], &[stop]));
+    assert!(with(&[(5.0, Word::Stop)], &[]), "ignored");
+    assert!(with(&[], &[stop]), "nobody said it");
+    assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");
+    assert!(!with(&[(5.0, Word::EmergencyStop)], &[(5.0, PilotCommand::Stop)]));
+    assert!(with(&[(5.0, Word::EmergencyStop)], &[stop]), "less than an emergency stop");
+}
