@@ -174,7 +174,7 @@ fn the_csv_file_has_its_columns_and_the_start_in_it() {
         heads.join(","),
         "t_s,engine,phase,state,rpm,egt_c,command,demand_throttle_pct,demand_rpm,throttle_pct,link,frames,sent,\
          missed,decode_errors,rejected,engine_state,in_control,waiting,loss,limited,armed,order,wire_throttle_pct,wire_rpm,\
-         faults,events"
+         fuel_valve,starter_power,faults,events"
     );
     let help = String::from_utf8(rig(&["--help"]).stdout).unwrap();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
