@@ -14,6 +14,8 @@ mod why;
 mod wire;
 
 #[cfg(test)]
+mod detail_tests;
+#[cfg(test)]
 mod picture;
 #[cfg(test)]
 mod tests;
