@@ -116,7 +116,9 @@ fn valve_opens_for_a_start_and_is_closed_by_a_stop_within_10_ms_and_over_a_reset
             ("booster", "fuel valve closed: emergency stop"),
             ("left", "starter and ignition on: the engine is armed"),
         ] {
-            assert_eq!(report.lines(&format!("{name}: {part}")).count(), 1, "{name}: {part}");
+            let line = format!("{name}: {part}");
+            let lines = report.lines(&line).filter(|log| log.at < reset);
+            assert_eq!(lines.count(), 1, "{line}");
         }
         assert!(report.lines("; fuel valve open, starter and ignition on").count() > 10);
         assert!(report.lines("; fuel valve closed").any(|log| log.at > reset));
@@ -231,40 +233,6 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
             assert!(changes[0].0 - closed < 2 * SECOND, "{}: {changes:?}", valve.name);
         }
         assert_eq!(phases(&report), [Phase::Running; 2]);
-    });
-}
-
-/// The firmware crashes within 0.4 s of each start, again and again: the valve stays open for 10 s of that, and then it is closed, also
-/// when the crashes are over, because the engine is not at rest.
-#[test]
-fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_it() {
-    on_each_board(|board| {
-        const FAILS: Nanos = 30 * SECOND;
-        const EVERY: Nanos = 400 * MILLIS;
-        const CRASHES: u64 = 30;
-        let mut run = flying(board);
-        for crashes in 0..CRASHES {
-            run = run.at(FAILS + crashes * EVERY, move |bench| crash(bench, board, Image::Outputs));
-        }
-        let report =
-            run.resets(CRASHES as usize).with_errors().until(FAILS + CRASHES * EVERY + 6 * SECOND).go();
-        for output in VALVES {
-            let pin = Pin::output(&report, output.number);
-            let shuts: Vec<_> = pin
-                .changes(FAILS..report.at)
-                .into_iter()
-                .filter(|(_, level)| *level != Level::Floats)
-                .skip_while(|(_, level)| *level == output.on)
-                .collect();
-            let after = shuts.first().expect("it is closed").0 - FAILS;
-            println!("{}, {}: closed {} ms after the first crash", board.name, output.name, after / MILLIS);
-            assert!((9 * SECOND..11_500 * MILLIS).contains(&after), "{}: {after}", output.name);
-            assert!(shuts.iter().all(|(_, level)| *level == output.off()), "{}: {shuts:?}", output.name);
-        }
-        let power: Vec<_> = Pin::output(&report, POWER.number).changes(FAILS..report.at);
-        assert!(power.iter().all(|(_, level)| *level != POWER.off()), "{power:?}");
-        let why = "left: fuel valve closed: the firmware failed in start after start";
-        assert!(report.lines(why).count() > 1);
     });
 }
 
