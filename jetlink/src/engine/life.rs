@@ -306,6 +306,8 @@ impl Life {
             (Progress::Starting(_), Stage::StartedUp | Stage::Calibrating) if gap && slow => {
                 Fit::Ends(End::StartsAgain)
             }
+            // The ECU has begun the start that was ordered, and begins it again: what it reports at rest then is its end.
+            (Progress::Ordered, Stage::Restart) => Fit::Fits,
             (_, Stage::Restart) | (Progress::Ordered | Progress::Starting(_), Stage::Unknown) => Fit::Neither,
             (Progress::Reached, Stage::Ignition | Stage::FuelRamp | Stage::Starting) if slow => {
                 Fit::Ends(End::StartsAgain)
@@ -326,6 +328,8 @@ impl Life {
     /// start; after a gap only a running engine does.
     fn advance(&mut self, sign: Sign) {
         let Sign::State { stage, .. } = sign else { return };
+        // A restart may be at any stage.
+        let stage = if stage == Stage::Restart { Stage::Ignition } else { stage };
         self.contradict(sign);
         let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
         if agrees && stage > Stage::Clearance && !self.after_gap() {

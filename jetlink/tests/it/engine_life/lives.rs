@@ -665,3 +665,29 @@ fn amt_a_set_without_a_state_is_answered_like_the_last_one_with_a_state() {
         assert_eq!(scenario.sent(), expected, "{name}");
     }
 }
+
+/// An ECU that loses its power for less than a gap in a start, and restarts the engine by itself (13), has reported a start: what
+/// it reports at rest afterwards ends the run. Before it has, rest still fits.
+#[test]
+fn zk_a_restart_is_a_report_of_the_start() {
+    for (states, expected) in [
+        (&[2, 13, 13, 13, 1, 1][..], Order::Standby),
+        (&[13, 13, 1, 1], Order::Standby),
+        (&[2, 13, 13, 13, 1, 13, 13], Order::Run(percent(0))),
+        (&[1, 1, 1], Order::Run(percent(0))),
+        // One alone is odd.
+        (&[13, 1, 1], Order::Run(percent(0))),
+    ] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(run(0)).unwrap();
+        for state in states {
+            let _ = scenario.command(run(0));
+            receive(&mut scenario, &zk_frames::state(*state));
+        }
+        let order = match scenario.order() {
+            Order::Doubt(demand) => Order::Run(demand),
+            order => order,
+        };
+        assert_eq!(order, expected, "{states:?}");
+    }
+}
