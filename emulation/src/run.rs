@@ -475,6 +475,9 @@ impl Bench<'_> {
     }
 }
 
+/// Most that a run in real time hurries to make up for.
+const MADE_UP: std::time::Duration = std::time::Duration::from_millis(50);
+
 /// In real time, with the log on the terminal.
 struct Live {
     began: std::time::Instant,
@@ -494,10 +497,15 @@ impl Live {
         }
     }
 
-    /// Waits until the wall clock has caught up.
-    fn pace(&self, at: Nanos) {
-        let ahead = std::time::Duration::from_nanos(at).saturating_sub(self.began.elapsed());
-        std::thread::sleep(ahead);
+    /// Waits until the wall clock has caught up. A run that fell far behind does not hurry to make up for it: to its peers, which
+    /// have the wall clock, the board's clock would run fast, and frames of an autopilot would be late by all that time.
+    fn pace(&mut self, at: Nanos) {
+        let due = self.began + std::time::Duration::from_nanos(at);
+        let now = std::time::Instant::now();
+        match due.checked_duration_since(now) {
+            Some(ahead) => std::thread::sleep(ahead),
+            None => self.began += (now - due).saturating_sub(MADE_UP),
+        }
     }
 }
 
@@ -594,7 +602,7 @@ impl Driver<Rig> for Hand {
             let instructions = stop.instruction_count;
             act(&mut Bench { now, instructions, board: self.board, session, host });
         }
-        if let Some(live) = &self.live {
+        if let Some(live) = &mut self.live {
             live.pace(now);
         }
         // A start that fails at once would be tried again a thousand times a second.
