@@ -151,7 +151,7 @@ pub struct Outputs {
     pub(crate) settings: OutputSettings,
     valve: Valve,
     power: bool,
-    /// The firmware failed in start after start: the valve stays closed until the engine is at rest.
+    /// The firmware failed in start after start: the valve stays closed until the engine is at rest or started anew.
     cut: bool,
     /// The valve was opened for a service, in the standby that is still in force.
     for_service: bool,
@@ -192,7 +192,7 @@ impl Outputs {
         [Change::Valve(self.valve, of_valve), Change::Power(self.power, why(self.power))]
     }
 
-    /// Whether the valve is closed because the firmware failed in start after start, until the engine is at rest.
+    /// Whether the valve is closed because the firmware failed in start after start, until the engine is at rest or started anew.
     pub const fn is_cut(&self) -> bool {
         self.cut
     }
@@ -235,7 +235,7 @@ impl Outputs {
         self.for_service &= order == Order::Standby;
         // A flame that is out gets no fuel again until somebody starts the engine anew.
         let stopped = matches!(order, Order::Standby | Order::EmergencyStop);
-        self.cut &= !(stopped && is_at_rest(telemetry));
+        self.cut &= !(stopped && is_at_rest(telemetry) || is_started(telemetry));
         let closed = |why| Some((Valve::Closed, why));
         let open = |why| Some((Valve::Open, why));
         if telemetry.stop_latched {
@@ -247,7 +247,7 @@ impl Outputs {
         match order {
             Order::EmergencyStop => closed(Why::StopLatched),
             // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again.
-            Order::Run(_) if telemetry.start_by.is_some() && telemetry.ordered.origin == Origin::Node => None,
+            Order::Run(_) if telemetry.start_by.is_some() && !is_started(telemetry) => None,
             // A run is in force only by a permitted start, or because the engine lives.
             Order::Run(_) | Order::Pwm => open(Why::Ordered),
             // Standby never opens it for an engine: what still turns is being shut down.
@@ -334,6 +334,12 @@ fn decide_power(telemetry: &Telemetry) -> Option<(bool, Why)> {
 
 fn phase(telemetry: &Telemetry) -> Option<Phase> {
     telemetry.current(telemetry.report.phase).filter(|_| telemetry.link == LinkState::Up)
+}
+
+/// A start is under way that a source commands: the node itself starts none.
+fn is_started(telemetry: &Telemetry) -> bool {
+    let runs = matches!(telemetry.ordered.order, Order::Run(_));
+    runs && telemetry.start_by.is_some() && telemetry.ordered.origin != Origin::Node
 }
 
 /// The ECU reports an engine at rest that does not turn.

@@ -280,8 +280,8 @@ fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() 
     }
 }
 
-/// The firmware failed in start after start: the valve of an engine that ran is closed, and no order opens it before the engine is at
-/// rest, because its flame is out.
+/// The firmware failed in start after start: the valve of an engine that ran is closed, and no order but a new start
+/// opens it before the engine is at rest, because its flame is out.
 #[test]
 fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {
     let ran = RetainedState { ran: true, ..RetainedState::new(RUN, Origin::Rc) };
@@ -305,6 +305,21 @@ fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at
     assert!(!outputs.is_cut());
     outputs.update(&snapshot(RUN, Some(Phase::Standby), Some(0)));
     assert_eq!(outputs.valve(), Valve::Open, "a new start");
+    // An ECU may turn a hot turbine for as long as it cools, and take a start meanwhile: that opens it. A start that was found after a
+    // reset does not, and neither does an order without one.
+    let cut = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
+    let mut start = snapshot(RUN, Some(Phase::Standby), Some(4900));
+    start.start_by = Some(start.at + Duration::from_secs(60));
+    let mut found = start;
+    found.ordered.origin = Origin::Node;
+    let without = snapshot(RUN, Some(Phase::Standby), Some(4900));
+    for (telemetry, valve) in [(start, Valve::Open), (found, Valve::Closed), (without, Valve::Closed)] {
+        let mut outputs = cut;
+        outputs.update(&snapshot(Order::Standby, Some(Phase::Standby), Some(4900)));
+        assert!(outputs.is_cut());
+        outputs.update(&telemetry);
+        assert_eq!((outputs.valve(), outputs.is_cut()), (valve, valve == Valve::Closed), "{telemetry:?}");
+    }
     // Where no valve was to be open nothing is cut.
     for record in [None, Some(RetainedState::new(Order::Standby, Origin::Rc))] {
         let outputs = Outputs::new(OutputSettings::DEFAULT, record, true);
